@@ -39,12 +39,11 @@ read that answer by itself."""
 
 
 class Frame(NamedTuple):
-    """A frame: id, data, whether the id has 29 bits, and whether it only asks for data."""
+    """A frame: id, data, and whether the id has 29 bits."""
 
     can_id: int
     data: bytes
     extended: bool = False
-    remote: bool = False
 
 
 Heard = Callable[[float, Frame], None]

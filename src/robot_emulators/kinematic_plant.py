@@ -31,6 +31,7 @@ _TOP_SPEEDS = {"ur3": (180.0,) * 3 + (360.0,) * 3, "ur5": (180.0,) * 6,
 """Top speeds of the joints [°/s]; an e-Series has those of the CB3 arm of its size."""
 _HOME = np.array([0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0])
 _LOAD = Payload(1.0, np.array([0.0, 0.0, 0.05]))
+"""What hangs on the sensor: a point."""
 _RANGE = np.array([130.0, 130.0, 400.0, 10.0, 10.0, 10.0])
 """Range of the sensor (6,) [N, N·m]: ATI Gamma SI-130-10."""
 
@@ -41,13 +42,12 @@ class KinematicPlant:
     Args:
         arm: its numbers; without links the flange never turns.
         cycle: control cycle [s].
-        load: what hangs on the sensor, a point of some mass.
     """
 
     gauges: np.ndarray | None = None
 
-    def __init__(self, arm: Arm, cycle: float, load: Payload = _LOAD) -> None:
-        self.arm, self.cycle, self.load = arm, cycle, load
+    def __init__(self, arm: Arm, cycle: float) -> None:
+        self.arm, self.cycle = arm, cycle
         self.sensor_range = _RANGE
         self._kinematics = Kinematics(arm) if len(arm.links) else None
         self.q, self.qd = np.array(arm.home), np.zeros(len(arm.home))
@@ -70,8 +70,8 @@ class KinematicPlant:
     def wrench(self) -> np.ndarray:
         """Weight of the load (6,) in sensor axes."""
         rotation = np.eye(3) if self._kinematics is None else self._kinematics.flange(self.q)[0]
-        weight = rotation.T @ (self.load.mass * GRAVITY)
-        return np.concatenate([weight, np.cross(self.load.cog, weight)])
+        weight = rotation.T @ (_LOAD.mass * GRAVITY)
+        return np.concatenate([weight, np.cross(_LOAD.cog, weight)])
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The load's weight now, in sensor axes, repeated for each time t (n,) [s]: wrenches (n, 6)
@@ -84,9 +84,9 @@ class KinematicPlant:
         """Torques (J,) that hold the load."""
         if self._kinematics is None:
             return np.zeros(len(q))
-        tool = np.concatenate([self.load.cog, NO_TOOL[3:]])
+        tool = np.concatenate([_LOAD.cog, NO_TOOL[3:]])
         jacobian = self._kinematics.jacobian(q, tool)
-        return np.asarray(-jacobian[:3].T @ (self.load.mass * gravity))
+        return np.asarray(-jacobian[:3].T @ (_LOAD.mass * gravity))
 
 
 def known_arm(name: str) -> Arm:

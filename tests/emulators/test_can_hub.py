@@ -18,10 +18,11 @@ from robot_emulators.base.faults import TimedFault
 from robot_emulators.can_bus import Frame, Hub
 from robot_emulators.errors import SettingError
 from robot_emulators.medrue.server import BusSettings
+from unstarted import emulated
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.drivers.can import bus
 from wrenchbed.hardware.drivers.can.bus import CanLink, open_bus
-from wrenchbed.plant.serving import EmulatorOptions, emulated
+from wrenchbed.plant.serving import EmulatorOptions
 
 HOST = "127.0.4.2"
 

@@ -107,7 +107,7 @@ def test_a_path_ends_at_its_last_target_and_goes_on_after_a_gap():
 
 def test_modelled_load_of_six_drives_and_the_sensor_by_hand():
     worst = 55 + 305 + 6 * (115 + 135)
-    load = options.bus_load(250.0, 1_000_000, torque=True)
+    load = CanOptions(rate=250.0, effort="torque").bus_load
     assert load == pytest.approx((worst * 250 + 7 * 10 * 65) / 1e6)
 
 

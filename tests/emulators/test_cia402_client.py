@@ -47,7 +47,7 @@ class Wire(canopen.Network):
         self._thread.start()
 
     def send_message(self, can_id, data, remote=False):
-        self.drive.hear(time.monotonic(), Frame(can_id, bytes(data), False, remote))
+        self.drive.hear(time.monotonic(), Frame(can_id, bytes(data)))
 
     def send_periodic(self, can_id, data, period, remote=False):
         raise NotImplementedError

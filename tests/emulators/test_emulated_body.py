@@ -5,12 +5,14 @@ import pytest
 from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
+from unstarted import emulated
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.hardware.drivers.rtde import own_wrench
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.plant.body import Body, BodyOptions
-from wrenchbed.plant.serving import EmulatorOptions, emulated
+from wrenchbed.plant.contact_surface import Plate
+from wrenchbed.plant.serving import EmulatorOptions
 from wrenchbed.robots.ur5 import ur_arm
 from wrenchbed.simulation.simulation import Simulation
 
@@ -124,8 +126,8 @@ def test_a_plate_pushes_back_on_the_tool_and_not_before(robot):
     model = Body(BodyOptions(robot, noise="off"), CYCLE).robot
     height = float(Simulation(model, model.parameters.nominal).tip(home[None])[0, 2])
     free, near, pressed = (
-        Body(BodyOptions(robot, noise="off", table=table), CYCLE)
-        for table in (None, height - 0.002, height + 0.001)
+        Body(BodyOptions(robot, noise="off"), CYCLE, surface)
+        for surface in (None, Plate(height - 0.002), Plate(height + 0.001))
     )
     loads = [go(body, home, 1.0)[-1] for body in (free, near, pressed)]
     assert loads[1] == pytest.approx(loads[0], abs=1e-6)

@@ -23,11 +23,12 @@ from robot_emulators.base.faults import Faults, TimedFault
 from robot_emulators.base.real_time import given_way
 from robot_emulators.errors import EmulatorError, FaultError, SettingError
 from robot_emulators.kinematic_plant import KinematicPlant, known_arm
+from unstarted import emulated
 from ur5_socket import Client
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.errors import NotFoundError
-from wrenchbed.plant.serving import EmulatorOptions, emulated
+from wrenchbed.plant.serving import EmulatorOptions
 
 NAMES = registry.names("emulators")
 HOST = "127.0.6.{}"

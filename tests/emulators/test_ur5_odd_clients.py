@@ -21,8 +21,9 @@ from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.packets import Recipe
 from robot_emulators.ur.settings import MODELS
 from robot_emulators.ur.urscript.tokens import Collector
+from unstarted import emulated
 from ur5_bench import CYCLE, Bench
-from wrenchbed.plant.serving import EmulatorOptions, emulated
+from wrenchbed.plant.serving import EmulatorOptions
 
 HOST = "127.0.1.33"
 

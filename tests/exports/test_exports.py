@@ -15,12 +15,13 @@ from scipy.spatial.transform import Rotation
 import wrenchbed as wb
 from robot_emulators.ur.urscript.tokens import Collector
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
+from unstarted import emulated
 from wrenchbed import registry
 from wrenchbed.errors import ExportError
 from wrenchbed.exports.base import Export, output_files
 from wrenchbed.exports.load_numbers import Origin, load_numbers
 from wrenchbed.physics.wrench import CHANNELS, six_of
-from wrenchbed.plant.serving import EmulatorOptions, emulated
+from wrenchbed.plant.serving import EmulatorOptions
 
 INERTIA = {
     "tool.inertia.xx": 4e-3, "tool.inertia.yy": 5e-3, "tool.inertia.zz": 3e-3,

@@ -14,7 +14,15 @@ from robot_emulators.netft_box import rdt as box
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.transducers.netft import rdt
 from wrenchbed.hardware.transducers.netft import transducer as configuration
-from wrenchbed.hardware.transducers.netft.rdt import DeviceClock, Received, Tracker, signed, table
+from wrenchbed.hardware.transducers.netft.rdt import (
+    SATURATED,
+    DeviceClock,
+    Received,
+    Tracker,
+    broken,
+    faults,
+    signed,
+)
 from wrenchbed.hardware.transducers.netft.transducer import _restarted
 
 WEEK_S = 7 * 86400.0
@@ -27,7 +35,7 @@ PAGE = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def parse(text):
-    return configuration.parse(text.encode(), 7000.0)
+    return configuration.parse(text.encode())
 
 
 def swapped(name, value):
@@ -160,7 +168,7 @@ def test_losses_and_disorder_are_counted_exactly(start, fates, batch):
     assert (tracker.lost, tracker.disordered) == (dropped + late, doubled + late)
     assert kept == len(fates) - dropped - late
     assert tracker.last[0] == (start + len(fates)) % 2**32
-    assert tracker.jumps == tracker.restarts == tracker.implausible == 0
+    assert tracker.restarts == tracker.implausible == 0
 
 
 def test_a_lone_wild_record_is_left_out_and_a_new_start_is_believed():
@@ -170,11 +178,11 @@ def test_a_lone_wild_record_is_left_out_and_a_new_start_is_believed():
     assert (tracker.implausible, tracker.lost) == (1, 0)
     tracker.asked()
     assert len(tracker.take(rows((1, 1470), (2, 1477)))) == 2
-    assert (tracker.jumps, tracker.restarts, tracker.lost) == (1, 0, 9)
+    assert (tracker.restarts, tracker.lost) == (0, 9)
     assert len(tracker.take(rows(*((k, 1470 + 7 * k) for k in range(3, 500))))) == 497
     tracker.asked()
     tracker.take(rows((1, 7), (2, 14)))
-    assert (tracker.jumps, tracker.restarts, tracker.lost) == (2, 1, 9)
+    assert (tracker.restarts, tracker.lost) == (1, 9)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(-(2**31), 2**31 - 1))
@@ -215,16 +223,11 @@ def test_clocks_that_drift_apart_leap_or_begin_anew_are_followed_again():
     assert leapt.take(40.0, 1)[1] == 40.0
 
 
-def test_status_words_by_product():
-    netbox, axia = table("netbox"), table("axia")
-    assert netbox.faults(0x80020000) == ("transducer saturated or converter error",)
-    assert netbox.saturated == 0x20000 and not netbox.broken(0x80020000)
-    assert not netbox.broken(0x80010000)
-    assert netbox.broken(0x80000000) and netbox.broken(0x80020004) and not netbox.broken(0)
-    assert axia.faults(0xC0000000) == ("force or torque out of range",)
-    assert axia.faults(0x80000005) == ("temperature out of range", "broken gage")
-    assert axia.broken(0x80000005) and not axia.broken(0xC8000000) and not axia.broken(8)
-    assert axia.faults(0x80000100) == ("unknown bits 0x00000100",)
+def test_status_words():
+    assert faults(0x80020000) == ("transducer saturated or converter error",)
+    assert SATURATED == 0x20000 and not broken(0x80020000) and not broken(0x80010000)
+    assert broken(0x80000000) and broken(0x80020004) and not broken(0)
+    assert faults(0x80008004) == ("temperature error", "unknown bits 0x00008000")
 
 
 @pytest.mark.parametrize(

@@ -35,15 +35,11 @@ def counters(transducer):
     "units",
     [
         {"force_unit": "lbf", "torque_unit": "lbf-in", "counts_per_force": 2e5},
-        {"product": "axia", "torque_unit": "lbf-ft", "counts_per_torque": 7e6},
+        {"torque_unit": "lbf-ft", "counts_per_torque": 7e6},
     ],
 )
 def test_readings_are_si_whatever_the_box_counts_in(units):
-    product = units.get("product", "netbox")
-    with (
-        boxed("127.0.3.41", noise=1e-4, **units) as scene,
-        client(scene, product=product) as transducer,
-    ):
+    with boxed("127.0.3.41", noise=1e-4, **units) as scene, client(scene) as transducer:
         sample = transducer.read()
         assert sample.wrench == pytest.approx(scene.body.base, abs=1e-3)
         assert (sample.status, sample.saturated, sample.faults) == (0, 0, ())
@@ -203,7 +199,7 @@ def test_nobody_there_is_named():
         NetftTransducer(NetftOptions("no-such-host.invalid")).connect()
 
 
-@pytest.mark.parametrize("bad", [{"port": 0}, {"product": "x"}, {"http_port": -1}])
+@pytest.mark.parametrize("bad", [{"port": 0}, {"http_port": -1}])
 def test_impossible_options_are_refused(bad):
     with pytest.raises(ParameterError, match=next(iter(bad))):
         NetftOptions("127.0.0.1", **bad)

@@ -110,16 +110,18 @@ def test_targets_that_are_dropped_are_noticed_and_late_ones_are_followed(gain, w
 @pytest.mark.parametrize(
     "change, wrong",
     [
-        ({}, 0), ({"q": (float("nan"),) * 6}, 1), ({"force": (math.inf,) * 6}, 1),
-        ({"q": (1e86,) * 6}, 2), ({"mode": 99.0}, 2), ({"safety": 0.0}, 2),
-        ({"runtime": 1e9}, 2), ({"q": (0.5,) * 6}, 3), ({"stamp": 0.992}, 4),
-        ({"stamp": -0.5, "q": (0.5,) * 6}, 0), ({"stamp": 0.0, "current": (5e30,) * 6}, 2),
-        ({"stamp": 0.0, "q": (3.4e-322,) * 6}, 2), ({"target_moment": (-1.5e36,) * 6}, 2),
-        ({"temperatures": (1e9,) * 6}, 2), ({"qd": (60.0,) * 6}, 2),
+        ({}, ""), ({"q": (float("nan"),) * 6}, "finite"), ({"force": (math.inf,) * 6}, "finite"),
+        ({"q": (1e86,) * 6}, "values"), ({"mode": 99.0}, "values"), ({"safety": 0.0}, "values"),
+        ({"runtime": 1e9}, "values"), ({"q": (0.5,) * 6}, "jump"), ({"stamp": 0.992}, "go back"),
+        ({"stamp": -0.5, "q": (0.5,) * 6}, ""), ({"qd": (60.0,) * 6}, "values"),
+        ({"stamp": 0.0, "current": (5e30,) * 6}, "values"),
+        ({"stamp": 0.0, "q": (3.4e-322,) * 6}, "values"),
+        ({"target_moment": (-1.5e36,) * 6}, "values"), ({"temperatures": (1e9,) * 6}, "values"),
     ],
 )  # fmt: skip
 def test_what_no_robot_sends_is_refused(change, wrong):
-    assert implausible(OK._replace(**{"t": 1.008, "stamp": 1.008} | change), OK) == wrong
+    why = implausible(OK._replace(**{"t": 1.008, "stamp": 1.008} | change), OK)
+    assert wrong in why and bool(wrong) == bool(why)
 
 
 def judged(state, stream="", **known):
@@ -132,7 +134,7 @@ def judged(state, stream="", **known):
     [
         (0.0, {}, {}, "ok", ""),
         (0.09, {}, {}, "stale", "silent or repeats itself"),
-        (0.09, {"wrong": 3.0}, {}, "stale", "jump faster"),
+        (0.09, {"wrong": "joints that jump faster than any robot"}, {}, "stale", "jump faster"),
         (1.2, {}, {}, "lost", "no fresh reading for 1.2"),
         (0.0, {}, {"stream": "the stream of states ended"}, "lost", "stream of states ended"),
         (0.0, {"back": 3.0}, {}, "lost", "clock went back by 3 s"),

@@ -8,8 +8,7 @@ from robot_emulators.plant import PlantRequest
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.settings import ControllerSettings
 from wrenchbed import registry
-from wrenchbed.plant.body import BodyOptions
-from wrenchbed.plant.serving import MujocoPlant
+from wrenchbed.plant.serving import EmulatorOptions, MujocoPlant
 
 ROBOT = registry.load("robots", "ur5")
 CYCLE = 0.008
@@ -22,7 +21,7 @@ class Bench:
 
     def __init__(self, table: float | None = None, series: str = "cb3", **settings: str) -> None:
         request = PlantRequest("ur5", CYCLE, drives=True)
-        self.body = MujocoPlant(BodyOptions("ur5", noise="off", table=table), request)
+        self.body = MujocoPlant(EmulatorOptions(noise="off", table=table), request)
         self.controller = Controller(ControllerSettings(series, **settings), self.body)
         self.arm = self.controller.arm
         self.now = 100.0

@@ -13,7 +13,6 @@ import re
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Self
 
 Key = tuple[int, int]
 """Index and subindex."""
@@ -119,22 +118,16 @@ class Entry:
 
 
 class Objects:
-    """The dictionary of one node."""
+    """The dictionary that the text of an EDS file defines for a node id."""
 
-    def __init__(self, entries: dict[Key, Entry]) -> None:
-        self._entries = entries
-
-    @classmethod
-    def from_eds(cls, text: str, node: int) -> Self:
-        """The dictionary that the text of an EDS file defines for a node id."""
+    def __init__(self, text: str, node: int) -> None:
         sheet = _parsed(text)
-        entries = {}
+        self._entries: dict[Key, Entry] = {}
         for title in sheet.sections():
             numbers = _SECTION.fullmatch(title)
             if numbers and "DataType" in sheet[title]:
                 key = int(numbers[1], 16), int(numbers[2] or "0", 16)
-                entries[key] = _entry(sheet[title], node)
-        return cls(entries)
+                self._entries[key] = _entry(sheet[title], node)
 
     def __iter__(self) -> Iterator[Key]:
         return iter(sorted(self._entries))

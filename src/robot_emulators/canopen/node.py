@@ -49,7 +49,7 @@ class Node:
         self, node: int, send: Callable[[Frame], None], sheet: str, lock: threading.RLock
     ) -> None:
         self.node, self.lock = node, lock
-        objects = self.objects = Objects.from_eds(sheet, node)
+        objects = self.objects = Objects(sheet, node)
         self.rpdos, self.tpdos = (
             [Pdo(objects, k) for k in range(first, first + 0x200) if (k, 1) in objects]
             for first in (0x1400, 0x1800)
@@ -106,7 +106,7 @@ class Node:
 
     def hear(self, t: float, frame: Frame) -> None:
         """Take a frame from the bus at a time [s]."""
-        if frame.can_id not in self._ids or frame.extended or frame.remote or self.fails("mute"):
+        if frame.can_id not in self._ids or frame.extended or self.fails("mute"):
             return
         with self.lock:
             self.now = t

@@ -68,10 +68,6 @@ class Pdo:
         """Event timer [s], 0 where it is off."""
         return self._objects[self.index, 5] / 1000.0
 
-    @timer.setter
-    def timer(self, seconds: float) -> None:
-        self._objects[self.index, 5] = round(seconds * 1000.0)
-
     def keys(self) -> list[Key]:
         """Objects that the PDO carries, in order."""
         entries = [self._objects[self._map, k + 1] for k in range(self._objects[self._map, 0])]

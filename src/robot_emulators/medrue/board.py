@@ -25,8 +25,6 @@ _OTHER_GAIN = 0.8
 """Amplification of the gauges while another calibration than the sensor's is active."""
 _NOTHING = 0x100
 """Value that stands for the first byte of a request that has none."""
-TOP_BITRATE = 2_000_000
-"""Bit rate of divisor 0; divisor d makes it so much by d + 1."""
 BOOT_S = 0.1
 """How long it is silent after a reset [s]. The manual states none; a client must wait for it."""
 ActiveFault = Callable[[str], Mapping[str, float] | None]
@@ -43,20 +41,16 @@ class BoardEmulator:
         counts: per N and per N·m.
         wrench: the load on the gauges at a time [s] → (6,).
         gauges: what they [V] become wrenches by (6, 6); None: each channel has one, 10 to a volt.
-        bitrate: of the bus, and of the board until it is set to another [bit/s].
         fault: values of a kind of fault that is under way, else None.
     """
 
     def __init__(
         self, send: Callable[[Frame], None], base: int, slot: int, counts: int,
         wrench: Callable[[float], np.ndarray], gauges: np.ndarray | None = None,
-        bitrate: int = 1_000_000, fault: ActiveFault = lambda kind: None,
+        fault: ActiveFault = lambda kind: None,
     ) -> None:  # fmt: skip
         self._send, self._wrench, self._fault = send, wrench, fault
         self.base = self._next_base = base
-        self.bitrate: float = bitrate
-        self._next_bitrate: float = bitrate
-        self._bus_bitrate = bitrate
         self.slot, self.counts = slot, counts
         self.active = self.status = 0
         self.silent_until = 0.0
@@ -70,18 +64,16 @@ class BoardEmulator:
         return np.asarray(true if self.active == self.slot else 0.5 * true, dtype=np.float32)
 
     def reset(self, now: float) -> None:
-        """Restart: calibration 0 is active, and a new base and bit rate take effect."""
+        """Restart: calibration 0 is active, and a new base takes effect."""
         self.active = self.status = 0
-        self.base, self.bitrate = self._next_base, self._next_bitrate
+        self.base = self._next_base
         self.silent_until = now + BOOT_S
 
     def hear(self, t: float, frame: Frame) -> None:
-        """Take a frame from the bus at a time [s]; it hears none of another bit rate."""
-        if frame.extended or frame.remote or frame.can_id >> 4 != self.base:
+        """Take a frame from the bus at a time [s]."""
+        if frame.extended or frame.can_id >> 4 != self.base:
             return
-        if t < self.silent_until or self.bitrate != self._bus_bitrate:
-            return
-        if self._fault("mute_board") is not None:
+        if t < self.silent_until or self._fault("mute_board") is not None:
             return
         for op, reply in self._answer(t, frame.can_id & 0xF, frame.data):
             self._send(Frame(self.base << 4 | op, reply))
@@ -102,8 +94,6 @@ class BoardEmulator:
             case 0x2 if first < 6:
                 row = self.matrix()[first].astype(">f4").tobytes()
                 return [(2 + k, row[8 * k : 8 * k + 8]) for k in range(3)]
-            case 0x5:
-                return [(5, b"FT12288\0")]
             case 0x6 if first < SLOTS:
                 self._select(first)
                 return [(6, data[:1])]
@@ -111,19 +101,12 @@ class BoardEmulator:
                 return [(7, struct.pack(">II", self.counts, self.counts))]
             case 0x8:
                 return [(8, bytes([NEWTON, NEWTON_METRE]))]
-            case 0x9 if first < 5:
-                return [(9, struct.pack(">H", (2048, 1900, 2480, 2048, 0)[first]))]
             case 0xC:
                 self.reset(t)
                 return []
             case 0xD if first < 0x80:
                 self._next_base = first
                 return [(0xD, b"")]
-            case 0xE if first < _NOTHING:
-                self._next_bitrate = TOP_BITRATE / (first + 1)
-                return [(0xE, b"")]
-            case 0xF:
-                return [(0xF, struct.pack(">BBH", 3, 8, 17))]
         return []
 
     def _select(self, slot: int) -> None:

@@ -111,7 +111,7 @@ class DriveEmulator(Node):
         self.axis = Axis(self.objects, self.axis.actual + self.axis.shift)
 
     def on_reset_communication(self) -> None:
-        self.rpdos[0].timer = self._watchdog
+        self.objects[0x1400, 5] = round(1000.0 * self._watchdog)
         self._synced = self._speed = self._growth = self._seen = 0.0
         self._last_word = 0
         self._codes.clear()

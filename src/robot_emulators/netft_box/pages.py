@@ -115,8 +115,8 @@ class Pages:
         s = self._settings
         si = np.repeat([units.NEWTON[s.force_unit], units.NEWTON_METRE[s.torque_unit]], 3)
         return {
-            f"{kind}fu": _code(_FORCE, s.force_unit), f"s{kind}fu": s.force_unit,
-            f"{kind}tu": _code(_TORQUE, s.torque_unit), f"s{kind}tu": s.torque_unit,
+            f"{kind}fu": str(_FORCE[s.force_unit]), f"s{kind}fu": s.force_unit,
+            f"{kind}tu": str(_TORQUE[s.torque_unit]), f"s{kind}tu": s.torque_unit,
             f"{kind}cpf": f"{s.counts_per_force:.12g}",
             f"{kind}cpt": f"{s.counts_per_torque:.12g}",
             f"{kind}mr": ";".join(f"{v:.9g}" for v in self._sensing.range / si),
@@ -137,10 +137,6 @@ class Pages:
             self._pace.buffer = min(max(int(number), 1), units.LARGEST_BUFFER)
         elif name == "comrdte":
             self._pace.on = number != 0.0
-
-
-def _code(known: dict[str, int], unit: str) -> str:
-    return str(known[unit.replace("N-m", "Nm")])
 
 
 def _row(values: np.ndarray) -> str:

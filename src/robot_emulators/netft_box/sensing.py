@@ -9,22 +9,21 @@ import numpy as np
 
 from robot_emulators.base.arguments import Settings, above, integer, number, setting, word
 from robot_emulators.base.faults import Faults
-from robot_emulators.errors import SettingError
 from robot_emulators.plant import Plant
 
-INTERNAL_RATE = {"netbox": 7000, "axia": 7812}
-"""Samples that a product takes per second [Hz]."""
+INTERNAL_RATE = 7000
+"""Samples that a box takes per second [Hz]; source: ATI 9620-05."""
 NEWTON = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
 """Unit of force → [N]."""
 NEWTON_METRE = {
-    "Nm": 1.0, "N-m": 1.0, "Nmm": 1e-3, "N-mm": 1e-3, "kNm": 1e3, "lbf-in": 0.1129848290276167,
+    "Nm": 1.0, "Nmm": 1e-3, "kNm": 1e3, "lbf-in": 0.1129848290276167,
     "lbf-ft": 1.3558179483314004, "kgf-cm": 0.0980665,
 }  # fmt: skip
 """Unit of torque → [N·m]."""
 LARGEST_BUFFER = 40
 """Records of a buffered datagram at most; source: ATI 9620-05."""
-SATURATED = {"netbox": 1 << 31 | 1 << 17, "axia": 1 << 31 | 1 << 30}
-"""Status word of a sample that left the sensor's range; sources: ATI 9620-05, 9620-05-C."""
+SATURATED = 1 << 31 | 1 << 17
+"""Status word of a sample that left the sensor's range; source: ATI 9620-05."""
 _LARGEST = 2**31 - 1
 _SHORTEST_S, _SLACK_S = 8e-3, 2e-3
 """Least time by which the reported time is behind the newest state, and what is added because steps
@@ -46,7 +45,7 @@ class BoxSettings(Settings):
         "TCP port of HTTP; 0 (default) takes 80, or 8080 where 80 is not allowed",
     )  # fmt: skip
     rate: float = setting(
-        7000.0, number(1.0, max(INTERNAL_RATE.values())),
+        7000.0, number(1.0, INTERNAL_RATE),
         "RDT records per second, default 7000; rounded up to internal samples / whole number",
     )  # fmt: skip
     buffer: int = setting(
@@ -58,35 +57,22 @@ class BoxSettings(Settings):
     )
     force_unit: str = setting("N", word(NEWTON), "N (default), kN, lbf, klbf or kgf")
     torque_unit: str = setting(
-        "Nm", word(NEWTON_METRE), "Nm (default), N-m, Nmm, N-mm, kNm, lbf-in, lbf-ft or kgf-cm"
+        "Nm", word(NEWTON_METRE), "Nm (default), Nmm, kNm, lbf-in, lbf-ft or kgf-cm"
     )
-    product: str = setting(
-        "netbox", word(INTERNAL_RATE), "netbox (default, 7000 samples/s) or axia (7812 samples/s)"
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.rate > self.internal_rate:
-            raise SettingError(f"rate = {self.rate:g} Hz must be 1 … {self.internal_rate} Hz")
-
-    @property
-    def internal_rate(self) -> int:
-        """Samples per second [Hz]."""
-        return INTERNAL_RATE[self.product]
 
 
 class Sensing:
-    """A transducer and its electronics, sampled at `BoxSettings.internal_rate` since power-up."""
+    """A transducer and its electronics, sampled at `INTERNAL_RATE` since power-up."""
 
     def __init__(self, body: Plant, settings: BoxSettings, faults: Faults) -> None:
-        self._body, self._settings, self._faults = body, settings, faults
+        self._body, self._faults = body, faults
         self._fault = partial(faults.now, "rdt")
         self.range = np.asarray(body.sensor_range)
         unit = np.repeat([NEWTON[settings.force_unit], NEWTON_METRE[settings.torque_unit]], 3)
         counts = np.repeat([settings.counts_per_force, settings.counts_per_torque], 3)
         self.per_si = counts / unit
         """(6,) counts per newton and newton metre."""
-        self.rate = settings.internal_rate
+        self.rate = INTERNAL_RATE
         self._lag, self._offset = max(body.cycle, _SHORTEST_S) + _SLACK_S, 0.0
         self._lock = threading.Lock()
         self._power_up = time.monotonic()
@@ -140,7 +126,7 @@ class Sensing:
         status = np.zeros(n, dtype=np.int64)
         over = np.abs(values) >= self.range
         if over.any() or flagged.any():
-            status[over.any(axis=1) | (flagged != 0)] = SATURATED[self._settings.product]
+            status[over.any(axis=1) | (flagged != 0)] = SATURATED
         raw = np.maximum(np.minimum(values, self.range), -self.range) * self.per_si
         with self._lock:
             self._raw = raw[-1]

@@ -81,7 +81,9 @@ class UREmulator(Emulator):
         self.rtde = Rtde(offer)
         answers: dict[str, Callable[[Peer], Conversation]] = {
             "rtde": self.rtde.answer,
-            "dashboard": lambda peer: Dashboard(self.controller, peer, self._shut_down),
+            "dashboard": lambda peer: Dashboard(
+                self.controller, peer, lambda: self._thread.soon(lambda: self.restart(float("inf")))
+            ),
             "primary": self.primary.primary,
             "secondary": self.primary.secondary,
             "script": self._realtime.answer,
@@ -167,9 +169,6 @@ class UREmulator(Emulator):
 
     def _in_loop(self, handler: Handler) -> Handler:
         return lambda fault: self.soon(lambda: handler(fault))
-
-    def _shut_down(self) -> None:
-        self._thread.soon(lambda: self.restart(float("inf")))
 
     def restart(self, seconds: float) -> None:
         """Cut the power of the control box for a time [s]."""

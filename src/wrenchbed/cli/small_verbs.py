@@ -1,7 +1,7 @@
 """The verbs with few options: list, simulate, compare, campaign, study, doctor, view, report."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -217,16 +217,17 @@ def doctor_(
     """
     from wrenchbed.hardware.drivers.rtde.doctor import doctor
 
-    report = doctor(wb.load("robots", robot), host or "", sensor or "", seconds)
+    lines = doctor(wb.load("robots", robot), host or "", sensor or "", seconds)
+    ok = all(line.grade != "fails" for line in lines)
     table = console.table()
-    for line in report.lines:
+    for line in lines:
         word, style = _MARKS[line.grade]
         text = Text(line.found)
         if line.remedy:
             text.append(f"\n→ {line.remedy}", style="dim")
         table.add_row(Text(word, style=style), Text(line.name, style="bold"), text)
-    console.answer(report.to_json(), as_json, table)
-    return 0 if report.ok else 3
+    console.answer({"ok": ok, "lines": [asdict(line) for line in lines]}, as_json, table)
+    return 0 if ok else 3
 
 
 def view(

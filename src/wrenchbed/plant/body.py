@@ -20,10 +20,10 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.effects.chain import EffectChain, active_effect, parse_effect
-from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.plant.contact_surface import Plate, Surface, tip_in
+from wrenchbed.plant.contact_surface import Surface, tip_in
 from wrenchbed.plant.sensor import BufferedNoise, SensorRow, SensorWithEffects
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
@@ -132,8 +132,6 @@ class BodyOptions:
         noise: ``real``, ``white`` or ``off``.
         seed: of the noise and of the effects' random parts.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
-        table: height of a plate that the tool may press on [m]; None: nothing to touch.
-        table_stiffness: of the plate [N/m].
         sensor: registry name, whose range and noise are simulated; None: the robot's.
     """
 
@@ -142,8 +140,6 @@ class BodyOptions:
     noise: str = "real"
     seed: int = 0
     effects: tuple[str, ...] = ()
-    table: float | None = None
-    table_stiffness: float = 2e4
     sensor: str | None = None
 
 
@@ -153,7 +149,7 @@ class Body:
     Args:
         options: of the robot.
         cycle: period of its control [s].
-        surface: for the tool's tip to press on, instead of the options' plate.
+        surface: for the tool's tip to press on.
         drives: whether its drives report torques and currents.
 
     Attributes:
@@ -170,8 +166,6 @@ class Body:
 
     def __init__(self, options: BodyOptions, cycle: float, surface: Surface | None = None, *,
                  drives: bool = False) -> None:  # fmt: skip
-        if options.table is not None and not np.isfinite(options.table):
-            raise ParameterError(f"table = {options.table} must be a height [m]")
         robot = self.robot = _robot(options)
         self.cycle = cycle
         self.model = Model(robot, tuple(robot.gravity))
@@ -185,11 +179,8 @@ class Body:
         active = tuple(active_effect(robot, text) for text in effects)
         twin = Twin(self.model, self.theta, active)
         self._playback = Playback(twin, options.seed) if active else None
-        if options.table is not None:
-            surface = Plate(options.table, options.table_stiffness)
-        touching = surface is not None
         self._sensor_effects = (
-            None if self._playback is None else SensorWithEffects(self._playback, touching)
+            SensorWithEffects(self._playback, surface is not None) if self._playback else None
         )
         self._plant = ServoDrivenRobot(self.simulation, robot.home)
         self._surface = surface

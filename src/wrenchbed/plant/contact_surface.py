@@ -6,6 +6,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
+from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import Robot
 
 _TIP = np.array([0.0, 0.0, 0.14])
@@ -23,10 +24,18 @@ class Surface(Protocol):
 
 @dataclass(frozen=True)
 class Plate:
-    """Horizontal, with its top at a height [m]; a spring [N/m], straight up."""
+    """Horizontal, with its top at a height [m]; a spring [N/m], straight up.
+
+    Raises:
+        ParameterError: the height is no number.
+    """
 
     height: float
-    stiffness: float
+    stiffness: float = 2e4
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.height):
+            raise ParameterError(f"table = {self.height} must be a height [m]")
 
     def push(self, tip: np.ndarray, speed: np.ndarray) -> np.ndarray:
         return np.array([0.0, 0.0, self.stiffness * max(0.0, self.height - tip[2])])

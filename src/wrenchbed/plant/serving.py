@@ -3,7 +3,7 @@ nominal numbers, drives and own wrench; and their errors as this package says th
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from robot_emulators import (
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, MapError, ParameterError
 from wrenchbed.plant.body import Body, BodyOptions
+from wrenchbed.plant.contact_surface import Plate
 from wrenchbed.plant.sensor import ArmSensor
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 from wrenchbed.robots.ur5 import NAMES, ur_arm
@@ -34,17 +35,21 @@ class MujocoPlant(Body):
     """What an emulator asks for, in MuJoCo.
 
     Args:
-        options: parameters, noise, effects and table; robot and sensor are those of the request.
+        options: of the emulator.
         request: of the emulator.
 
     Raises:
         NotFoundError, ParameterError: as `Body` does.
     """
 
-    def __init__(self, options: BodyOptions, request: PlantRequest) -> None:
-        robot = ur_arm(request.robot) if request.robot in NAMES else request.robot
-        options = replace(options, robot=robot, sensor=request.sensor or None)
-        super().__init__(options, request.cycle, drives=request.drives)
+    def __init__(self, options: "EmulatorOptions", request: PlantRequest) -> None:
+        body = BodyOptions(
+            ur_arm(request.robot) if request.robot in NAMES else request.robot,
+            options.parameters, options.noise, options.seed, options.effects,
+            request.sensor or None,
+        )  # fmt: skip
+        surface = None if options.table is None else Plate(options.table)
+        super().__init__(body, request.cycle, surface, drives=request.drives)
         self.sensor_range = np.asarray(self.sensor.calibration().range)
         self.gauges = self.sensor.gauges
         self.arm = self._nominal()
@@ -134,20 +139,7 @@ class EmulatorOptions(Options):
 
     def plant(self, request: PlantRequest) -> Plant:
         """The robot that an emulator asks for."""
-        body = BodyOptions(
-            request.robot, self.parameters, self.noise, self.seed, self.effects, self.table
-        )
-        return MujocoPlant(body, request)
-
-
-def emulated(kind: str | type[Emulator], options: EmulatorOptions) -> Emulator:
-    """An emulator by name or class, before its robot in MuJoCo; it is not started.
-
-    Raises:
-        SettingError: an option or a setting is impossible.
-    """
-    kind = registry.load("emulators", kind) if isinstance(kind, str) else kind
-    return kind(options, options.plant)
+        return MujocoPlant(self, request)
 
 
 @contextmanager

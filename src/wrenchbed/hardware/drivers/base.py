@@ -5,7 +5,7 @@ The public methods check state and limits; a driver fills in the methods with an
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
@@ -21,9 +21,6 @@ from wrenchbed.robots.motion_limits import Limits, duration, straight
 
 Block = Mapping[str, np.ndarray]
 """Columns of a recording by name, each (n,)."""
-Onlooker = Callable[[float, np.ndarray, np.ndarray], None]
-"""Called with each reading of a driver, in the thread that reads, and must not block: the time
-since `connect` [s], joint values (J,) and wrench (6,) [N, N·m]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,6 @@ from wrenchbed.hardware.drivers.base import (
     Block,
     Driver,
     Move,
-    Onlooker,
     Reached,
     as_designed,
     block_of,
@@ -167,7 +166,6 @@ class LiveDriver(Driver):
     source: str
     """Name of the source that recordings state."""
     transducer: Transducer
-    onlooker: Onlooker | None = None
 
     def __init__(self, limits: Limits | None = None) -> None:
         super().__init__(limits or LIVE)
@@ -285,13 +283,10 @@ class LiveDriver(Driver):
     def guard(self) -> None:
         """Stop the robot when the sensor reads more than the limits allow."""
         try:
-            wrench = self._read_wrench().wrench
-            self.limits.check_wrench(wrench)
+            self.limits.check_wrench(self._read_wrench().wrench)
         except DriverError:
             self._stop("hard")
             raise
-        if self.onlooker is not None and self._last_target is None:  # a stream reports by its rows
-            self.onlooker(time.monotonic() - self._start, self._read().q, wrench)
 
     def _settle(self) -> float:
         begun = time.monotonic()
@@ -400,8 +395,6 @@ class LiveDriver(Driver):
     def _row(self, t: float, arm: ArmSample, wrench: WrenchSample) -> dict[str, float]:
         self.limits.check_wrench(wrench.wrench)
         self._last_row = max(t, np.nextafter(self._last_row, np.inf))
-        if self.onlooker is not None:
-            self.onlooker(self._last_row - self._start, arm.q, wrench.wrench)
         row = {"t": self._last_row - self._start}
         for name, values in {"q": arm.q, "qd": arm.qd, **arm.evidence}.items():
             row |= {f"{name}{j + 1}": float(v) for j, v in enumerate(values)}

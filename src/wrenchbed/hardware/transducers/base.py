@@ -9,14 +9,11 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
-from urllib.parse import SplitResult, urlsplit
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchbed import registry
-from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.device import STALE_S, Device
 
 CLOSE_S = 1e-3
@@ -117,18 +114,6 @@ class Past:
 class Transducer(Device, ABC):
     """A force/torque sensor with its electronics. Use as a context manager."""
 
-    form: ClassVar[str] = ""
-    """Address ``NAME://…`` that names one, for people; empty where none does."""
-
-    @classmethod
-    def at_address(cls, parts: SplitResult) -> "Transducer":
-        """One that an address of this `form` names; closed.
-
-        Raises:
-            ParameterError: the address is wrong, and why.
-        """
-        raise ParameterError(f"transducer {cls.name!r} has no address")
-
     def __init__(self) -> None:
         super().__init__()
         self._past = Past()
@@ -168,31 +153,3 @@ class Transducer(Device, ABC):
     def _at(self, t: float) -> WrenchSample | None:
         newest, past = self._read(), self._past.at(t)
         return None if past is None else replace(newest, t=t, device_time=None, **past._asdict())
-
-
-def _addressed() -> dict[str, type[Transducer]]:
-    """Registered transducers that an address can name."""
-    kinds = {name: registry.load("transducers", name) for name in registry.names("transducers")}
-    return {name: kind for name, kind in kinds.items() if getattr(kind, "form", "")}
-
-
-def forms() -> str:
-    """The addresses that registered transducers can be given by, with commas between them."""
-    return ", ".join(kind.form for kind in _addressed().values())
-
-
-def transducer_at(address: str) -> Transducer:
-    """The transducer that an address ``NAME://…`` names, NAME as in the registry; closed.
-
-    Raises:
-        ParameterError: it names none; the message lists the forms.
-    """
-    why, form = "", forms()
-    try:
-        parts = urlsplit(address)
-        if (kind := _addressed().get(parts.scheme)) is not None:
-            form = kind.form
-            return kind.at_address(parts)
-    except (ParameterError, ValueError) as error:
-        why = f"{error}: "
-    raise ParameterError(f"sensor {address!r}: {why}give {form}")

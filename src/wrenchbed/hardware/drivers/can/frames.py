@@ -71,13 +71,12 @@ class Pairs:
     """Combines the two frames of a reading, and counts what it drops.
 
     Attributes:
-        polls: requests.
         lost: requests without a complete answer.
         odd: frames that belong to no request or came in the wrong order.
     """
 
     def __init__(self) -> None:
-        self.polls = self.lost = self.odd = 0
+        self.lost = self.odd = 0
         self._first: tuple[float, Reply] | None = None
         self._waiting = False
         self._outstanding = 0
@@ -91,7 +90,6 @@ class Pairs:
                 self.lost += 1
                 self._waiting, self._first = False, None
             return False
-        self.polls += 1
         self._waiting, self._first, self._asked = True, None, t
         self._outstanding = min(self._outstanding + 1, _OUTSTANDING)
         return True

@@ -78,18 +78,6 @@ def check(base: int, nodes: Sequence[int]) -> None:
             )
 
 
-def bus_load(rate: float, bitrate: int, torque: bool) -> float:
-    """Fraction of a wire [bit/s] that the cyclic exchange at a rate [Hz] needs in the worst case.
-
-    A cycle has SYNC, the sensor's poll and its two answers of 8 and 6 bytes, and for each drive an
-    RPDO of 6 bytes and a TPDO of 6, or 8 with torque; drives and master send heartbeats.
-    """
-    lengths = np.array([0, 0, 8, 6] + _DRIVES * [6, 8 if torque else 6] + [1])
-    bits = 47 + 8 * lengths + (33 + 8 * lengths) // 4
-    beats = (_DRIVES + 1) / HEARTBEAT_S
-    return float(rate * bits[:-1].sum() + beats * bits[-1]) / bitrate
-
-
 @dataclass(frozen=True)
 class CanOptions:
     """Bus, drives and sensor. Ids, slot, rate and counts per unit are assumptions: set those of
@@ -189,5 +177,12 @@ class CanOptions:
 
     @property
     def bus_load(self) -> float:
-        """Fraction of the wire that the cyclic exchange needs, see `bus_load`."""
-        return bus_load(self.rate, self.bitrate, self.torque)
+        """Fraction of the wire that the cyclic exchange needs in the worst case.
+
+        A cycle has SYNC, the sensor's poll and its two answers of 8 and 6 bytes, and for each drive
+        an RPDO of 6 bytes and a TPDO of 6, or 8 with torque; drives and master send heartbeats.
+        """
+        lengths = np.array([0, 0, 8, 6] + _DRIVES * [6, 8 if self.torque else 6] + [1])
+        bits = 47 + 8 * lengths + (33 + 8 * lengths) // 4
+        beats = (_DRIVES + 1) / HEARTBEAT_S
+        return float(self.rate * bits[:-1].sum() + beats * bits[-1]) / self.bitrate

@@ -9,7 +9,7 @@ import math
 import socket
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +18,8 @@ from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedEr
 from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, status
 from wrenchbed.hardware.drivers.rtde.states import ANSWER_S, NATIVE_HZ
-from wrenchbed.hardware.transducers.base import Transducer, transducer_at
+from wrenchbed.hardware.transducers.base import Transducer
+from wrenchbed.hardware.transducers.netft.transducer import at_address
 from wrenchbed.robots.base import Robot
 
 Grade = Literal["ok", "note", "fails"]
@@ -33,7 +34,7 @@ _NEEDED_HZ, _LONGEST_S = 100.0, 600.0
 _HEAVY = 0.05
 """Relative difference between the pendant's payload and the tool's mass that is noted: with less
 every cable is noted, with more the arm stops to protect itself unannounced."""
-_SHOWN = ("product", "serial", "firmware", "calibration")
+_SHOWN = ("serial", "firmware", "calibration")
 """Fields of a sensor's identity that the report shows."""
 _UNSAID, _ANOTHER = "the controller does not say it", "give --robot as the arm is"
 
@@ -48,24 +49,9 @@ class Line:
     remedy: str = ""
 
 
-@dataclass(frozen=True)
-class Report:
-    """All lines, in the order in which a recording run would meet them."""
-
-    lines: tuple[Line, ...]
-
-    @property
-    def ok(self) -> bool:
-        """Whether nothing fails."""
-        return all(line.grade != "fails" for line in self.lines)
-
-    def to_json(self) -> dict[str, Any]:
-        """``ok`` and ``lines``."""
-        return {"ok": self.ok, "lines": [asdict(line) for line in self.lines]}
-
-
-def doctor(robot: Robot, host: str = "", sensor: str = "", seconds: float = 3.0) -> Report:
-    """Look at a robot's controller, a sensor's box, or both.
+def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
+    """Look at a robot's controller, a sensor's box, or both, in the order in which a recording run
+    would meet what fails.
 
     Args:
         robot: that recordings will be made with.
@@ -83,7 +69,7 @@ def doctor(robot: Robot, host: str = "", sensor: str = "", seconds: float = 3.0)
         )
     box = _transducer(sensor)
     lines = [*_controller(robot, host, seconds)] if host else []
-    return Report((*lines, *(_box(box, seconds) if box is not None else ())))
+    return lines if box is None else [*lines, *_box(box, seconds)]
 
 
 def _line(name: str, fine: bool, text: str, remedy: str, grade: Grade = "note") -> Line:
@@ -188,7 +174,7 @@ def _stream(
 def _transducer(sensor: str) -> Transducer | None:
     if not sensor or sensor in own_wrench.OWN:
         return None
-    return transducer_at(sensor if "://" in sensor else f"netft://{sensor}")
+    return at_address(sensor if "://" in sensor else f"netft://{sensor}")
 
 
 def _box(box: Transducer, seconds: float) -> Iterator[Line]:

@@ -19,7 +19,7 @@ from wrenchbed.errors import (
     StoppedError,
 )
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health, only_here, wait_until
-from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
+from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.live import CALM_SPEED, LiveDriver, check_ready
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, status
 from wrenchbed.hardware.drivers.rtde.connection import ControlProcess, Links, RtdeOptions
@@ -135,8 +135,10 @@ class RtdeDriver(LiveDriver):
         return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})
 
     def full_scale(self) -> np.ndarray:
-        known = self._own and self._links is not None
-        return own_wrench.full_scale(self._look().major) if known else super().full_scale()
+        if not self._own or self._links is None:
+            return super().full_scale()
+        cb3 = self._look().major <= 3
+        return np.repeat(own_wrench.CB3_END if cb3 else own_wrench.E_END, 3)
 
     def stop(self, kind: str = "soft") -> None:
         """Brake and wait until the robot rests.
@@ -170,7 +172,9 @@ class RtdeDriver(LiveDriver):
 
     def _activate(self) -> None:
         links, options = self._live(), self._options
-        self._wait_for_state()
+        wait_until(lambda: self._arm_health().state != "stale", GONE_S)
+        if (health := self._arm_health()).state in ("stale", "lost"):
+            raise LinkError(health.detail)
         if options.power_on and status.safety(self._look()) in status.HARMLESS:
             status.switch_on(options.host, self._look)
         check_ready(self._arm_health())
@@ -229,12 +233,10 @@ class RtdeDriver(LiveDriver):
             control.kill(str(error))
             raise
         if why:
-            raise StoppedError(self._trouble() or f"{why}: call recover()")
-
-    def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Move:
-        if goal.shape != (6,) or not np.isfinite(goal).all():
-            raise ParameterError("a goal must be 6 finite joint angles")
-        return super()._move(start, goal, seconds)
+            # the states report some cycles after the program stopped what keeps the robot
+            wait_until(lambda: status.problem(self._look()) is not None, STALE_S)
+            trouble = status.problem(self._look())
+            raise StoppedError(trouble[1] if trouble else f"{why}: call recover()")
 
     def _stream(self, q: np.ndarray, at: float) -> Applied:
         control = self._armed()
@@ -298,21 +300,6 @@ class RtdeDriver(LiveDriver):
         if state is None:
             raise LinkError("the robot has sent no state: call recover()")
         return state
-
-    def _wait_for_state(self) -> None:
-        """Wait at most `GONE_S` until the state is not stale."""
-        wait_until(lambda: self._arm_health().state != "stale", GONE_S)
-        if (health := self._arm_health()).state in ("stale", "lost"):
-            raise LinkError(health.detail)
-
-    def _trouble(self) -> str:
-        """Say what keeps the robot from moving, empty if nothing does.
-
-        Its states report it some cycles after its program stopped, so this waits for them.
-        """
-        wait_until(lambda: status.problem(self._look()) is not None, STALE_S)
-        trouble = status.problem(self._look())
-        return trouble[1] if trouble else ""
 
     def _wait_for_rest(self) -> None:
         def at_rest() -> bool:

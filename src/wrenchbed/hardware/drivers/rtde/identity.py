@@ -49,12 +49,17 @@ _REMEDY = "check --host, or plan for that arm: wrenchbed robot FILE --frame NAME
 
 def settings(host: str) -> dict[str, Any]:
     """Read the controller's settings for a recording's metadata; those that it does not report are
-    left out.
+    left out, and without an answer all.
 
     Payload [kg] and its centre of gravity (3,) in flange axes [m], TCP in the flange x y z [m] and
     rotation vector [rad], modes in words, the controller's clock [s], speed scaling 0 … 1.
     """
-    return in_words(states.once(host, SETTINGS, _SETTINGS_S))
+    try:
+        with states.Outputs(host, SETTINGS, _SETTINGS_S) as stream:
+            values = stream.next(time.monotonic() + _SETTINGS_S)[1] or {}
+    except DriverError:
+        return {}
+    return in_words({name: v for name, v in values.items() if np.isfinite(v).all()})
 
 
 def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
@@ -133,13 +138,10 @@ class Flange:
         self._first: tuple[Rotation, np.ndarray] | None = None
 
     def look(self, state: Snapshot) -> None:
-        """Compare TCP and flange, at most twice a second."""
-        if time.monotonic() > self._due:
-            self._due = time.monotonic() + _EVERY_S
-            self.compare(state)
-
-    def compare(self, state: Snapshot) -> None:
-        """Compare TCP and flange of a state."""
+        """Compare TCP and flange of a state, at most twice a second."""
+        if time.monotonic() < self._due:
+            return
+        self._due = time.monotonic() + _EVERY_S
         turns, origins = self._robot.sensor_pose(
             np.array([state.q]), self._robot.parameters.nominal
         )

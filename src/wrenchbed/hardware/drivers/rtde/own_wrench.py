@@ -13,18 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed import registry
 from wrenchbed.errors import LinkError, ParameterError
 from wrenchbed.hardware.device import Health, by_age
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
-from wrenchbed.hardware.transducers.base import Transducer, WrenchSample, forms, transducer_at
+from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
+from wrenchbed.hardware.transducers.netft.transducer import (
+    FORM,
+    NetftOptions,
+    NetftTransducer,
+    at_address,
+)
 from wrenchbed.robots.base import Robot
 
 OWN = ("rtde", "ur-wrench")
 """Option values for the robot's own wrench."""
 _MOST = 64
 """States that one reading looks back on: an eighth of a second at 500 Hz, in some milliseconds."""
-_CB3_END, _E_END = (150.0, 30.0), (50.0, 10.0)
+CB3_END, E_END = (150.0, 30.0), (50.0, 10.0)
 """Where a robot's own wrench ends, force [N] and torque [N·m]; sources: a CB3's usual force limit,
 whose torque is that force 0.2 m from the flange, and the sensor's range in UR5e's data sheet."""
 
@@ -67,17 +72,15 @@ def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
     """The sensor that an option names.
 
     Raises:
-        ParameterError: it names none; the message lists the forms.
+        ParameterError: it names none.
     """
     if sensor in OWN:
         return own
     if sensor in ("", "netft"):
-        kind = registry.load("transducers", "netft")
-        netft: Transducer = kind(kind.options(host=host))
-        return netft
+        return NetftTransducer(NetftOptions(host))
     if "://" not in sensor:
-        raise ParameterError(f"sensor {sensor!r}: give netft, rtde, {forms()}")
-    return transducer_at(sensor)
+        raise ParameterError(f"sensor {sensor!r}: give netft, rtde, {FORM}")
+    return at_address(sensor)
 
 
 def reading(state: Snapshot, robot: Robot) -> WrenchSample:
@@ -94,27 +97,17 @@ def reading(state: Snapshot, robot: Robot) -> WrenchSample:
     )
 
 
-def full_scale(major: float) -> np.ndarray:
-    """Range of the robot's own wrench (6,) [N, N·m], by the major version of its software."""
-    return np.repeat(_CB3_END if major <= 3 else _E_END, 3)
-
-
 def facts(state: Snapshot, controller: Mapping[str, Any]) -> Mapping[str, Any]:
     """How the controller states its wrench, before the change to the sensor's axes; a payload among
     its settings is what a compensated wrench lacks."""
     if np.isfinite(state.raw).all():
-        return {
-            "source": "ft_raw_wrench", "frame": "flange", "reference": "flange",
-            "compensated": False,
-        }  # fmt: skip
+        raw = {"source": "ft_raw_wrench", "frame": "flange", "reference": "flange"}
+        return raw | {"compensated": False}
     estimated = state.major <= 3
-    known = {"payload", "payload_cog"} <= controller.keys()
-    payload = {"mass": controller["payload"], "cog": controller["payload_cog"]} if known else None
-    return {
-        "source": "actual_TCP_force",
-        "frame": "base",
-        "reference": "tcp" if estimated else "flange",
-        "compensated": True,
-        "estimated_from_currents": estimated,
-        **({"payload": payload} if payload else {}),
-    }
+    stated: dict[str, Any] = {
+        "source": "actual_TCP_force", "frame": "base", "compensated": True,
+        "reference": "tcp" if estimated else "flange", "estimated_from_currents": estimated,
+    }  # fmt: skip
+    if {"payload", "payload_cog"} <= controller.keys():
+        stated["payload"] = {"mass": controller["payload"], "cog": controller["payload_cog"]}
+    return stated

@@ -47,12 +47,6 @@ _FIELDS = {
 """Field of a `Snapshot` → output of the controller."""
 _OPTIONAL = {"ft_raw_wrench"}
 """Outputs that older controllers lack: e-Series have it from 5.9 on."""
-WRONG = (
-    "", "numbers that are not finite", "values or modes that no robot has",
-    "joints that jump faster than any robot", "time stamps that go back", "data of a wrong length",
-)  # fmt: skip
-"""Reasons to refuse a state; the index is stored in `Snapshot.wrong`."""
-_SHORT = 5
 _SPEED, _SLACK = 7.0, 0.05
 """Fastest joint [rad/s], above the 6.3 of a UR3's wrists, and jump beyond that [rad] of a plausible
 state, since arrival and time stamp may differ by some milliseconds."""
@@ -203,17 +197,6 @@ class Outputs:
         return data
 
 
-def once(host: str, names: Sequence[str], timeout: float) -> dict[str, Values]:
-    """Read one packet of named outputs; those that the controller lacks are left out, and without
-    an answer all."""
-    try:
-        with Outputs(host, names, timeout) as stream:
-            values = stream.next(time.monotonic() + timeout)[1] or {}
-    except DriverError:
-        return {}
-    return {name: v for name, v in values.items() if all(map(math.isfinite, v))}
-
-
 class Snapshot(NamedTuple):
     """One state of the robot.
 
@@ -233,7 +216,7 @@ class Snapshot(NamedTuple):
         protective: `time.monotonic` when a protective stop was first seen, 0 without one [s].
         halts: how often a program stopped playing.
         received, skipped, bad: number of states received, known to be lost, and refused.
-        wrong: why the newest was refused, an index of `WRONG`; 0: it was not.
+        wrong: what is wrong with the newest, which was refused; empty: it was not.
         back: by how much the controller's clock went back [s], 0 if it never did.
     """
 
@@ -260,14 +243,14 @@ class Snapshot(NamedTuple):
     received: float = 0.0
     skipped: float = 0.0
     bad: float = 0.0
-    wrong: float = 0.0
+    wrong: str = ""
     back: float = 0.0
 
     def followed_by(self, new: "Snapshot", period: float) -> "Snapshot":
         """The state after a new one was judged and counted; states come a period [s] apart."""
         wrong = implausible(new, self)
         if wrong:
-            return self._replace(bad=self.bad + 1, wrong=float(wrong))
+            return self._replace(bad=self.bad + 1, wrong=wrong)
         back, skipped, step = self.back, self.skipped, new.stamp - self.stamp
         if self.t > 0.0 and step < -_RESTART_S:
             back = -step
@@ -306,7 +289,7 @@ class StateReceiver:
             stream.close()
             raise DriverError(f"the controller has no output {', '.join(sorted(missing))}")
         self.ended = ""
-        self.newest = before._replace(t=0.0, wrong=0.0, back=0.0, major=float(stream.version[0]))
+        self.newest = before._replace(t=0.0, wrong="", back=0.0, major=float(stream.version[0]))
         self.recent: deque[Snapshot] = deque(maxlen=_KEPT)
         self._published = published
         self._thread = threading.Thread(target=self._run, name="rtde states", daemon=True)
@@ -330,7 +313,7 @@ class StateReceiver:
         """Count a packet and publish its state, unless its time stamp is that of the last one."""
         last = self.newest
         if values is None:
-            self.newest = last._replace(bad=last.bad + 1, wrong=float(_SHORT))
+            self.newest = last._replace(bad=last.bad + 1, wrong="data of a wrong length")
             return
         sent = {field: values[name] for field, name in _FIELDS.items() if name in values}
         plain = {field: v if len(v) > 1 else v[0] for field, v in sent.items()}
@@ -342,18 +325,19 @@ class StateReceiver:
             self._published(self.newest)
 
 
-def implausible(new: Snapshot, last: Snapshot) -> int:
-    """Why a robot cannot have sent this state, as an index of `WRONG`; 0 if it can."""
+def implausible(new: Snapshot, last: Snapshot) -> str:
+    """Why a robot cannot have sent this state; empty if it can."""
     sixes = [(most, getattr(new, name)) for name, most in _LARGEST.items()]
     if not all(math.isfinite(v) for _, six in sixes for v in six) or not math.isfinite(new.stamp):
-        return 1
+        return "numbers that are not finite"
     modes = -1 <= new.mode <= 8 and 1 <= new.safety <= 13 and 0 <= new.runtime <= 5
     odd = any(abs(v) > most or 0.0 < abs(v) < _TINY for most, six in sixes for v in six)
     if not modes or odd:
-        return 2
+        return "values or modes that no robot has"
     if last.t == 0.0 or new.stamp < last.stamp - _RESTART_S:
-        return 0
+        return ""
     if new.stamp < last.stamp:
-        return 4
+        return "time stamps that go back"
     reach = _SPEED * max(new.stamp - last.stamp, new.t - last.t) + _SLACK
-    return 3 if max(abs(a - b) for a, b in zip(new.q, last.q, strict=True)) > reach else 0
+    jumps = max(abs(a - b) for a, b in zip(new.q, last.q, strict=True)) > reach
+    return "joints that jump faster than any robot" if jumps else ""

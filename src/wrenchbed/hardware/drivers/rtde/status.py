@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from wrenchbed.errors import LinkError, StoppedError
 from wrenchbed.hardware.device import GONE_S, Health, State, by_age, wait_until
-from wrenchbed.hardware.drivers.rtde.states import WRONG, Snapshot
+from wrenchbed.hardware.drivers.rtde.states import Snapshot
 
 PLAYING, STOPPED = 2, 1
 RUNNING = 7
@@ -120,7 +120,7 @@ def judge(
         text = f"the controller's clock went back by {state.back:.3g} s: it was restarted"
         return Health("lost", f"{text}: call recover()", counters)
     silent = (
-        f"the controller sends {WRONG[int(state.wrong)]}" if state.wrong
+        f"the controller sends {state.wrong}" if state.wrong
         else "the controller is silent or repeats itself"
     )  # fmt: skip
     link = by_age(time.monotonic() - state.t, silent, counters)

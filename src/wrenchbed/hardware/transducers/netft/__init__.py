@@ -1,4 +1,4 @@
-"""Transducer for ATI Net F/T and Ethernet Axia: RDT over UDP, scaled by the box's web page.
+"""Transducer for ATI Net F/T: RDT over UDP, scaled by the box's web page.
 
 May import: transducer base, ``hardware.device``, registry, physics, errors; no other transducer.
 Never: the emulator's codec; both sides are written from the manual.

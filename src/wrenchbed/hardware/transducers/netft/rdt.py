@@ -1,8 +1,7 @@
-"""RDT over UDP, big endian: requests, 36-byte records and their two counters, status words of each
-product, and the thread that receives records and repeats the request.
+"""RDT over UDP, big endian: requests, 36-byte records and their two counters, status words, and the
+thread that receives records and repeats the request.
 
-Sources: ATI 9620-05 Net F/T manual (RDT, system status codes) and ATI 9620-05-C Ethernet Axia (its
-status codes).
+Source: ATI 9620-05 Net F/T manual (RDT, system status codes).
 """
 
 import contextlib
@@ -11,12 +10,12 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.device import ClockFit
 
 START, STOP = 0x0002, 0x0000
@@ -46,70 +45,40 @@ _HELD_S = 0.1
 """Greatest delay of a reading [s]; where the clocks are further apart one of them has jumped."""
 
 
-@dataclass(frozen=True)
-class StatusTable:
-    """Bits of a product's status word: what each means, which say that a reading left the sensor's
-    range, and which are no error."""
-
-    words: Mapping[int, str]
-    saturated: int
-    harmless: int
-
-    def faults(self, status: int) -> tuple[str, ...]:
-        """Meaning of a status word; the summary bit only where no other bit is set."""
-        words = tuple(word for bit, word in self.words.items() if status >> bit & 1)
-        unknown = status & ~_ANY & ~sum(1 << bit for bit in self.words)
-        if unknown:
-            words = (*words, f"unknown bits 0x{unknown:08x}")
-        return words or (("error of an unknown kind",) if status & _ANY else ())
-
-    def broken(self, status: int) -> bool:
-        """Whether a status word names an error other than a reading out of range."""
-        errors = status & ~(self.saturated | self.harmless)
-        only_summary = errors == _ANY and status & (self.saturated | self.harmless)
-        return errors != 0 and not only_summary
+_WORDS = {
+    30: "processor or memory error", 29: "digital board error", 28: "analog board error",
+    27: "serial link error", 26: "program memory error", 25: "halted by its configuration",
+    24: "invalid settings", 23: "configuration does not fit the calibration",
+    22: "network failure", 21: "CAN failure", 20: "RDT failure", 19: "EtherNet/IP failure",
+    18: "DeviceNet failure", 17: "transducer saturated or converter error",
+    16: "monitor condition latched", 14: "watchdog timeout", 13: "stack check error",
+    12: "EEPROM failure", 11: "flash failure", 10: "analog board watchdog timeout",
+    9: "gage excitation current too high", 8: "gage excitation current too low",
+    7: "artificial ground out of range", 6: "analog supply too high",
+    5: "analog supply too low", 4: "no data from the transducer",
+    3: "reference voltage error", 2: "temperature error", 1: "HTTP failure",
+}  # fmt: skip
+"""Bit of the status word → its meaning."""
+SATURATED = 1 << 17
+"""Bit of a reading that left the sensor's range."""
+_NO_ERROR = SATURATED | 1 << 16 | 1 << 1
+"""Bits with which the reading can be used."""
 
 
-_NETBOX = StatusTable(
-    {
-        30: "processor or memory error", 29: "digital board error", 28: "analog board error",
-        27: "serial link error", 26: "program memory error", 25: "halted by its configuration",
-        24: "invalid settings", 23: "configuration does not fit the calibration",
-        22: "network failure", 21: "CAN failure", 20: "RDT failure", 19: "EtherNet/IP failure",
-        18: "DeviceNet failure", 17: "transducer saturated or converter error",
-        16: "monitor condition latched", 14: "watchdog timeout", 13: "stack check error",
-        12: "EEPROM failure", 11: "flash failure", 10: "analog board watchdog timeout",
-        9: "gage excitation current too high", 8: "gage excitation current too low",
-        7: "artificial ground out of range", 6: "analog supply too high",
-        5: "analog supply too low", 4: "no data from the transducer",
-        3: "reference voltage error", 2: "temperature error", 1: "HTTP failure",
-    },
-    saturated=1 << 17,
-    harmless=1 << 16 | 1 << 1,
-)  # fmt: skip
-_AXIA = StatusTable(
-    {
-        0: "temperature out of range", 1: "supply voltage out of range", 2: "broken gage",
-        3: "busy", 5: "other error", 7: "calibration not accessible",
-        16: "monitor condition latched", 27: "gage out of range", 28: "simulated error",
-        29: "calibration checksum error", 30: "force or torque out of range",
-    },
-    saturated=1 << 30 | 1 << 27,
-    harmless=1 << 3 | 1 << 16,
-)  # fmt: skip
-TABLES: Mapping[str, StatusTable] = {"netbox": _NETBOX, "axia": _AXIA}
-"""Product → its table."""
+def faults(status: int) -> tuple[str, ...]:
+    """Meaning of a status word; the summary bit only where no other bit is set."""
+    words = tuple(word for bit, word in _WORDS.items() if status >> bit & 1)
+    unknown = status & ~_ANY & ~sum(1 << bit for bit in _WORDS)
+    if unknown:
+        words = (*words, f"unknown bits 0x{unknown:08x}")
+    return words or (("error of an unknown kind",) if status & _ANY else ())
 
 
-def table(product: str) -> StatusTable:
-    """Table of a product.
-
-    Raises:
-        ParameterError: no such product.
-    """
-    if product not in TABLES:
-        raise ParameterError(f"there is no product {product!r}. Known: {', '.join(TABLES)}")
-    return TABLES[product]
+def broken(status: int) -> bool:
+    """Whether a status word names an error other than a reading out of range."""
+    errors = status & ~_NO_ERROR
+    only_summary = errors == _ANY and status & _NO_ERROR
+    return errors != 0 and not only_summary
 
 
 def decode(data: bytes) -> np.ndarray:
@@ -138,13 +107,12 @@ class Tracker:
         lost: records that did not come in time, known from gaps.
         disordered: records that came twice, or after a newer one; they are left out.
         implausible: records with an impossible number, left out.
-        jumps: of rdt_sequence, which starts again with every request.
         restarts: of the device, whose ft_sequence went back.
     """
 
     def __init__(self, rate: float, every: float) -> None:
         self.last = (0, 0)
-        self.lost = self.disordered = self.implausible = self.jumps = self.restarts = 0
+        self.lost = self.disordered = self.implausible = self.restarts = 0
         self._far = max(1000, round(rate))
         self._every = every
         self._begun, self._asked = False, True
@@ -192,7 +160,6 @@ class Tracker:
                 self.lost += max(0, round(samples / self._every) - 1)
             else:
                 self.restarts += 1
-        self.jumps += 1
         self._asked, self._begun = False, True
         self.last, self._jump = pair, None
 

@@ -1,4 +1,4 @@
-"""An ATI sensor behind a Net Box or in an Ethernet Axia, read through RDT.
+"""An ATI sensor behind a Net Box, read through RDT.
 
 The box's web page netftapi2.xml states counts per newton, the rate of RDT, full scale and zero.
 Source of its fields: ATI 9620-05 Net F/T manual (CGI variables, netftapi2.xml).
@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from http.client import HTTPConnection, HTTPException
 from typing import Any
-from urllib.parse import SplitResult, parse_qs
+from urllib.parse import parse_qs, urlsplit
 from xml.etree import ElementTree
 
 import numpy as np
@@ -19,9 +19,20 @@ import numpy as np
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
-from wrenchbed.hardware.transducers.netft.rdt import Received, Receiver, signed, table
+from wrenchbed.hardware.transducers.netft.rdt import (
+    SATURATED,
+    Received,
+    Receiver,
+    broken,
+    faults,
+    signed,
+)
 from wrenchbed.physics.wrench import CHANNELS
 
+FORM = "netft://HOST[:PORT][?http=PORT]"
+"""Address of a box, for people."""
+RDT_PORT = 49152
+"""UDP port of RDT; source: ATI 9620-05."""
 PAGE_S = 2.0
 """Deadline of the page [s]; `connect` may try two ports, and says so within twice that."""
 LARGEST = 65536
@@ -43,9 +54,8 @@ _IDENTITY = {
 """Fields of a recording's ``sensor_box``, and elements."""
 _LONGEST = 100
 """Characters of an element that are kept; a damaged page must not swell a recording."""
-INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
-"""Samples per second where the page does not report them [Hz]; source: ATI 9620-05 (7 kHz) and
-9620-05-C (7.8 kHz)."""
+INTERNAL_RATE = 7000.0
+"""Samples per second where the page does not report them [Hz]; source: ATI 9620-05."""
 FROZEN_S, _SAME = 0.1, 20
 """Readings whose six counts stay equal for this time [s] and for so many records are frozen: noise
 changes the last counts of a sensor that lives."""
@@ -127,8 +137,8 @@ class Configuration:
     identity: Mapping[str, str] = field(default_factory=dict)
 
 
-def parse(page: bytes, internal_rate: float) -> Configuration:
-    """Read netftapi2.xml as it came; a product has an internal rate [Hz] where it states none.
+def parse(page: bytes) -> Configuration:
+    """Read netftapi2.xml as it came.
 
     Raises:
         DriverError: too long, malformed, or a field that is missing or impossible; names it.
@@ -140,7 +150,7 @@ def parse(page: bytes, internal_rate: float) -> Configuration:
     return Configuration(
         per_si=np.repeat(counts, 3) / si,
         rate=_positive(fields, "comrdtrate"),
-        internal_rate=_positive(fields, "runrate") if "runrate" in fields else internal_rate,
+        internal_rate=_positive(fields, "runrate") if "runrate" in fields else INTERNAL_RATE,
         enabled=_text(fields, "comrdte").lower() in ("enabled", "1", "on", "yes"),
         bias=fields.get("setbias", ""),
         rating=_rating(fields.get("cfgmr", ""), si),
@@ -200,16 +210,14 @@ def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
 
 @dataclass(frozen=True)
 class NetftOptions:
-    """Address of a box, UDP port of RDT, port of its web page, of which 0 tries 80, then 8080, and
-    product, ``netbox`` or ``axia``, which selects the table of status words."""
+    """Address of a box, UDP port of RDT, and port of its web page, of which 0 tries 80, then
+    8080."""
 
     host: str
-    port: int = 49152
+    port: int = RDT_PORT
     http_port: int = 0
-    product: str = "netbox"
 
     def __post_init__(self) -> None:
-        table(self.product)
         if not 0 < self.port < 65536 or not 0 <= self.http_port < 65536:
             raise ParameterError("port and http_port must be port numbers")
 
@@ -221,24 +229,12 @@ class NetftTransducer(Transducer):
     """
 
     name = "netft"
-    title = "ATI Net F/T or Ethernet Axia over UDP (RDT)"
+    title = "ATI Net F/T over UDP (RDT)"
     options = NetftOptions
-    form = "netft://HOST[:PORT][?http=PORT]"
-
-    @classmethod
-    def at_address(cls, parts: SplitResult) -> "NetftTransducer":
-        extra = parse_qs(parts.query)
-        if not parts.hostname or set(extra) - {"http"}:
-            raise ParameterError("it names no host, or more than its ports")
-        ports: dict[str, Any] = {"port": parts.port} if parts.port else {}
-        if "http" in extra:
-            ports["http_port"] = int(extra["http"][0])
-        return cls(NetftOptions(host=parts.hostname, **ports))
 
     def __init__(self, options: NetftOptions) -> None:
         super().__init__()
         self._options = options
-        self._table = table(options.product)
         self._receiver: Receiver | None = None
         self._restarts = self._lost = 0
         self._last: Received | None = None
@@ -249,7 +245,9 @@ class NetftTransducer(Transducer):
             host = socket.gethostbyname(options.host)
         except (OSError, UnicodeError) as error:
             raise LinkError(f"{options.host}: no such address: {error}") from error
-        port, page = self._look(host, (options.http_port,) if options.http_port else (80, 8080))
+        ports = (options.http_port,) if options.http_port else (80, 8080)
+        port, content = get_any(host, ports, "/netftapi2.xml")
+        page = parse(content)
         if not page.enabled:
             raise DriverError(
                 f"http://{host}:{port}: RDT is off: switch it on on the communications page"
@@ -285,10 +283,6 @@ class NetftTransducer(Transducer):
             self._lost += tracker.lost
             self._last = self._receiver.newest or self._last
         self._receiver = None
-
-    def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
-        port, content = get_any(host, ports, "/netftapi2.xml")
-        return port, parse(content, INTERNAL_RATE[self._options.product])
 
     def _keep(self, t: np.ndarray, records: np.ndarray) -> None:
         wrench, status = records["counts"] / self._page.per_si, records["status"].astype(np.int64)
@@ -334,9 +328,9 @@ class NetftTransducer(Transducer):
         frozen, status = newest.t - newest.since, newest.status
         if frozen >= FROZEN_S and newest.same > _SAME:
             return f"frozen: same counts for {frozen:.2f} s"
-        if self._table.broken(status):
+        if broken(status):
             return f"status 0x{status:08x}: {', '.join(self._words(status))}"
-        if self._range is None or status & self._table.saturated:
+        if self._range is None or status & SATURATED:
             return ""
         fraction = np.abs(newest.counts / self._page.per_si) / self._range
         k, biased = int(np.argmax(fraction)), any(c in "123456789" for c in self._page.bias)
@@ -361,12 +355,12 @@ class NetftTransducer(Transducer):
         """Bits of the channels at the end of their range (n,), by loads (n, 6) and status words."""
         full = np.inf if self._range is None else _FULL * self._range
         bits = (np.abs(wrench) >= full) @ (1 << np.arange(6))
-        said = np.where(status & self._table.saturated, _ALL, 0)
+        said = np.where(status & SATURATED, _ALL, 0)
         return np.asarray(np.where(bits, bits, said))
 
     def _words(self, status: int) -> tuple[str, ...]:
         ppm = self._running.clock.ppm
-        words = self._table.faults(status)
+        words = faults(status)
         if ppm is not None and abs(ppm) > _PPM:
             words = (*words, f"clock runs {ppm * 1e-4:+.2f} %")
         return words
@@ -376,6 +370,24 @@ class NetftTransducer(Transducer):
         if self._receiver is None:
             raise DriverError("transducer 'netft' is not connected: call connect() first")
         return self._receiver
+
+
+def at_address(address: str) -> NetftTransducer:
+    """The box that an address of `FORM` names; closed.
+
+    Raises:
+        ParameterError: it names none.
+    """
+    why = ""
+    try:
+        parts = urlsplit(address)
+        asked = parse_qs(parts.query)
+        if parts.scheme == "netft" and parts.hostname and not set(asked) - {"http"}:
+            port, http = parts.port or RDT_PORT, asked.get("http", ["0"])[0]
+            return NetftTransducer(NetftOptions(parts.hostname, port, int(http)))
+    except (ParameterError, ValueError) as error:
+        why = f"{error}: "
+    raise ParameterError(f"sensor {address!r}: {why}give {FORM}")
 
 
 def _restarted(last: Received, first: Received, rate: float) -> bool:
