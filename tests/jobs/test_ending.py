@@ -69,10 +69,9 @@ def killed(process: subprocess.Popen, least: int) -> float:
     return time.monotonic() - begun
 
 
-@pytest.mark.parametrize("forked", [False, True])
 @pytest.mark.parametrize("busy", [False, True])
-def test_workers_end_with_a_killed_parent(forked, busy):
-    process = start("-m", "worked", "pool", forked, busy)
+def test_workers_end_with_a_killed_parent(busy):
+    process = start("-m", "worked", "pool", busy)
     assert process.stdout.readline().strip() == b"at work"
     assert killed(process, 2) < ENDS_S
 

@@ -40,12 +40,12 @@ def program(_: int) -> None:
         started.wait()
 
 
-def main(kind: str, forked: str = "", busy: str = "") -> None:
+def main(kind: str, busy: str = "") -> None:
     if kind == "bound":
         with subprocess.Popen(bound(["/bin/sleep", "60"])):
             print("at work")
             time.sleep(SLEEPS_S)
-    with workers(2, forked=forked == "True") as pool:
+    with workers(2) as pool:
         list(pool.map(here, range(4)))
         pool.submit(program if kind == "program" else work if busy == "True" else rest, 0)
         time.sleep(0.3)

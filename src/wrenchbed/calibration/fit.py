@@ -80,19 +80,13 @@ class Fit(WrittenFit):
     """Result of a calibration: identified parameters, noise and residual.
 
     Attributes:
-        recording, robot: names of what was fitted.
         status: one sentence: converged or not, and how far to trust it.
-        converged: whether the iteration stopped by itself.
-        iterations: Gauss–Newton steps.
         identified: the free parameters.
         theta: all parameters by name, fitted or held.
         gravity: under which they were fitted, world axes (3,) [m/s²].
         tool: the load in the contract's terms: mass [kg], cog (3,) [m] in sensor axes.
         covariance: of the free parameters (K, K), minimum-norm where they are redundant.
-        correlation: of the free parameters (K, K), −1 … 1.
         residual_rms: per channel over the holds (6,) [N, N·m].
-        noise: see `Noise`.
-        poses, rows: how much data stood behind it.
         observability: rank and null directions of the robot's candidates.
         target_rms: expected position error of the tool in the robot's target workspace [m], rms;
             only with a prior, which bounds what the data cannot tell, and touches that agree.

@@ -40,7 +40,6 @@ class FitWords:
 
     Attributes:
         data: robot and amount of data.
-        parameters: in the order of the fit.
         residuals: label and numbers of the six channels, one line each.
         limits: what this data cannot tell.
         pairs: the strongest correlations, the strongest first.
@@ -111,11 +110,9 @@ def parameter_words(
     """A parameter in units of people.
 
     Args:
-        name: of the parameter.
         value, std: [unit], std None if the data fix only a combination of it.
         half: half width of the 95 % interval [unit].
         start: where the fit began [unit].
-        unit: SI.
     """
     shown, factor = HUMAN.get(unit, (unit, 1.0))
     value, start = factor * value, factor * start

@@ -51,7 +51,6 @@ class LearnedSensor:
         sensor: the sensor; range, resolution, mass and plate offset are those of ``like``.
         like: registry name of the sensor that gave them.
         rest: noise of the recording, with its uncertainties.
-        cannot_tell: sentences.
     """
 
     sensor: Sensor

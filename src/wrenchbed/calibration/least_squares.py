@@ -33,7 +33,6 @@ class Solution:
         jacobian: whitened and scaled by tolerance (M, K).
         covariance: of x (K, K) for unit variance of the whitened residual, minimum norm.
         blind: share of each parameter that lies in the null space (K,), 0 … 1.
-        rank, steps, converged: of the iteration.
     """
 
     x: np.ndarray

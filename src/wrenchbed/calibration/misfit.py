@@ -246,7 +246,6 @@ def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.
     Args:
         alone: changes by the suspects that no parameter takes up (n, C), in units of noise.
         residual: what no parameter takes up (n,), in units of noise.
-        every: the suspects.
     """
     R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]

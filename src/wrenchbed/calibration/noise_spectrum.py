@@ -32,7 +32,6 @@ class Clock:
     """Rows at an even rate.
 
     Attributes:
-        rows: how many.
         rate: [Hz].
         f_low, f_high: ends of the 1/f part [Hz].
     """
@@ -90,7 +89,6 @@ class Spectrum:
 
     Attributes:
         white, flicker: see `NoiseModel`.
-        white_std: of ``white``.
         flicker_std: of ``flicker``; NaN where it does not stand out and is 0.
         flicker_most: its 95 % upper limit.
         misfit: mean squared misfit of the octaves in their variances, 1 where the law holds.

@@ -17,9 +17,7 @@ class Redundancy:
     """Parameters that enter only together.
 
     Attributes:
-        names: the parameters.
         direction: how much each moves [its unit] along the change that leaves every reading alone.
-        sentence: for people.
     """
 
     names: tuple[str, ...]
@@ -32,7 +30,6 @@ class Observability:
     """Rank of a Jacobian, its singular values, and what it cannot tell.
 
     Attributes:
-        names: of all parameters.
         rank, singular_values: of the scaled Jacobian.
         no_effect: names of the parameters that move no reading.
         scale: typical size of each other parameter (K,), its unit.
@@ -93,7 +90,6 @@ def analyse(
 
     Args:
         jacobian: whitened readings by parameters (M, K).
-        names: of the K parameters.
         scale: typical size of each (K,), its unit.
         symmetries: directions with a known name; each is used only if this Jacobian confirms it.
     """

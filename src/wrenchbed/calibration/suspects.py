@@ -37,7 +37,6 @@ class Suspect(NamedTuple):
 
     Attributes:
         families: of each shape (k,); what is of one family is of about the same size.
-        name: for people.
         tips: its change of the touches' residuals (3T, k), None if it has none.
     """
 

@@ -23,7 +23,6 @@ class Agreement:
     """Agreement of touches with the wrenches, the prior and each other.
 
     Attributes:
-        count: of touches.
         std: how far a tip was taken to sit from its point [m].
         worst: index of the touch that agrees least when left out of the fit.
         distance: of that one, in standard deviations of its prediction.

@@ -66,7 +66,6 @@ class Sight:
     """H places of a target, and the robot that is fitted to them.
 
     Attributes:
-        model: robot and gravity.
         theta: its parameters (P,) as stated.
         q: joint values (H, J).
         read: places (H, 3) in the tracker's axes [m].

@@ -24,8 +24,6 @@ class TrackerFit(WrittenFit):
     """A fit of a robot's geometry to the places of a target.
 
     Attributes:
-        recording, robot: names of what was fitted.
-        converged, iterations: of the iteration.
         identified: the free parameters: geometry and compliances.
         theta: all parameters of robot and sensor by name, fitted or held.
         gravity: world axes (3,) [m/s²].
@@ -41,8 +39,6 @@ class TrackerFit(WrittenFit):
             [m].
         extent: rms distance of the measured places from their mean [m].
         residual: measured minus fitted places (H, 3) [m].
-        poses, rows: how much data stood behind it.
-        observability: rank and null directions.
     """
 
     recording: str

@@ -25,9 +25,6 @@ def observed(
     """Observations in the form that the checks take.
 
     Args:
-        recording: as it was read.
-        data: its observations.
-        model: of robot and sensor.
         theta: parameters (P,) as the metadata states them.
         free: names of the parameters that a fit will find.
     """

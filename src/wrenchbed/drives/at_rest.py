@@ -86,8 +86,6 @@ def calibrate_at_rest(
     """Fit of efforts at rest, one row a pose or many.
 
     Args:
-        recording: at rest.
-        robot: that it is of.
         free: of ``tool``, ``drive.offset`` and ``drive.constant``, or ``drive`` for both of these;
             if none, all that can be.
         constants: known drive constants (J,) [N·m/A, of slides N/A].

@@ -24,8 +24,6 @@ class JointError:
 
     Attributes:
         joint: from 1.
-        unit: of the errors.
-        rows: how many.
         measured: standard deviation of the torque or current itself.
         nominal: rms of what the nominal robot leaves; None of currents, whose constant is unknown.
         left: rms of what the fit leaves.
@@ -51,7 +49,6 @@ class AtRest:
     """Parts of a drive fit that only a fit to poses at rest has.
 
     Attributes:
-        poses: how many.
         noise: of each joint from pose to pose, friction at rest included (J,), as the efforts.
         ordinary: size of ordinary errors by kind, over the usual one.
     """
@@ -75,16 +72,12 @@ class DriveFit(WrittenFit):
     """A fit of joint torques or currents.
 
     Attributes:
-        recording, robot: what was fitted.
         unit: of the measured effort, ``N·m`` (slides have N) or ``A``.
         identified: the free parameters; friction in N·m, of slides in N.
-        joints: errors, joint by joint.
         covariance: of the identified parameters (K, K).
         cutoff: of the filter [Hz]; None at rest.
-        seconds, rows: how much data stood behind it.
         refuted: why the held-out rows refute these values, None if they do not.
         constants: of the drives, where they were stated (J,) [N·m/A, of slides N/A].
-        rest: of efforts at rest.
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
         cannot_tell: sentences on what the data do not tell, of commands.
     """
@@ -178,7 +171,6 @@ def joint_errors(
         nominal: what the nominal robot leaves (M, J), where it is known.
         left, unseen: what the fit leaves, and on rows that it did not see (M, J).
         use: rows that count (M, J).
-        units: of the joints.
     """
 
     def rms(error: np.ndarray, joint: int) -> float:

@@ -56,7 +56,6 @@ def calibrate_efforts(
     free: Sequence[str] = (),
     *,
     constants: Sequence[float] | None = None,
-    cutoff: float | None = None,
     force: bool = False,
 ) -> DriveFit:
     """Fit the joint torques or currents of a motion, or of poses at rest.
@@ -67,7 +66,6 @@ def calibrate_efforts(
             measured and nobody states them.
         constants: known drive constants (J,) [N·m/A, of slides N/A], gear included: currents
             become torques.
-        cutoff: of the filter [Hz]; five times the motion's bandwidth if none.
         force: give the values all the same where the data refute them.
 
     Raises:
@@ -78,7 +76,7 @@ def calibrate_efforts(
     if recording.metadata.mode == "static":
         fit = calibrate_at_rest(recording, arm_of(recording), free, constants)
     else:
-        fit = _calibrate_in_motion(recording, free, constants, cutoff)
+        fit = _calibrate_in_motion(recording, free, constants)
     if constants is not None:
         fit = replace(fit, constants=tuple(map(float, constants)))
     if fit.refuted is not None and not force:
@@ -89,12 +87,9 @@ def calibrate_efforts(
 
 
 def _calibrate_in_motion(
-    recording: Recording,
-    free: Sequence[str],
-    constants: Sequence[float] | None,
-    cutoff: float | None,
+    recording: Recording, free: Sequence[str], constants: Sequence[float] | None
 ) -> DriveFit:
-    signals = drive_signals(recording, cutoff)
+    signals = drive_signals(recording)
     if constants is not None:
         known = as_torques(signals.effort, signals.prefix, constants, recording.name)
         signals = replace(signals, effort=known, prefix="tau")

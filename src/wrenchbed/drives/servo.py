@@ -101,11 +101,7 @@ class Piece:
 
 
 def calibrate_servos(
-    recording: Recording,
-    free: Sequence[str] = (),
-    *,
-    cutoff: float | None = None,
-    force: bool = False,
+    recording: Recording, free: Sequence[str] = (), *, force: bool = False
 ) -> DriveFit:
     """Fit the position servos of an arm to commanded and reached joint values of a motion.
 
@@ -113,7 +109,6 @@ def calibrate_servos(
         recording: with ``q_target1…`` beside ``q1…``; ``segment`` or gaps of the clock part its
             pieces.
         free: of ``servo`` and ``tool``; the servos are always free, and the load if none is named.
-        cutoff: of the filter [Hz]; five times the motion's bandwidth if none.
         force: give the values all the same where the data refute them.
 
     Raises:
@@ -125,7 +120,7 @@ def calibrate_servos(
         raise ParameterError(
             f"--free {unknown[0]}: of commands {SERVO} and {TOOL} can be freed, no other"
         )
-    pieces = pieces_of(recording, cutoff)
+    pieces = pieces_of(recording)
     groups = (*FRICTION, CONSTANT, *(() if free and TOOL not in free else (TOOL,)))
     problem, starts = _problem(recording, pieces, groups)
     check_moves(recording.name, problem)
@@ -160,7 +155,7 @@ def _extrapolated(
     return replace(solution, x=without("x"), folds=without("folds"))
 
 
-def pieces_of(recording: Recording, cutoff: float | None) -> list[Piece]:
+def pieces_of(recording: Recording) -> list[Piece]:
     """Pieces of a motion between gaps of its clock and between its segments.
 
     Raises:
@@ -191,9 +186,8 @@ def pieces_of(recording: Recording, cutoff: float | None) -> list[Piece]:
         raise CalibrationError(
             f"{name}: no {_LEAST_ROWS} rows follow each other evenly: record longer pieces"
         )
-    if cutoff is None:
-        rate = 1.0 / float(np.median(step))
-        cutoff = float(np.median([cutoff_of(q[part], rate) for part in long]))
+    rate = 1.0 / float(np.median(step))
+    cutoff = float(np.median([cutoff_of(q[part], rate) for part in long]))
     return [_piece(name, t[part], q[part], target[part], cutoff) for part in long]
 
 

@@ -58,7 +58,6 @@ class Stage(NamedTuple):
     """One step of the chain from joint values to readings.
 
     Attributes:
-        changes: what an effect changes there.
         simulated: how a twin simulates an effect that its MJCF cannot hold.
         exported: what such an effect is applied to beside an exported MJCF.
     """
@@ -130,10 +129,8 @@ class Curve(NamedTuple):
 
     Attributes:
         channel: that it is of; empty if of all alike.
-        names: amplitudes (k,).
         x: grid (P,); a loop goes there and back.
         columns: what each amplitude adds per SI unit (P, k).
-        x_unit, y_unit: of grid and curve.
     """
 
     channel: str

@@ -35,20 +35,15 @@ def falling(
 
 
 def free_variants(
-    stems: Sequence[str],
-    text: str,
-    at: Values | None = None,
-    channels: Sequence[str] = CHANNELS,
-    weight: float = 1.0,
+    stems: Sequence[str], text: str, at: Values, channels: Sequence[str] = CHANNELS
 ) -> tuple[Variant, ...]:
     """Form-free variants of each channel, the forces, the torques and all, of amplitudes
     ``stem.fx`` …"""
-    where = dict(at or {})
 
     def of(label: str, group: Sequence[str], share: float) -> Variant:
         free = tuple(f"{stem}.{c}" for c in group for stem in stems)
         detail = FREE | ({"channel": label} if len(group) == 1 else {})
-        return Variant(f"{text}, {label}", free, where, (), detail, share * weight)
+        return Variant(f"{text}, {label}", free, at, (), detail, share)
 
     forces = [c for c in channels if c[0] == "f"]
     torques = [c for c in channels if c[0] == "t"]

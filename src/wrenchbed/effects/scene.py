@@ -31,7 +31,6 @@ class Scene:
     """M rows in the order of time: poses at rest with the ways between them, or a motion.
 
     Attributes:
-        robot: the robot.
         theta: its own parameters as configured (P,).
         gravity: in world axes (3,) [m/s²].
         q: joint values (M, J), jets in motion, or the sensor's orientations (M, 4).

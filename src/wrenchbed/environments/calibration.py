@@ -16,7 +16,7 @@ from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.environments.rendering import Rendered, simulated
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.planning.criteria import Criterion, i_optimality
+from wrenchbed.planning.criteria import Criterion, InverseTrace
 from wrenchbed.robots.motion_limits import duration
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
@@ -42,7 +42,7 @@ def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
     else:
         q = robot.sample(_TARGETS, rng)
         unit, sensitivity = "N", model.jacobian(q, nominal, columns)[:, :3]
-    criterion = i_optimality(Goal(sensitivity * scale).weight)
+    criterion = InverseTrace(Goal(sensitivity * scale).weight)
     return Knowledge(columns, unit, rows, criterion, np.eye(len(columns)))
 
 

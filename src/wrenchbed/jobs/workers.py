@@ -71,14 +71,13 @@ def in_workers(
 
 @contextmanager
 def workers(
-    count: int, setup: Callable[..., None] | None = None, *shared: Any, forked: bool = False
+    count: int, setup: Callable[..., None] | None = None, *shared: Any
 ) -> Iterator[ProcessPoolExecutor]:
     """A pool of processes whose waiting work is dropped on an error or an interrupt.
 
     Args:
         count: processes, at least one.
         setup: called once in each process with ``shared``.
-        forked: the processes begin as copies of this one, with all that is loaded.
 
     Raises:
         ShortageError: this process may open too few files.
@@ -87,9 +86,8 @@ def workers(
     _check_files(max(1, count))
     before = {k: os.environ.get(k) for k in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # read when a worker loads numpy
-    context = get_context("fork" if forked else "spawn")
     given = (os.getpid(), setup, shared)
-    pool = ProcessPoolExecutor(max(1, count), context, _initialise, given)
+    pool = ProcessPoolExecutor(max(1, count), get_context("spawn"), _initialise, given)
     started = pool._processes  # kept: the pool forgets them when it is shut down
     # All processes start before the pool watches them: the death of one that is started later is
     # noticed only when another one ends its item (CPython 3.11 to 3.13).

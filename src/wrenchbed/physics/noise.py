@@ -163,10 +163,6 @@ class NoiseStream:
     def corrupt(self, t: ArrayLike, wrench: ArrayLike) -> tuple[Array, NDArray[np.uint32]]:
         """Measured wrenches and status words of true loads at t (N,) [s].
 
-        Args:
-            t: (N,) [s].
-            wrench: (N, 6) [N, N·m].
-
         Returns:
             Measured wrenches (N, 6) and status words (N,). Bit i of the status word is set where
             channel i is saturated, see ``SATURATED_BITS``.

@@ -24,7 +24,6 @@ class Parameter:
         unit: SI unit, for instance ``m``, ``rad``, ``kg``.
         tolerance: typical deviation of a real robot from nominal [unit]; scales the fit's columns.
         lower, upper: values outside are refused as impossible [unit].
-        text: one line for people.
     """
 
     name: str

@@ -66,7 +66,6 @@ def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) ->
     Args:
         rotation: R_world_sensor (…, N, 3, 3).
         position: the sensor's origin in the world (…, N, 3) [m]; only its acceleration matters.
-        tool: the load.
         gravity: (3,) in world axes [m/s²].
     """
     if isinstance(rotation, Jet):

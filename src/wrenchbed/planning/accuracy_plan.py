@@ -24,7 +24,7 @@ from wrenchbed.calibration.touches import Touches
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import TOUCH_STD
 from wrenchbed.errors import PlanError
-from wrenchbed.planning.criteria import Criterion, i_optimality
+from wrenchbed.planning.criteria import Criterion, InverseTrace
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.robots.base import GoalSets, Robot
 from wrenchbed.simulation.closed_form import Model
@@ -248,10 +248,7 @@ def reach(
     Args:
         robot: with a tool tip and a target workspace.
         accuracy: wanted [m].
-        options: what to choose from.
-        seed: of the pool and the rehearsed robots.
         progress: called with the number of measurements as the plan grows.
-        changes: fields of the options, by name.
 
     Raises:
         PlanError: a number makes no sense, or `_MOST` measurements are not enough.
@@ -312,6 +309,6 @@ def _task(robot: Robot, sets: GoalSets, options: MixOptions) -> _Task:
     gravity = model.jacobian(sets.gravity, theta, columns) / std[:, None]
     touch = tip_jacobian(robot, sets.touch, theta, columns) / options.touch_std
     goal = Goal(tip_jacobian(robot, sets.target, theta, columns))
-    criterion = i_optimality(goal.weight * np.outer(scale, scale))
+    criterion = InverseTrace(goal.weight * np.outer(scale, scale))
     pools = Pool(gravity * scale), Pool(touch * scale)
     return _Task(model, columns, sets, std, options, pools, goal, scale, criterion)

@@ -8,7 +8,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.tracker import planned_slopes
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
-from wrenchbed.planning.criteria import INDICES, a_optimality, i_optimality
+from wrenchbed.planning.criteria import INDICES, InverseTrace
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
@@ -51,7 +51,6 @@ def informative(
 
     Args:
         index: ``O1`` … ``O5`` or ``A``.
-        pool: number of candidate poses.
         progress: called with the index after each exchange of poses that raises it.
 
     Raises:
@@ -62,7 +61,7 @@ def informative(
     model = Model.of(robot)
     theta = model.parameters.nominal
     columns = model.parameters.select(robot.free)
-    criteria = INDICES | {"A": a_optimality(len(columns))}
+    criteria = INDICES | {"A": InverseTrace(np.eye(len(columns)), "A")}
     if index not in criteria:
         raise PlanError(f"index {index!r} is not one of {', '.join(criteria)}")
     std = registry.load("sensors", robot.sensor).noise.row_std
@@ -84,7 +83,6 @@ def for_tracker(
     I-optimal: the mean variance of a target's place, as such a fit predicts it, is smallest.
 
     Args:
-        pool: number of candidate poses.
         progress: called with the rms error [m] after each exchange of poses that lowers it.
 
     Raises:
@@ -93,7 +91,7 @@ def for_tracker(
     q = _candidates(robot, n, pool, seed)
     slopes = planned_slopes(robot, q)
     flat = slopes.reshape(-1, slopes.shape[-1])
-    criterion = i_optimality(flat.T @ flat / len(q))
+    criterion = InverseTrace(flat.T @ flat / len(q))
     chosen = exchange(
         Pool(slopes / TRACKER_NOISE), criterion, n, prior=np.eye(slopes.shape[-1]), seed=seed,
         tell=lambda value: progress(float(value**-0.5)),

@@ -26,11 +26,7 @@ _PER_LEG = 0.3
 
 
 class Clearance:
-    """A robot among its surroundings.
-
-    Args:
-        robot: with an MJCF.
-    """
+    """A robot among its surroundings."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self.robot = robot

@@ -24,7 +24,6 @@ class Criterion(ABC):
     """A number to maximise.
 
     Attributes:
-        name: for people.
         power: `value` to this power is homogeneous of degree 1 in M and concave; None if it is not.
         smooth: whether the gradient tells what a whole configuration does.
     """
@@ -147,7 +146,7 @@ class InverseTrace(Criterion):
 
     power = 1.0
 
-    def __init__(self, weight: np.ndarray, name: str) -> None:
+    def __init__(self, weight: np.ndarray, name: str = "I") -> None:
         self.weight, self.name = weight, name
 
     def values(self, information: np.ndarray) -> np.ndarray:
@@ -173,16 +172,6 @@ class InverseTrace(Criterion):
 
 _CRITERIA: list[Criterion] = [O1(), *(Weakest(n, x) for n, x in _EXPONENTS.items()), O5()]
 INDICES = {c.name: c for c in _CRITERIA}
-
-
-def a_optimality(m: int) -> Criterion:
-    """Criterion 1 / trace(M⁻¹) for m parameters in their units."""
-    return InverseTrace(np.eye(m), "A")
-
-
-def i_optimality(weight: np.ndarray) -> Criterion:
-    """1 / mean square error at the target; ``weight`` (m, m) = mean GᵢᵀGᵢ."""
-    return InverseTrace(weight, "I")
 
 
 def observability_indices(jacobian: np.ndarray) -> dict[str, float]:

@@ -34,6 +34,8 @@ _ROUNDS = 60
 _STEPS = 150
 _NEW = 60
 _DROP = 1e-7
+_GAP = 1e-3
+"""Distance of a continuous design from the best, relative, at which `certify` stops."""
 
 
 class Pool:
@@ -195,9 +197,7 @@ class Certificate:
     bound: float
 
 
-def certify(
-    pool: Pool, criterion: Criterion, n: int, start: np.ndarray, *, gap: float = 1e-3
-) -> Certificate:
+def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Certificate:
     """Bound the criterion over all choices of n different configurations.
 
     Multiplicative weights (Silvey, Titterington & Torsney 1978, doi 10.1080/03610927808827719) on
@@ -205,7 +205,6 @@ def certify(
 
     Args:
         start: configurations to begin with, of full rank.
-        gap: stop when the continuous design is this close to the best.
 
     Raises:
         PlanError: the criterion is not concave, so nothing can be certified this way.
@@ -236,7 +235,7 @@ def certify(
         top = float(np.sort(slope)[-n:].sum())
         if best is None or top ** (1.0 / power) < best.bound:
             best = Certificate(support, weight, top ** (1.0 / power))
-        if top / n / value - 1.0 < gap:
+        if top / n / value - 1.0 < _GAP:
             break
         fresh = np.setdiff1d(np.argsort(-slope)[:_NEW], support)
         support = np.concatenate([support, fresh])

@@ -224,20 +224,15 @@ class Model:
             return compiled
         still, rows = self._seen(q, theta), len(value(q))
         slopes = np.empty((len(columns), rows, 6))
-        moving = np.array([self.moves_pose(c) for c in columns], dtype=bool)
+        names, load = self.parameters.names[: len(self.robot.parameters)], self.robot.load
+        # whether the sensor's pose depends on a parameter; the others cost no kinematics
+        moving = np.array([c < len(names) and names[c] not in load for c in columns], dtype=bool)
         for moves, group in ((True, np.flatnonzero(moving)), (False, np.flatnonzero(~moving))):
             for some in np.array_split(group, 1 + rows * len(group) // _ROWS_AT_ONCE):
                 shifted = complex_steps(theta, [columns[k] for k in some])
                 seen = self._seen(q, shifted) if moves and len(some) else still
                 slopes[some] = self.read(self._load(seen, shifted), shifted).imag / STEP
         return np.moveaxis(slopes, 0, -1)
-
-    def moves_pose(self, column: int) -> bool:
-        """Whether the sensor's pose depends on a parameter; the others cost no kinematics."""
-        robot_parameters = self.robot.parameters
-        return (
-            column < len(robot_parameters) and robot_parameters[column].name not in self.robot.load
-        )
 
 
 def _mounted(pose: Sequence[float]) -> dict[str, float]:

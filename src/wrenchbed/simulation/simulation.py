@@ -23,7 +23,6 @@ class Simulation:
     """One robot with one parameter vector, compiled.
 
     Args:
-        robot: the robot.
         theta: its parameters (P,).
         gravity: in world axes (3,) [m/s²]; the robot's default if None.
     """

@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
-from wrenchbed.planning.criteria import INDICES, Criterion, i_optimality
+from wrenchbed.planning.criteria import INDICES, Criterion, InverseTrace
 from wrenchbed.planning.exchange import Certificate, Pool, Selection, certify, exchange, rounded
 from wrenchbed.robots.medrue import workspace
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED
@@ -179,7 +179,7 @@ def designs(
         report(f"poses by {criterion.name}")
     scaled = Pool(setting.in_table_units / PAPER.std[:, None])
     weight = setting.goal.weight * np.outer(setting.units, setting.units)
-    result["target"] = _best(scaled, i_optimality(weight), seed, starts, "target")
+    result["target"] = _best(scaled, InverseTrace(weight), seed, starts, "target")
     report("poses by target error")
     random = np.random.default_rng(seed).choice(len(setting.q), CONFIGURATIONS, replace=False)
     result["random"] = PoseDesign("random", np.sort(random), np.nan, None)

@@ -80,8 +80,6 @@ def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> 
     """Why a recording cannot be trusted, None if nothing speaks against it.
 
     Args:
-        recording: as it was read.
-        seen: its observations.
         blocking: whether only reasons count from which nothing can be learnt, not even by a
             diagnosis, which sets a hand aside and names a zero that jumps.
     """

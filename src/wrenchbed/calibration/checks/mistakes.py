@@ -55,7 +55,8 @@ def mistake(seen: Observed) -> Finding | None:
     some = thinned(seen)
     before = some.moments.fit().share
     limit = min(MENDED * before, CLEAN)
-    mistakes = [m for m in _mistakes(some) if m.load.share < limit and _whole(m)]
+    tried = (undo(some) for undo in (_of_channels, _of_frames, _of_order, _of_joints))
+    mistakes = [m for each in tried for m in each if m.load.share < limit and _whole(m)]
     least = min((m.load.share for m in mistakes), default=0.0)
     best = [m for m in mistakes if m.load.share <= least + TIE * limit]
     if not best:
@@ -110,13 +111,6 @@ def thinned(seen: Observed) -> Observed:
 def part(seen: Observed, rows: np.ndarray) -> Observed:
     """Selection of observations, by indices or a boolean mask."""
     return replace(seen, q=seen.q[rows], y=seen.y[rows], t=seen.t[rows], row=seen.row[rows])
-
-
-def _mistakes(seen: Observed) -> Iterator[Mistake]:
-    yield from _of_channels(seen)
-    yield from _of_frames(seen)
-    yield from _of_order(seen)
-    yield from _of_joints(seen)
 
 
 def _of_channels(seen: Observed) -> Iterator[Mistake]:

@@ -111,7 +111,6 @@ class Moments:
         design: D_c' D_c of each channel (6, 10, 10).
         mixed: D_c' y_d (6, 6, 10).
         readings: y_c' y_d (6, 6).
-        count: M.
         noise: variance of an observation (6,), which no load explains.
     """
 

@@ -68,7 +68,6 @@ def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
     """The first reason that rows alone give; None if they give none.
 
     Args:
-        recording: as it was read.
         blocking: whether only reasons count that make a recording useless.
 
     Raises:
@@ -309,7 +308,6 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
     that its repeats show, so that no later check sees them.
 
     Args:
-        recording: at rest.
         keep: rows that are used (N,), boolean.
         count: used rows of each pose, in the order of the recording (M,).
     """

@@ -79,9 +79,10 @@ def touched(seen: Observed) -> Finding | None:
     noise = np.maximum(np.maximum(spread, some.noise), 1e-300)
     swing = float(some.y[:, :3].std(axis=0).max())
     force = np.linalg.norm(residual[:, :3], axis=1)
-    far = (np.abs(residual / noise).max(axis=1) > FAR) & (
-        (force > PUSH * swing) | (np.abs(residual[:, 3:]).max(axis=1) > PUSH * _torque_swing(some))
-    )
+    torque = np.abs(residual[:, 3:]).max(axis=1)
+    torque_swing = max(float(some.y[:, 3:].std(axis=0).max()), 0.05 * swing)
+    off = (force > PUSH * swing) | (torque > PUSH * torque_swing)
+    far = off & (np.abs(residual / noise).max(axis=1) > FAR)
     if not far.any() or far.mean() > 1.0 - KEPT:
         return None
     rest = part(some, ~far)
@@ -89,12 +90,6 @@ def touched(seen: Observed) -> Finding | None:
         return None
     return Finding(
         "contact", _where(some, far, float(force[far].max()), residual[far]), blocks=False
-    )
-
-
-def _torque_swing(seen: Observed) -> float:
-    return max(
-        float(seen.y[:, 3:].std(axis=0).max()), 0.05 * float(seen.y[:, :3].std(axis=0).max())
     )
 
 

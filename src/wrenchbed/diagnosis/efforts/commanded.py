@@ -25,7 +25,7 @@ def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives,
         DiagnosisError: nobody states the servos' stiffness, and it cannot be fitted.
     """
     try:
-        piece = max(pieces_of(recording, None), key=lambda p: len(p.signals.t))
+        piece = max(pieces_of(recording), key=lambda p: len(p.signals.t))
         drives = drives if drives.known(STIFFNESS).all() else _fitted(recording, drives)
     except CalibrationError as error:
         raise DiagnosisError(str(error)) from error

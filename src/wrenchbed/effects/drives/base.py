@@ -19,7 +19,6 @@ class Size(NamedTuple):
     """Size of an effect as people read it.
 
     Attributes:
-        name: of the parameter.
         unit: of a hinge, SI.
         plausible: largest one of a fault with which the robot still runs, over `Block.level`.
         absolute: whether that level is 1, not what the cause changes.
@@ -61,7 +60,6 @@ class Block:
         effect: its name; for what has none, a word of what it does.
         joint: from 1; None of the whole arm.
         outside: whether it has no name.
-        columns: names of its columns.
         value: at which its columns were made: a time, or periods a turn.
         prior: log odds beside other variants of the same effect.
         level: of what it changes: friction of the joint [N·m], mass [kg] or inertia [kg·m²] of the
@@ -95,9 +93,7 @@ class DriveRows:
     Attributes:
         joint: from 1.
         t, rate: times [s], and rows a second [Hz].
-        angle, speed, acceleration: of the joint.
         total, body: predicted effort, and that of the rigid body alone.
-        hinge: whether the joint turns.
         level: Coulomb friction, stated or fitted.
         is_stated: whether that is stated.
         spread: ordinary spread of stated numbers, by effect; None where nobody knows it.
@@ -151,8 +147,6 @@ class DriveResidual:
 
     Attributes:
         y: measured less predicted effort.
-        use: which rows count.
-        angle: of the joint.
         left: of y beside all columns, zero where no row counts.
         own: ordinary columns of the joint, but of a delay (M, K).
         thin: takes a column (N,) to the kept rows.

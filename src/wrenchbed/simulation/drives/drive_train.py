@@ -76,7 +76,6 @@ class JointTorques:
     Featherstone 2008, Rigid Body Dynamics Algorithms, Section 8.3 (loop-closure forces).
 
     Args:
-        robot: which one.
         theta: its parameters (P,).
         gravity: in world axes (3,) [m/s²].
         rotor: inertia of each motor at its joint (J,) [kg·m² or kg]; if None, the MJCF's.
@@ -194,7 +193,6 @@ class DriveTrain:
     """The drives of one robot.
 
     Args:
-        robot: which one.
         theta: its true parameters (P,).
         gravity: in world axes (3,) [m/s²].
         given: true parameters of the drives where they differ from nominal: ``drive.coulomb.2``.
@@ -256,9 +254,7 @@ class EffortNoise:
     """Noise of the drives' readings, one call after another.
 
     Args:
-        train: the drives.
         noise: ``real``, ``white`` or ``off``.
-        seed: of the noise.
         rate: rows a second [Hz].
     """
 
@@ -288,10 +284,7 @@ class ReportedEfforts:
     """Columns of a recording: efforts, what the controller wants, and temperatures.
 
     Args:
-        train: the drives.
-        kind: ``torque`` or ``current``.
         noise: ``real``, ``white`` or ``off``.
-        seed: of the noise.
     """
 
     def __init__(self, train: DriveTrain, kind: Kind, noise: str, seed: int) -> None:

@@ -30,8 +30,6 @@ class Rows(NamedTuple):
     """Motion, rigid torque and temperature of one joint in time (N,), SI.
 
     Attributes:
-        t: time [s].
-        q, qd, qdd: joint value, speed, acceleration.
         rigid: torque of the rigid body, motor included.
         warm: temperature of the drive [°C].
         coulomb: nominal friction of the joint, a number.
@@ -59,12 +57,9 @@ class Fault(NamedTuple):
     """A kind of fault.
 
     Attributes:
-        title: what happens, one line.
         unit: of ``size``; N·m stands for N on a slide.
         typical: size where none is given; with ``of_friction`` times the Coulomb friction.
-        formula: what it does.
         more: further parameters and their values where none are given.
-        of_friction: see ``typical``.
     """
 
     title: str
