@@ -61,10 +61,13 @@ def import_lerobot(folder: Path, map_file: Path) -> Imported:
     kinds = [k for k in (STATE, ACTION, EFFORT, WRENCH) if k in features]
     table = _table(folder, kinds)
     columns = _clock(table, str(folder))
+
+    def of_joints(kind: str) -> np.ndarray:
+        return _values(table, kind, folder)[:, _places(features[kind], wanted, kind, folder)]
+
     for kind, prefix in ((STATE, "q"), (ACTION, COMMAND)):
         if kind in features:
-            values = _values(table, kind, folder)[:, _places(features[kind], wanted, kind, folder)]
-            values = _in_si(values, stated, len(wanted))
+            values = _in_si(of_joints(kind), stated, len(wanted))
             columns |= {f"{prefix}{j + 1}": x for j, x in enumerate(values.T)}
     notes = [f"{len(np.unique(columns['segment']))} episodes as segments"]
     if unused := [n for n in features[STATE] if n not in wanted]:
@@ -76,10 +79,8 @@ def import_lerobot(folder: Path, map_file: Path) -> Imported:
         units = [u for u, (quantity, _) in UNITS.items() if quantity in ("torque", "current")]
         unit = stated.choice("effort", units, f"must be one of {', '.join(units)}")
         prefix = next(p for p, si in EFFORT_UNITS.items() if UNITS[si][0] == UNITS[unit][0])
-        values = _values(table, EFFORT, folder)[
-            :, _places(features[EFFORT], wanted, EFFORT, folder)
-        ]
-        columns |= {f"{prefix}{j + 1}": UNITS[unit][1] * x for j, x in enumerate(values.T)}
+        values = UNITS[unit][1] * of_joints(EFFORT)
+        columns |= {f"{prefix}{j + 1}": x for j, x in enumerate(values.T)}
     if WRENCH in features and "wrench" in stated.raw:
         stated.choice("wrench", ["N, N·m"], "must be 'N, N·m': in the sensor's axes")
         columns |= dict(zip(CHANNELS, _values(table, WRENCH, folder).T, strict=True))
@@ -111,7 +112,9 @@ def _joints(
             rule = f"must be {len(joints)} of {', '.join(names)}, in the order q1…"
             raise stated.error("joints", rule)
         return given
-    of_joints = [[n for n in names if _is_of(n, joint)] for joint in joints]
+    # ``shoulder_pan.pos`` or ``main_shoulder_pan`` is of the joint shoulder_pan
+    bases = {n: f".{n.removesuffix('.pos')}" for n in names}
+    of_joints = [[n for n in names if bases[n].endswith(("_" + j, "." + j))] for j in joints]
     if all(len(n) == 1 for n in of_joints):
         return [n for (n,) in of_joints]
     lacking = joints[[len(n) == 1 for n in of_joints].index(False)]
@@ -119,12 +122,6 @@ def _joints(
         f"{where}: {STATE} names {', '.join(names)}: none, or several, is joint {lacking} of the "
         'robot; state [lerobot] joints = ["…"] in the order q1…'
     )
-
-
-def _is_of(name: str, joint: str) -> bool:
-    """Whether ``shoulder_pan.pos`` or ``main_shoulder_pan`` is a joint's."""
-    base = name.removesuffix(".pos")
-    return base == joint or base.endswith(("_" + joint, "." + joint))
 
 
 def _places(names: Sequence[str], wanted: Sequence[str], kind: str, folder: Path) -> list[int]:

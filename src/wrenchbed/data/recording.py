@@ -189,17 +189,17 @@ def joint_columns(columns: Container[str]) -> tuple[str, ...]:
 
 def effort_prefix(columns: Container[str]) -> str | None:
     """``tau`` or ``i`` of columns that have this for each joint, torques first."""
-    joints = range(1, len(joint_columns(columns)) + 1)
-    for prefix in EFFORT_UNITS:
-        if joints and all(f"{prefix}{j}" in columns for j in joints):
-            return prefix
-    return None
+    return next((prefix for prefix in EFFORT_UNITS if _of_joints(prefix, columns)), None)
 
 
 def commanded(columns: Container[str]) -> bool:
     """Whether columns hold a target of each joint."""
-    joints = range(1, len(joint_columns(columns)) + 1)
-    return bool(joints) and all(f"{COMMAND}{j}" in columns for j in joints)
+    return _of_joints(COMMAND, columns)
+
+
+def _of_joints(prefix: str, columns: Container[str]) -> bool:
+    joints = joint_columns(columns)
+    return bool(joints) and all(f"{prefix}{name[1:]}" in columns for name in joints)
 
 
 def holds_readings(columns: Container[str]) -> bool:

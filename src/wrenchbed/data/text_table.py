@@ -81,11 +81,15 @@ class Columns:
         """The rows in which none of some columns lacks its number."""
         keep = np.ones(self.table.num_rows, dtype=bool)
         for name in set(names) & set(self.table.column_names):
-            column = self.table.column(name)
-            keep &= ~column.is_null().to_numpy()
-            if pa.types.is_floating(column.type):
-                keep &= np.isfinite(column.to_numpy())
+            keep &= ~self.lacks(name)
         return self if keep.all() else replace(self, table=self.table.filter(keep), skipped=None)
+
+    def lacks(self, name: str) -> np.ndarray:
+        """Rows (N,) in which a column has no value, or none that is finite."""
+        column = self.table.column(name)
+        if pa.types.is_floating(column.type):
+            return ~np.isfinite(np.asarray(column))
+        return np.asarray(column.is_null())
 
     def times(self, name: str) -> np.ndarray | None:
         """A column (N,) as nanoseconds since 1970, if it is text or stamps of time."""

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from math import inf, isfinite
 from pathlib import Path
 from sys import float_info
-from typing import Any, NoReturn
+from typing import Any
 
 from wrenchbed.errors import WrenchbedError, did_you_mean, raise_shortage
 
@@ -124,10 +124,6 @@ class Fields:
         if key not in self.raw:
             return self.kind(f"{self.where}{self._label(key)} is missing: it {rule}")
         return self.kind(f"{self.where}{self._label(key)} = {self.raw[key]!r} {rule}")
-
-    def refuse(self, key: str, rule: str) -> NoReturn:
-        """Raise the error for a field."""
-        raise self.error(key, rule)
 
     def _label(self, key: str) -> str:
         return f"{self.name}.{key}" if self.name else key

@@ -353,7 +353,9 @@ class ArmTree:
                     continue
                 pos = turn.T @ (data.xpos[body] + axes @ model.geom_pos[g] - origin)
                 quat = quaternion(turn.T @ axes @ matrix(model.geom_quat[g]))
-                size, colour = model.geom_size[g], _colour(model, int(g))
+                size, colour, material = model.geom_size[g], model.geom_rgba[g], model.geom_matid[g]
+                if material >= 0 and np.allclose(colour, [0.5, 0.5, 0.5, 1.0]):
+                    colour = model.mat_rgba[material]
                 shape = Shape(kind, _floats(size), _floats(pos), _floats(quat), _floats(colour))
                 shapes.append(shape if kind != "mesh" else self._with_mesh(shape, int(g)))
         return tuple(shapes)
@@ -376,12 +378,6 @@ def _axes(nine: np.ndarray) -> np.ndarray:
 
 def _floats(values: np.ndarray) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
-
-
-def _colour(model: mujoco.MjModel, g: int) -> np.ndarray:
-    material = int(model.geom_matid[g])
-    plain = np.allclose(model.geom_rgba[g], [0.5, 0.5, 0.5, 1.0])
-    return np.asarray(model.mat_rgba[material] if plain and material >= 0 else model.geom_rgba[g])
 
 
 def _plain(name: str) -> str:

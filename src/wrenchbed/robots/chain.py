@@ -106,9 +106,12 @@ class SerialChain(MountedArm):
         seen: Vector = np.moveaxis(gravity @ turns[0], -1, 0)
         for k, slides in enumerate(self._slides):
             if not slides:
-                seen = _about_z(seen, np.cos(angle[k]), np.sin(angle[k]))
-            seen = _turned_back(seen, turns[k + 1])
-        return np.moveaxis(_stacked(seen, angle.shape[1:]), 0, -1)
+                c, s, (x, y, z) = np.cos(angle[k]), np.sin(angle[k]), seen
+                seen = (c * x + s * y, c * y - s * x, z)
+            turn = turns[k + 1]
+            seen = tuple(_combined([turn[..., i, j] for i in range(3)], [*seen]) for j in range(3))
+        shape = np.broadcast_shapes(*(np.shape(x) for x in seen), angle.shape[1:])
+        return np.moveaxis(np.stack([np.broadcast_to(x, shape) for x in seen]), 0, -1)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
         """The robot's own numbers are, of each hinge: column, zero, cosine and sine of the twist.
@@ -160,19 +163,3 @@ def _combined(weights: Sequence[np.ndarray], parts: Sequence[Value]) -> Value:
     """Σ w_k a_k; terms that are exactly 0 cost nothing."""
     terms = [w * a for w, a in zip(weights, parts, strict=True) if np.ndim(w) or w != 0.0]
     return reduce(lambda total, term: total + term, terms)
-
-
-def _turned_back(x: Vector, turn: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Product Rᵀ v for a vector whose components come first."""
-    return tuple(_combined([turn[..., k, j] for k in range(3)], list(x)) for j in range(3))
-
-
-def _stacked(x: Vector, shape: tuple[int, ...]) -> np.ndarray:
-    """Components (3, …, N) as one array, each of at least a shape."""
-    shape = np.broadcast_shapes(*(np.shape(v) for v in x), shape)
-    return np.stack([np.broadcast_to(v, shape) for v in x])
-
-
-def _about_z(x: Vector, c: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Vector, components first, in axes rotated about z."""
-    return c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]

@@ -20,7 +20,7 @@ import numpy as np
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets, transposed, value
-from wrenchbed.robots.arm_model import HINGE, ArmModel, Closure
+from wrenchbed.robots.arm_model import HINGE, ArmModel
 
 _STRIDE, _CAREFUL = 0.2, 0.05
 """Longest way of a driven joint between two Newton solutions [rad, m over the arm's reach], at
@@ -71,15 +71,13 @@ class ClosedLoops:
         self._ways: list[list[int]] = [[]]  # links from the base to each link, the base first
         for k, before in enumerate(arm.parents):
             self._ways.append([*self._ways[before + 1], k])
-        self._shared = [self._last_shared(closure) for closure in self.closures]
+        both = [(self._ways[c.first + 1], self._ways[c.second + 1]) for c in self.closures]
+        self._shared = [  # the last link before a loop's two sides part; −1 is the base
+            max((a for a, b in zip(*two, strict=False) if a == b), default=-1) for two in both
+        ]
         self._kept = np.eye(0)
         self._solutions: dict[tuple[bytes, tuple[int, ...]], np.ndarray] = {}
         self.home = self._at_home(np.array([link.home for link in arm.links]))
-
-    def _last_shared(self, closure: Closure) -> int:
-        """The last link before a loop's two sides part; −1 is the base."""
-        one, two = self._ways[closure.first + 1], self._ways[closure.second + 1]
-        return max((a for a, b in zip(one, two, strict=False) if a == b), default=-1)
 
     def frames(self, at: Sequence[Value], arm: ArmModel) -> list[Frame]:
         """Frames of the base and each link, in base axes, at all joints' values (…, N) each."""
@@ -292,13 +290,8 @@ class ClosedLoops:
         return at
 
     def lifted(self, at: np.ndarray, driven: Value, arm: ArmModel, real: ArmModel) -> list[Value]:
-        """Values of all joints, (…, N) each, with the derivatives that driven ones and arm carry.
-
-        Args:
-            at: solution (…, N, L) of the real parts.
-            driven: joints' values with their zeros (…, N, J), also jets; complex if the arm is.
-            arm, real: the arm and its real part.
-        """
+        """Values of all joints, (…, N) each, with the derivatives that driven ones (…, N, J) with
+        their zeros and the arm carry, from a solution (…, N, L) of the real parts."""
         orders = 2 * isinstance(driven, Jet) + np.iscomplexobj(value(driven))
         values = list[Value](_split(at))
         if not orders:

@@ -106,8 +106,8 @@ def describe(
         frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
         out: TOML file to write; a file of this name is replaced.
         sensor: registry name, or the path of a user's TOML file.
-        tool_mass: of the tool [kg]; it replaces what the file has behind the frame.
-        tool_cog: of the tool (3,) [m] in sensor axes; it replaces that of the file.
+        tool_mass, tool_cog: of the tool [kg], (3,) [m] in sensor axes; they replace what the file
+            has behind the frame.
         hold_others: keep another arm in the file where it stands.
 
     Raises:
@@ -116,7 +116,8 @@ def describe(
     """
     from wrenchbed.robots.model_file import read_arm
 
-    file = menagerie.model_of(file.name) if menagerie.is_name(file) else file
+    if not file.exists() and file.suffix == "" and file == Path(file.name):
+        file = menagerie.model_of(file.name)
     if out.resolve() == file.resolve():
         raise ParameterError(f"--out {out} is the model file: nothing is written into it")
     arm, held, notes = read_arm(file, frame, hold_others)
@@ -191,7 +192,7 @@ def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
     fields = Fields(carried, "robot_model: ", ParameterError, "sensor")
     name, record_of_sensor = fields.stated_text("name"), fields.raw.get("record")
     if not isinstance(record_of_sensor, Mapping):
-        fields.refuse("record", "must be an object")
+        raise fields.error("record", "must be an object")
     registry.remember("sensors", name, record_of_sensor)
     return name
 
@@ -221,14 +222,10 @@ def _load(
         raise ParameterError(f"--tool-mass {mass:g} must be above 0 kg")
     if not all(np.isfinite(x) and abs(x) < 2.0 for x in cog):
         raise ParameterError(f"--tool-cog {' '.join(map(str, cog))} is not within 2 m (is it mm?)")
-    return Load(float(mass), tuple(float(x) for x in cog), _ball(mass))
-
-
-def _ball(mass: float) -> tuple[float, ...]:
-    """Inertia [kg·m²] of a solid ball, 2/5 m r²."""
     radius = (3.0 * mass / (4.0 * np.pi * _DENSITY)) ** (1.0 / 3.0)
-    moment = float(f"{0.4 * mass * radius**2:.3g}")
-    return (moment, moment, moment, 0.0, 0.0, 0.0)
+    moment = float(f"{0.4 * mass * radius**2:.3g}")  # of a solid ball, 2/5 m r²
+    inertia = (moment, moment, moment, 0.0, 0.0, 0.0)
+    return Load(float(mass), tuple(float(x) for x in cog), inertia)
 
 
 def _floor(arm: ArmModel) -> float | None:
@@ -253,7 +250,7 @@ def _robot(
     table = toml_fields(text, where, ParameterError)
     table.only(_TOP)
     if table.raw.get("format") != FORMAT:
-        table.refuse("format", f"must be {FORMAT}")
+        raise table.error("format", f"must be {FORMAT}")
     rows = table.raw.get("joint", [])
     count = len(rows) if isinstance(rows, list) else 0
     if count != len(arm.links):
@@ -267,7 +264,7 @@ def _robot(
     )
     gravity = table.stated_numbers("gravity", 3)
     if not 1.0 < float(np.linalg.norm(gravity)) < 30.0:
-        table.refuse("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
+        raise table.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     floor = table.stated_number("floor") if "floor" in table.raw else None
     sensor = known_as(table.stated_text("sensor"))
     sensor_record = registry.record_of("sensors", sensor)
@@ -290,7 +287,7 @@ def _robot(
 def _edited(link: ArmLink, row: Fields) -> ArmLink:
     row.only(_JOINT)
     if row.stated_text("name") != link.joint:
-        row.refuse("name", f"must be {link.joint!r}: the order is that of the chain")
+        raise row.error("name", f"must be {link.joint!r}: the order is that of the chain")
     lower, upper, speed, mass, home = (
         row.stated_number(key) for key in ("lower", "upper", "speed", "mass", "home")
     )
@@ -301,7 +298,7 @@ def _edited(link: ArmLink, row: Fields) -> ArmLink:
         (lower <= home <= upper, "home", f"must lie within {lower:g} … {upper:g}"),
     ):
         if not right:
-            row.refuse(key, rule)
+            raise row.error(key, rule)
     cog = np.array(row.stated_numbers("cog", 3))
     return replace(
         link, lower=lower, upper=upper, speed=speed, home=home, mass=mass, cog=cog,
@@ -314,9 +311,9 @@ def _stated_load(tool: Fields, before: Load | None) -> Load:
     mass, cog = tool.stated_number("mass"), tool.stated_numbers("cog", 3)
     inertia = tool.stated_numbers("inertia", 6)
     if not mass > 0.0:
-        tool.refuse("mass", "must be above 0 kg")
+        raise tool.error("mass", "must be above 0 kg")
     if not physical_inertia(inertia):
-        tool.refuse("inertia", "is not the inertia of any body")
+        raise tool.error("inertia", "is not the inertia of any body")
     if before is None or not np.allclose([mass, *cog], [before.mass, *before.cog], rtol=1e-9):
         return Load(mass, cog, inertia)
     return replace(before, mass=mass, cog=cog, inertia=inertia)

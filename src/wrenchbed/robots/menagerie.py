@@ -12,11 +12,6 @@ EXTRA = "menagerie"
 """Extra that installs the package ``mujoco-menagerie``."""
 
 
-def is_name(file: Path) -> bool:
-    """Whether a path that is no file may be the name of a robot."""
-    return not file.exists() and file.suffix == "" and file == Path(file.name)
-
-
 def model_of(name: str) -> Path:
     """The MJCF of a robot alone, downloaded on first use.
 

@@ -139,7 +139,12 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
         k = last if model.body_jntnum[body] else joint_of[model.body_parentid[body]]
         joint_of.append(k)
         if k >= 0:
-            phi[k] += inertial_of(model, data, body, *frames[k])
+            (turn, origin), mass = frames[k], float(model.body_mass[body])
+            axes = turn.T @ data.ximat[body].reshape(3, 3)
+            cog = turn.T @ (data.xipos[body] - origin)
+            about = axes @ np.diag(model.body_inertia[body]) @ axes.T
+            about += mass * (cog @ cog * np.eye(3) - np.outer(cog, cog))
+            phi[k] += [mass, *(mass * cog), *six_of(about)]
     motors = [int(model.joint(joint.name).dofadr[0]) for joint in robot.joints]
     passive = model.dof_armature.copy()
     passive[motors] = 0.0
@@ -149,15 +154,3 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Axes (3, 3) and origin (3,) of a link in the world, of arrays with one row or none."""
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]
-
-
-def inertial_of(
-    model: mujoco.MjModel, data: mujoco.MjData, body: int, turn: np.ndarray, origin: np.ndarray
-) -> np.ndarray:
-    """The ten parameters (10,) of a body in axes (3, 3) about an origin (3,) of the world."""
-    mass = float(model.body_mass[body])
-    axes = turn.T @ data.ximat[body].reshape(3, 3)
-    cog = turn.T @ (data.xipos[body] - origin)
-    about = axes @ np.diag(model.body_inertia[body]) @ axes.T
-    about = about + mass * (cog @ cog * np.eye(3) - np.outer(cog, cog))
-    return np.array([mass, *(mass * cog), *six_of(about)])

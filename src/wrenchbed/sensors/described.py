@@ -75,13 +75,13 @@ def _own(text: str, where: str) -> Sensor:
 def _sensor(text: str, where: str) -> Sensor:
     top = toml_fields(text, where, ParameterError).only(_TOP)
     if top.raw.get("format") != FORMAT:
-        top.refuse("format", f"must be {FORMAT}")
+        raise top.error("format", f"must be {FORMAT}")
     name = top.stated_text("name")
     if "@" in name or name.lower().endswith(".toml"):
-        top.refuse("name", "must hold no '@' and not end in .toml")
+        raise top.error("name", "must hold no '@' and not end in .toml")
     rows = top.raw.get("calibration")
     if not isinstance(rows, list) or not rows:
-        top.refuse("calibration", "must be one or more [[calibration]] tables")
+        raise top.error("calibration", "must be one or more [[calibration]] tables")
     calibrations = tuple(
         _calibration(Fields(row, f"{where}: ", ParameterError, f"calibration {k}"))
         for k, row in enumerate(rows, 1)
@@ -90,7 +90,7 @@ def _sensor(text: str, where: str) -> Sensor:
     default = top.stated_text("default")
     if default not in known:
         hint = did_you_mean(default, known)
-        top.refuse("default", f"is none of its calibrations{hint}: {', '.join(known)}")
+        raise top.error("default", f"is none of its calibrations{hint}: {', '.join(known)}")
     full = calibrations[known.index(default)]
     mass, offset = top.part("mass").only(_VALUE), top.part("plate_offset").only(_VALUE)
     noise = top.part("noise").only(_NOISE)
@@ -115,7 +115,7 @@ def _calibration(row: Fields) -> SensorCalibration:
     row.only(_CALIBRATION)
     full, step = _positive(row, "range"), _positive(row, "resolution")
     if not (step < full).all():
-        row.refuse("resolution", f"must be below range = {row.raw['range']}")
+        raise row.error("resolution", f"must be below range = {row.raw['range']}")
     return SensorCalibration(row.stated_text("name"), full, step, row.stated_text("source"))
 
 
@@ -127,10 +127,10 @@ def _noise(table: Fields, calibration: SensorCalibration) -> NoiseModel:
         signed = key == "warmup_drift"
         value = np.array(table.stated_numbers(key, 6, _WRENCH))
         if not signed and (value < 0.0).any():
-            table.refuse(key, "must not be below 0")
+            raise table.error(key, "must not be below 0")
         if not (np.abs(value) < full).all():
             rule = f"must be below the range {full.tolist()} of {calibration.name}"
-            table.refuse(key, f"{rule} in every channel (is it mN?)")
+            raise table.error(key, f"{rule} in every channel (is it mN?)")
         parts["resolution" if key == "step" else key] = value
     parts |= {key: table.amount(key, unit) for key, unit in _SCALARS.items()}
     if "correlation" in table.raw:
@@ -145,7 +145,7 @@ def _positive(table: Fields, key: str) -> Array:
     """Six numbers above 0."""
     value = np.array(table.stated_numbers(key, 6, _WRENCH))
     if not (value > 0.0).all():
-        table.refuse(key, "must be above 0 in every channel")
+        raise table.error(key, "must be above 0 in every channel")
     return value
 
 

@@ -7,7 +7,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 
 from wrenchbed.data.column_map import (
     ACCELERATION,
@@ -175,7 +174,7 @@ def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
     if not skip_incomplete:
         return [sheet_of(text)]
     names, rows = text.table.column_names, text.table.num_rows
-    lacks = {name: _lacks(text, name) for name in names}
+    lacks = {name: text.lacks(name) for name in names}
     frequent = text.complete([name for name in names if lacks[name].mean() <= 0.5])
     if frequent.table.num_rows > rows // 2:
         return [sheet_of(frequent, frequent.table.num_rows < rows)]
@@ -244,13 +243,6 @@ def _accelerometer(sheet: Sheet) -> dict[str, str]:
         if (np.abs(length / _EARTH - 1.0) < _NEAR_G).mean() > _STEADY:
             return dict(zip(ACCELERATION, names, strict=True))
     return {}
-
-
-def _lacks(text: Columns, name: str) -> np.ndarray:
-    """Rows (N,) in which a column has no value."""
-    column = text.table.column(name)
-    empty = np.asarray(column.is_null())
-    return empty | np.isnan(column.to_numpy()) if pa.types.is_floating(column.type) else empty
 
 
 # names

@@ -70,7 +70,11 @@ def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
     place(spec, "wrist", swing @ reach, swing)
     spec.joint("alpha").pos = -reach
     place(spec, "slider", [at["slide"] - reach[0], 0.0, 0.0])
-    _write_tool(spec, p, tool)
+    place(spec, "tool", [p["xS"], p["yS"], p["zS"]], _turn(p, "S"))
+    write_load(spec, tool)
+    tcp = spec.site("tcp")
+    tcp.pos = [p["xT"], p["yT"], p["zT"]]
+    rotate_body(tcp, _turn(p, "T"))
     return spec
 
 
@@ -86,15 +90,6 @@ def _write_five_bar(spec: mujoco.MjSpec, p: Values, i: int, at: dict[str, float]
         place(spec, f"proximal_{near}{i}", [plane, p[anchor + "y"], p[anchor + "z"]], angle)
         place(spec, f"distal_{far}{i}", [0.0, p[near_link % i], 0.0], rot_x(at[f"{far}{i}"]))
         spec.site(f"e_{far}{i}").pos = [-side * pin, p[far_link % i], 0.0]
-
-
-def _write_tool(spec: mujoco.MjSpec, p: Values, tool: Tool) -> None:
-    mount = _turn(p, "S")
-    place(spec, "tool", [p["xS"], p["yS"], p["zS"]], mount)
-    write_load(spec, tool)
-    tcp = spec.site("tcp")
-    tcp.pos = [p["xT"], p["yT"], p["zT"]]
-    rotate_body(tcp, _turn(p, "T"))
 
 
 class MedRUE(SimulatedRobot):

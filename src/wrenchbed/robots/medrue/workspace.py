@@ -45,7 +45,10 @@ def joints(p: Values, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
         q1 = e1[:, 0] + p["d41"] - p["dq1"]
         q2, q3 = _five_bar(p, 1, e1[:, 1:])
         q4, q5 = _five_bar(p, 2, e2[:, 1:])
-        d1 = _second_elbow(p, q3)
+        turn, middle, half = _frame(p, 1)
+        angle = q3 + p["dq3"]
+        elbow = np.stack([-half + p["L13"] * np.cos(angle), p["L13"] * np.sin(angle)], axis=-1)
+        d1 = elbow @ turn.T + middle
         link = np.arctan2(e1[:, 2] - d1[:, 1], e1[:, 1] - d1[:, 0])
         # R = Rx(γ) Ry(β) Rz(α): its third column is (sin β, −sin γ cos β, cos γ cos β), cos β > 0
         gamma = np.arctan2(-wrist[:, 1, 2], wrist[:, 2, 2])
@@ -76,13 +79,6 @@ def _reach(x: np.ndarray, y: np.ndarray, near: float, far: float) -> np.ndarray:
     r = np.hypot(x, y)
     opening = np.arccos((r**2 + near**2 - far**2) / (2 * r * near))
     return np.arctan2(y, x) + opening
-
-
-def _second_elbow(p: Values, q3: np.ndarray) -> np.ndarray:
-    turn, middle, half = _frame(p, 1)
-    angle = q3 + p["dq3"]
-    local = np.stack([-half + p["L13"] * np.cos(angle), p["L13"] * np.sin(angle)], axis=-1)
-    return local @ turn.T + middle
 
 
 def random_poses(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -145,16 +141,14 @@ def reachable(
     return q[which], which
 
 
-def touch_poses(
-    robot: Robot, points: np.ndarray, seed: int, each: int = 30
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (T, 6) at ``points`` (K, 3) in up to ``each`` orientations, and which point.
+def touch_poses(robot: Robot, points: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Joint values (T, 6) at ``points`` (K, 3) in up to 30 orientations, and which point.
 
     Raises:
         WrenchbedError: no point is in reach.
     """
     rng = np.random.default_rng(seed)
-    which = np.repeat(np.arange(len(points)), each)
+    which = np.repeat(np.arange(len(points)), 30)
     rotation, _ = random_poses(len(which), rng)
     q, kept = reachable(robot, rotation, points[which])
     if not len(q):
