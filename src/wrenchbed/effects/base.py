@@ -29,16 +29,6 @@ if TYPE_CHECKING:
 else:
     MjSpec = Any
 """MuJoCo is imported by what compiles a model only."""
-SHOWN: Mapping[str, str] = {
-    "prediction": "the rows sorted by what it predicts",
-    "time": "time, or the temperature where that was recorded",
-    "load": "the load of the channel in which it shows most",
-    "loop": "that load, where it rises and where it falls",
-    "torque": "the torque on the joint, as an error of the joint's value",
-    "angle": "the joint's own value, likewise",
-    "matrix": "all pairs of channels, as what one shows of another's load",
-}
-"""Variables of an effect's own figure in a report, beside measured and simulated."""
 _OF_JOINT = re.compile(r"(.+)\.q\d+")
 """Pattern of a name that ends with a joint."""
 _LISTED = 15
@@ -204,7 +194,9 @@ class Effect(ABC):
     zero_is_convention: ClassVar[bool] = False
     """Whether the effect's zero, and its mean response to load, are a convention."""
     shown: ClassVar[str] = "prediction"
-    """Name in `SHOWN` of the variable over which a report draws the effect."""
+    """What a report draws the effect over: the ``prediction``, ``time`` (or the recorded
+    temperature), ``load`` or ``loop`` of the channel in which it shows most, ``torque`` or
+    ``angle`` of its joint, or the ``matrix`` of all pairs of channels."""
     once: ClassVar[bool] = False
     """Whether the effect is of one day: another recording of the robot may be without it."""
 
@@ -362,7 +354,7 @@ class ModelEffect(Effect):
 
 
 class JointEffect(Effect):
-    """The joints stand elsewhere than they report; one amplitude a joint."""
+    """One amplitude a joint; usually the joints stand elsewhere than they report."""
 
     stage = "joint"
     local = True
@@ -385,12 +377,6 @@ class JointEffect(Effect):
             Variant(f"joint {k}", (n,), detail={"joint": k}) for k, n in enumerate(names, start=1)
         ]
         return (*single, Variant("all joints", names, weight=2.0))
-
-
-class EffortEffect(JointEffect):
-    """The sensors of the joints' torques show something else; one amplitude a joint."""
-
-    stage = "effort"
 
 
 class LoadEffect(Effect):

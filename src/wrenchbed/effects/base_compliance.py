@@ -4,7 +4,7 @@ import numpy as np
 
 from wrenchbed.effects.base import Effect, MjSpec, Pose, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.rotations import apply, exp
+from wrenchbed.physics.rotations import apply, exp, matrix
 from wrenchbed.robots.base import Robot
 
 NAMES = ("compliance", "compliance.x", "compliance.y")
@@ -51,12 +51,12 @@ class BaseCompliance(Effect):
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Add two sprung hinges at the base, about x and y of the world."""
-        from wrenchbed.simulation.springs import Spring, base_axes, hinge
+        from wrenchbed.simulation.springs import Spring, hinge
 
         for axis, name, world in zip("xy", NAMES[1:], np.eye(3), strict=False):
             give = p[NAMES[0]] + p[name]
             if give:
-                in_base = [*map(float, base_axes(spec).T @ world)]
+                in_base = [*map(float, world @ matrix(spec.body("base").quat))]
                 hinge(self.name, axis, spec.body("base"), in_base, Spring(1.0 / give))
 
 

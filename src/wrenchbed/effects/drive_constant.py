@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import EffortEffect, Values, vector
+from wrenchbed.effects.base import JointEffect, Values, vector
 
 
-class DriveConstant(EffortEffect):
+class DriveConstant(JointEffect):
     """τ_j → (1 + ε_j) τ_j.
 
     Seen in: joint torques of poses that load the joint differently; one that carries no weight
@@ -13,6 +13,7 @@ class DriveConstant(EffortEffect):
     """
 
     name = "drive.constant"
+    stage = "effort"
     title = "gains of the joints' torque sensors are wrong"
     title_of_joint = "the gain of joint {joint}'s torque sensor is wrong"
     source = "3 %: estimate, three times what data sheets give"

@@ -2,16 +2,17 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import EffortEffect, Values, vector
+from wrenchbed.effects.base import JointEffect, Values, vector
 
 
-class DriveOffset(EffortEffect):
+class DriveOffset(JointEffect):
     """τ_j → τ_j + b_j.
 
     Seen in: joint torques of poses that load the joint differently.
     """
 
     name = "drive.offset"
+    stage = "effort"
     title = "zeros of the joints' torque sensors are off"
     title_of_joint = "the zero of joint {joint}'s torque sensor is off"
     source = "0.5–2 % of the sensor's range: estimate, several times what a tared one keeps"

@@ -123,11 +123,6 @@ class ServoDrivenRobot:
         load = -np.concatenate([sensed[0, ::every, k : k + 3] for k in first], axis=1)
         return Sampled(qpos[:, self._columns], qvel[:, self._speeds], load)
 
-    def closure(self) -> float:
-        """Largest gap between the two sides of a loop now [m]."""
-        mujoco.mj_kinematics(self.model, self.data)
-        return self.simulation.closure(self.data)
-
 
 def steps_in(seconds: float) -> int:
     """Number of steps of at most `LONGEST_STEP` in a duration."""

@@ -78,12 +78,6 @@ class Simulation:
             x = x + np.linalg.pinv((at[1:] - at[0]).T / _STEP) @ miss
         return None
 
-    def closure(self, data: mujoco.MjData | None = None) -> float:
-        """Largest gap between the two sides of a loop in a state [m]; 0 without loops."""
-        at = (self.data if data is None else data).site_xpos
-        gaps = (float(np.linalg.norm(at[a] - at[b])) for a, b in loop_sites(self.model))
-        return max(gaps, default=0.0)
-
 
 def loop_sites(model: mujoco.MjModel) -> list[tuple[int, int]]:
     """The two sites that each loop keeps together."""

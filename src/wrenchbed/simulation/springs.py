@@ -81,13 +81,6 @@ def tool_mass(spec: mujoco.MjSpec, effect: str) -> mujoco.MjsBody:
     return mass
 
 
-def base_axes(spec: mujoco.MjSpec) -> np.ndarray:
-    """Rotation R_world_base (3, 3)."""
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, np.array(spec.body("base").quat))
-    return matrix.reshape(3, 3)
-
-
 def cable(
     spec: mujoco.MjSpec,
     effect: str,
