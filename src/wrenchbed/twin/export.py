@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -39,13 +40,63 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
     if springs:
         _weigh_in_full(spec)
     _stand(spec)
-    spec.compile()
+    model = spec.compile()
     read = README.format(robot=robot.name, weights=_IN_FULL if springs else "")
     with atomic_folder(folder) as new:
-        write_text(new / mjcf.name, spec.to_xml())
+        write_text(new / mjcf.name, exact(spec.to_xml(), model))
         write_json(new / outside.name, _outside(twin, inside))
         write_text(new / "README.md", read.rstrip() + "\n")
     return mjcf, outside
+
+
+def exact(xml: str, model: mujoco.MjModel) -> str:
+    """The model's XML with all digits of what a wrench depends on: MuJoCo writes six.
+
+    These are places, axes, masses, inertias and zeros of named bodies, joints and sites, the points
+    at which loops close, and gravity.
+    """
+    root = ElementTree.fromstring(xml)
+    option = root.find("option")
+    option = ElementTree.SubElement(root, "option") if option is None else option
+    option.set("gravity", _words(model.opt.gravity))
+    for element in root.iterfind("worldbody//*[@name]"):
+        name = element.get("name")
+        if element.tag == "body":
+            _set_body(element, model, model.body(name).id)
+        elif element.tag == "joint" and element.get("type", "hinge") in ("hinge", "slide"):
+            _set_joint(element, model, model.joint(name).id)
+        elif element.tag == "site":
+            k = model.site(name).id
+            element.set("pos", _words(model.site_pos[k]))
+            element.set("quat", _words(model.site_quat[k]))
+    for k, element in enumerate(root.findall("equality/*")):
+        if element.tag == "connect" and "anchor" in element.attrib:
+            element.set("anchor", _words(model.eq_data[k, :3]))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _set_body(element: ElementTree.Element, model: mujoco.MjModel, k: int) -> None:
+    element.set("pos", _words(model.body_pos[k]))
+    element.set("quat", _words(model.body_quat[k]))
+    inertial = element.find("inertial")
+    if inertial is not None:
+        inertial.attrib.clear()
+        inertial.set("mass", _words(model.body_mass[k : k + 1]))
+        inertial.set("pos", _words(model.body_ipos[k]))
+        inertial.set("quat", _words(model.body_iquat[k]))
+        inertial.set("diaginertia", _words(model.body_inertia[k]))
+
+
+def _set_joint(element: ElementTree.Element, model: mujoco.MjModel, k: int) -> None:
+    at = model.jnt_qposadr[k]
+    element.set("pos", _words(model.jnt_pos[k]))
+    element.set("axis", _words(model.jnt_axis[k]))
+    element.set("ref", _words(model.qpos0[at : at + 1]))
+
+
+def _words(values: np.ndarray) -> str:
+    return " ".join(repr(float(v)) for v in values)
 
 
 def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:

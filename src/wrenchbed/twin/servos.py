@@ -12,6 +12,7 @@ from wrenchbed.errors import ExportError
 from wrenchbed.files import atomic_folder, checked, write_text
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.mjcf import compiled
+from wrenchbed.twin.export import exact
 
 STEP = 1e-3
 """Time step of the written model [s]: a tenth of how fast hobby servos answer."""
@@ -76,8 +77,7 @@ def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
     )
     mjcf = Path(folder) / f"{robot.name}.xml"
     with atomic_folder(folder) as new:
-        compiled(spec)
-        write_text(new / mjcf.name, spec.to_xml())
+        write_text(new / mjcf.name, exact(spec.to_xml(), compiled(spec)))
         write_text(new / "README.md", read)
     return mjcf, Path(folder) / "README.md"
 
