@@ -147,14 +147,7 @@ class Fit(WrittenFit):
             "rank": o.rank,
             "candidates": list(o.names),
             "no_effect": list(o.no_effect),
-            "redundancies": [
-                {
-                    "parameters": list(r.names),
-                    "direction": list(r.direction),
-                    "sentence": r.sentence,
-                }
-                for r in o.redundancies
-            ],
+            "redundancies": [r.to_json() for r in o.redundancies],
             "singular_values": o.singular_values.tolist(),
             "correlation": {
                 "names": [p.name for p in self.identified],

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,11 @@ class Redundancy:
     names: tuple[str, ...]
     direction: tuple[float, ...]
     sentence: str
+
+    def to_json(self) -> dict[str, Any]:
+        """The entry of ``redundancies`` in ``fit.json`` and of a study."""
+        names, direction = list(self.names), list(self.direction)
+        return {"parameters": names, "direction": direction, "sentence": self.sentence}
 
 
 @dataclass(frozen=True, eq=False)

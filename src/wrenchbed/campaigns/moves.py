@@ -115,12 +115,8 @@ def _check(robot: Robot, limits: Limits, start: np.ndarray, end: np.ndarray, whe
 
 @dataclass(frozen=True)
 class LiveLimits:
-    """Limits that are complete.
-
-    Attributes:
-        limits: of every motion.
-        origin: where ``workspace``, ``force`` and ``torque`` come from, in words.
-    """
+    """Complete limits of every motion; in words where ``workspace``, ``force`` and ``torque`` come
+    from."""
 
     limits: Limits
     origin: Mapping[str, str]

@@ -92,12 +92,8 @@ class Drift:
 
 @dataclass(frozen=True)
 class RunProgress:
-    """Progress of a run: the file, poses (or trajectory rows) visited, rows and seconds.
-
-    Attributes:
-        tried_again: number of repeated attempts.
-        drift: of the first pose, None where it was not visited twice.
-    """
+    """Progress of a run: the file, poses (or trajectory rows) visited, rows, seconds, repeated
+    attempts, and the drift of the first pose, None where it was not visited twice."""
 
     path: Path
     visited: int

@@ -205,7 +205,9 @@ def robot_row(fleet: Fleet, k: int) -> Row:
     row, begun = Row(robot=k, seed=fleet.seed, error=""), time.perf_counter()
     try:
         recording, theta = recorded(fleet, k)
-        row |= _of_truth(fleet, recording, theta)
+        model = Model.of(fleet.model_robot())
+        row |= {f"true.{model.parameters.names[i]}": float(theta[i]) for i in varied(model)}
+        row["rows"] = len(recording)
         now = time.perf_counter()
         row["seconds.record"], begun = now - begun, now
         fit = calibrate(recording)
@@ -238,12 +240,6 @@ def _visited(path: Recording) -> np.ndarray:
 
 def _seed(fleet: Fleet, k: int) -> int:
     return int(fleet.rng(k, "noise").integers(2**31))
-
-
-def _of_truth(fleet: Fleet, recording: Recording, theta: np.ndarray) -> Row:
-    model = Model.of(fleet.model_robot())
-    row: Row = {"rows": len(recording)}
-    return row | {f"true.{model.parameters.names[i]}": float(theta[i]) for i in varied(model)}
 
 
 def _of_fit(fleet: Fleet, theta: np.ndarray, fit: Fit) -> Row:

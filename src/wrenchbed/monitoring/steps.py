@@ -127,11 +127,7 @@ def _reference(robot: Robot, first: Check) -> _Reference:
 
 
 def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndarray, np.ndarray]:
-    """Readings (P, 6, K) by parameters of effects of typical size, and those sizes (K,).
-
-    Args:
-        fitted: names of parameters by the names of their effects.
-    """
+    """Readings (P, 6, K) by parameters, named by effect, of typical size, and those sizes (K,)."""
     response, known, columns, typical = Response(scene, (WRENCH,)), effects(), [], []
     for name, wanted in fitted.items():
         parameters = known[name].parameters(scene.robot)
@@ -144,12 +140,7 @@ def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndar
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Checks of one robot since its last baseline, with their numbers.
-
-    Args:
-        robot: whose checks these are.
-        checks: the oldest first, at least one.
-    """
+    """Checks of one robot since its last baseline, the oldest first, with their numbers."""
 
     robot: Robot
     checks: Sequence[Check]

@@ -124,10 +124,7 @@ def _summary(
     o1, target = chosen["O1"].chosen, chosen["target"].certificate
     return {
         "rank": observed.rank,
-        "redundancies": [
-            {"parameters": list(r.names), "direction": list(r.direction), "sentence": r.sentence}
-            for r in observed.redundancies
-        ],
+        "redundancies": [r.to_json() for r in observed.redundancies],
         "bound_mm": 1e3 * setting.bound(o1, PAPER.std),
         "bound_mm_best": 1e3 / np.sqrt(target.bound) if target else None,
         "bound_mm_certificate": 1e3 * setting.bound(o1, MINI40.std),

@@ -158,11 +158,8 @@ def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: 
 def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number: int) -> list[Row]:
     """Rows of one robot before calibration, without noise, by design and by noise.
 
-    The same number and seed give the same rows.
-
-    Args:
-        shared: the study's setting, indices (n,) of each design's configurations in its pool, and
-            the seed, which with the number gives the robot's parameters and noise.
+    The number and the shared seed give its parameters and noise; shared are also the study's
+    setting and the indices (n,) of each design's configurations in its pool.
     """
     setting, designs, seed = shared
     rng = np.random.default_rng([seed, number])

@@ -179,10 +179,8 @@ class StudyScene:
 def poses(
     robot: URArm, direction: str, n: int, rng: np.random.Generator, *, roll: float | None
 ) -> np.ndarray:
-    """Joint values (n, 6) at random positions of the tool.
-
-    Args:
-        roll: how the tool is turned about its own axis [rad]; at random for each if None.
+    """Joint values (n, 6) at random positions of the tool, turned by ``roll`` about its own axis
+    [rad]; at random for each if None.
 
     Raises:
         PlanError: too few positions are reachable.
@@ -405,10 +403,7 @@ def _summary(first: Trial, table: pa.Table) -> dict[str, Any]:
     observed, rows = first.fit.observability, first.rows()
     return {
         "rank": observed.rank,
-        "redundancies": [
-            {"parameters": list(r.names), "direction": list(r.direction), "sentence": r.sentence}
-            for r in observed.redundancies
-        ],
+        "redundancies": [r.to_json() for r in observed.redundancies],
         "bound_mm": 1e3 * _bound(first),
         **{
             k: {d: {r["method"]: r[k] for r in rows if r["direction"] == d} for d in DIRECTIONS}

@@ -212,10 +212,8 @@ class FaultyRobot:
         return replace(self, around=around)
 
     def measured(self, fault: RefereeFault, together: "FaultyRobot | None" = None) -> TrueCause:
-        """Readings and gap that a fault adds to this robot.
-
-        Args:
-            together: this robot with the fault, if it is known already.
+        """Readings and gap that a fault adds to this robot; ``together`` is the robot with it, if
+        known.
 
         Raises:
             ParameterError: it is too much for the machine.

@@ -99,13 +99,11 @@ def ornstein(t: np.ndarray, time: float, columns: int, rng: Rng) -> np.ndarray:
     kicks[1:] *= np.sqrt(1.0 - keep * keep)[:, None]
     for column in kicks.T:
         pieces = zip(keep.tolist(), column[1:].tolist(), strict=True)
-        column[:] = list(accumulate(pieces, _kicked, initial=float(column[0])))
+        states = accumulate(
+            pieces, lambda x, piece: piece[0] * x + piece[1], initial=float(column[0])
+        )
+        column[:] = list(states)
     return kicks
-
-
-def _kicked(state: float, piece: tuple[float, float]) -> float:
-    keep, kick = piece
-    return keep * state + kick
 
 
 def dahl(x: np.ndarray, reach: float) -> np.ndarray:

@@ -237,11 +237,8 @@ class RefereeSetting:
         return self.stated(self.theta)
 
     def stated(self, theta: np.ndarray, dq: np.ndarray | None = None, every: int = 1) -> np.ndarray:
-        """A rigid robot with these parameters (H or N, 6), joints off by dq, by `mj_inverse`.
-
-        Args:
-            every: only each so many-th pose or row.
-        """
+        """A rigid robot with these parameters (H or N, 6), joints off by dq, by `mj_inverse`, at
+        every so many-th pose or row."""
         bodies = self._bodies if theta is self.theta else RigidBodies(self.robot, theta)
         q, qd, qdd = (self.mean(x)[::every] for x in (self.path.q, self.path.qd, self.path.qdd))
         coordinates = _coordinates(self.robot, theta, q if dq is None else q + dq, qd, qdd)

@@ -245,11 +245,8 @@ class Block(NamedTuple):
     r: np.ndarray
 
     def residual(self, x: np.ndarray, bounded: bool) -> float:
-        """Squared residual of x (6 n,) after the best imitation.
-
-        Args:
-            bounded: with sizes that a robot may have.
-        """
+        """Squared residual of x (6 n,) after the best imitation, if ``bounded`` by sizes that a
+        robot may have."""
         projection = self.q.T @ x
         free = float(x @ x) - float(projection @ projection)
         if not bounded:
@@ -284,11 +281,8 @@ class Bench:
     def imitated(
         self, signature: np.ndarray, configured: bool, bounded: bool = True
     ) -> dict[str, float]:
-        """Gap that remains of a signature (n, 6) when each effect imitates it as well as it can.
-
-        Args:
-            bounded: with sizes that a robot may have, where any sizes imitate it.
-        """
+        """Gap that remains of a signature (n, 6) when each effect imitates it as well as it can, if
+        ``bounded`` with sizes that a robot may have."""
         x = self.usual.white(signature, configured)
         remaining = {}
         for name, variants in (self.alone if configured else self.beside).items():
@@ -307,11 +301,8 @@ class Bench:
         return sorted(near, key=lambda k: remaining[k])
 
     def shows(self, data: np.ndarray, signature: np.ndarray, configured: bool) -> bool:
-        """Whether data contain a signature: subtracting it removes at least half of its square.
-
-        Args:
-            data: measured minus stated, and minus all other known faults (n, 6).
-        """
+        """Whether data, less stated readings and all other known faults (n, 6), contain a
+        signature: subtracting it removes at least half of its square."""
         x, s = self.usual.white(data, configured), self.usual.white(signature, configured)
         fall = float(x @ x) - float((x - s) @ (x - s))
         return fall >= 0.5 * float(s @ s)

@@ -173,11 +173,8 @@ class LookalikeFamily(Family):
 
 @dataclass(frozen=True)
 class EffortFamily(Family):
-    """Moving arms with torques or currents of their joints.
-
-    Attributes:
-        wrench: whether a force/torque sensor is read, too.
-    """
+    """Moving arms with torques or currents of their joints, and with ``wrench`` a force/torque
+    sensor."""
 
     wrench: bool = False
     tries: ClassVar[int] = efforts.TRIES

@@ -134,11 +134,8 @@ class Dictionary:
 
 
 def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
-    """Dictionary of all columns of a scene.
-
-    Args:
-        material: residual of a torque, and of a slide's force, that counts; a row's noise if None.
-    """
+    """Dictionary of all columns of a scene. ``material`` is the residual of a torque, and of a
+    slide's force, that counts; a row's noise if None."""
     y, use = scene.thin(scene.residual), scene.moving()
     if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:
         raise DiagnosisError(

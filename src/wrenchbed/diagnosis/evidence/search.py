@@ -57,11 +57,8 @@ class _Batch:
 
 
 class Searcher:
-    """Searches structures for readings of one design; made once, used for many cases.
-
-    Args:
-        dictionary: of the design.
-    """
+    """Searches structures for readings of one design; made once of its dictionary, used for many
+    cases."""
 
     def __init__(self, dictionary: EffectDictionary) -> None:
         self.d = dictionary

@@ -124,10 +124,8 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
     """Mark the observations (H,) of blocks that all other blocks contradict; none if such blocks
     are many.
 
-    Args:
-        a: the analysis.
-        claimed: what is named, whose form is never exact: a block that it changes by more than it
-            misses is none.
+    The form of what is ``claimed`` is never exact: a block that it changes by more than it misses
+    is none.
     """
     p, blocks = a.prepared, a.dictionary.prepared.block_rows
     made = np.zeros(len(np.unique(blocks)))

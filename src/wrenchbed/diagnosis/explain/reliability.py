@@ -102,13 +102,8 @@ class Reliability:
     designs: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def right(self, verdict: Verdict[Any], closed: float, mode: str) -> float:
-        """Share of answers like a verdict that are right.
-
-        Args:
-            verdict: upheld by held-out rows.
-            closed: share of the gap that it closes there at least.
-            mode: of the recording.
-        """
+        """Share of answers that are right like a verdict that held-out rows uphold, which closes at
+        least so much of the gap there."""
         if not verdict.causes:
             return self.none if verdict.word == NONE else self.unknown
         return self.of(features(verdict, closed, mode))

@@ -131,13 +131,8 @@ def judged(
 
 
 def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
-    """Configured, calibrated and diagnosed simulators on rows that their fits did not see.
-
-    Args:
-        a: the analysis of all rows; gaps are means over those of all its recordings.
-        claim: the diagnosed simulator, None where no cause is claimed.
-        seed: of the bootstrap.
-    """
+    """Configured, calibrated and diagnosed simulators on rows that their fits did not see, which
+    are the rows of all recordings; without a claim no cause is diagnosed."""
     every = (a, *a.others)
     claims = [
         claim if k == 0 or claim is None else claim.in_recording(other, k)
@@ -154,12 +149,8 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
 
 
 class Claims:
-    """Simulators with the causes of a verdict, and gaps on held-out rows; each is made once.
-
-    Args:
-        analysis: of the recording, or of the first of several.
-        seed: of the split into folds and of the bootstrap.
-    """
+    """Simulators with the causes of a verdict, and gaps on held-out rows, of a recording or of the
+    first of several; each is made once."""
 
     def __init__(self, analysis: Analysis, seed: int) -> None:
         self.analysis = analysis

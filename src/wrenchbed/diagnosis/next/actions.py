@@ -61,11 +61,8 @@ def loaded(prepared: Prepared, payload: tuple[float, np.ndarray], **change: floa
 def posed(
     prepared: Prepared, q: np.ndarray, t: np.ndarray, noise: np.ndarray, *, after: bool
 ) -> Prepared:
-    """Poses at rest (N, J) at times (N,) [s], after the recorded ones or by themselves.
-
-    Args:
-        noise: variance of a pose over that of a row (C,).
-    """
+    """Poses at rest (N, J) at times (N,) [s], after the recorded ones or by themselves, and the
+    variance (C,) of a pose over that of a row."""
     old = prepared.poses if after else q[:0]
     kept = prepared.fold if after else np.zeros(0, dtype=int)
     when = prepared.scene.t[prepared.scene.held] if after else t[:0]
@@ -120,11 +117,9 @@ class Action:
 
 
 def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Iterator[Action]:
-    """Recordings that this robot can make next.
+    """Recordings that this robot can make next, after one whose scene is at the baseline.
 
-    Args:
-        prepared: the recording, its scene at the baseline.
-        sweeps: joints, from the first, that are swept one by one; all if None.
+    The first ``sweeps`` joints are swept one by one; all if None.
     """
     for make in (_poses, _payload, _revisit, _hold, _motion):
         action = make(prepared, seed)

@@ -162,13 +162,8 @@ def _levers(force: np.ndarray) -> np.ndarray:
 
 
 def contact_of(p: Prepared, outliers: Sequence[np.ndarray], reading: np.ndarray) -> Touch | None:
-    """The contact that outliers show; None where one of the three facts does not hold.
-
-    Args:
-        p: the recording with all its observations.
-        outliers: observations (H,) of each that is set aside.
-        reading: of the simulator of all other rows (M, 6) [N, N·m].
-    """
+    """The contact that outliers, observations (H,) set aside, show; None where one of the three
+    facts does not hold. Of all other rows the simulator reads (M, 6) [N, N·m]."""
     p = p.leading
     if not outliers or not p.scene.jointed:
         return None

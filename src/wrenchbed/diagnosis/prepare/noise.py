@@ -39,12 +39,8 @@ most."""
 def noise_in_motion(
     residual: np.ndarray, period: float, stride: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Variance of a row (6,), and of the average of ``stride`` rows times ``stride`` (6,).
-
-    Args:
-        residual: rows of a motion (N, 6), any unit.
-        period: between rows [s].
-    """
+    """Variance of a row (6,), and of the average of ``stride`` rows times ``stride`` (6,), of rows
+    (N, 6) of any unit with a period [s]."""
     from scipy.signal import spectrogram  # slow to load: only when it is used
 
     length = min(len(residual), max(LEAST, round(STRETCH_S / period)))

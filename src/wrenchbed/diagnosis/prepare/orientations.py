@@ -157,10 +157,7 @@ def accelerations(
 ) -> Mapping[str, np.ndarray]:
     """Acceleration, spin and its change (M, 3) of the tool in sensor axes; empty if not measured.
 
-    Args:
-        q: orientations of the averages (M, 4).
-        t: their times (M,) [s].
-        gravity: in world axes (3,) [m/s²].
+    Averages have orientations (M, 4) and times (M,) [s]; gravity (3,) [m/s²] is in world axes.
     """
     measured = accelerometer_rows(recording)
     if measured is None:
