@@ -168,6 +168,21 @@ def test_a_command_that_a_drive_did_not_hear_is_sent_again(arm, lost, ready):
     assert arm.servos[4].running is True and (arm.health().state != "closed") is ready
 
 
+def test_recovery_does_not_count_on_a_cycle_that_is_about_to_end(arm, monkeypatch):
+    started(arm)
+    bus, send = arm._link, arm._link.send
+
+    def slow(*frame):
+        send(*frame)
+        time.sleep(0.05 if arm._cycle.latched else 0.0)
+
+    monkeypatch.setattr(bus, "send", slow)
+    monkeypatch.setattr(arm._cycle, "_evaluate", lambda: 1 / 0)
+    assert until(lambda: arm.health().state == "lost")
+    arm.recover(unlock=True)
+    assert until(lambda: arm.health().ok)
+
+
 def test_a_cycle_that_breaks_off_is_named_and_recovered_from(arm, monkeypatch):
     bus = started(arm)
     underway(arm)

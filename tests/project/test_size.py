@@ -19,7 +19,7 @@ WRENCHBED = {
     "environments": 614,
     "exports": 850,
     "files": 548,
-    "hardware": 6724,
+    "hardware": 6725,
     "jobs": 415,
     "monitoring": 1418,
     "pages": 1103,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78899,
-    "src/wrenchbed": 69409,
+    "src": 78900,
+    "src/wrenchbed": 69410,
     "src/robot_emulators": 9490,
-    "tests": 40175,
+    "tests": 40190,
     "scripts": 3481,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -195,7 +195,7 @@ class Cycle:
     @property
     def alive(self) -> bool:
         """Whether the exchange goes on."""
-        return self._thread.is_alive()
+        return self._running and self._thread.is_alive()
 
     def clear(self) -> None:
         """Forget problems that are over."""
@@ -278,6 +278,7 @@ class Cycle:
     def _fail(self, error: Exception) -> None:
         """End by a quick stop; a drive that does not receive it stops by its watchdog."""
         words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        self._running = False
         with self._lock:
             self.latched = "lost", f"the cyclic exchange broke off ({words}): call recover()"
             self.want, self.following = Want.QUICK_STOP, False
@@ -300,8 +301,8 @@ class Cycle:
                 self._evaluate()
                 self._send()
             except LinkError as error:
+                self._running = False
                 self.halt("lost", str(error))
-                return
             due += self._period
 
     def _evaluate(self) -> None:
