@@ -233,3 +233,13 @@ def test_noise_has_no_joint():
     prepared, rng = motion(4)
     found = locality(prepared, rng.normal(size=(ROWS, 6)), NOISE, 199, 0)
     assert found is None or found.p_value > 0.05
+
+
+def test_a_gap_that_varies_with_nothing_lies_in_its_channel():
+    rec = static("ur5", {}, poses=40, samples=20, noise=WHITE, seed=4)
+    pose = np.repeat(np.arange(40), 20)
+    off = np.random.default_rng(0).normal(size=40)[pose]
+    changed = replace(rec, columns=dict(rec.columns) | {"fz": rec.columns["fz"] + off})
+    d = diagnose(changed).diagnosis
+    assert d.verdict == "unknown"
+    assert d.where[0]["detail"] == "fz" and d.where[0]["share"] > 0.9

@@ -27,7 +27,7 @@ _DEGREE, _TRIED = 5, 40
 without a gap on which it is tried first."""
 _LONGEST_S = 0.05
 """Longest gap that may be filled [s]: of all but the joints straight lines fill it, which are off
-by 3 % of the amplitude of what repeats every half second."""
+by 5 % of the amplitude of what repeats every half second, 1 − cos(π g / T)."""
 _LOST, _SMOOTHER = 1.7, 0.5
 """Step over the mean one from which a row was lost in between; and the ratio of squared bends of
 the joints' path, by rows over by stamps, below which the rows were read evenly: either is larger

@@ -204,6 +204,12 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     verdict = conclude(decision, elements, signs, shown)
     progress("where")
     places = where.locate(prepared.leading, analysis.calibrated, seed=seed)
+    unknown = verdict.word == UNKNOWN
+    lying = where.entries(
+        answer.places(analysis, verdict, gap), places if unknown else (),
+        [answer.row_place(r) for r in between],
+    )  # fmt: skip
+    hints = where.of_channels(gap, [("sensor", c) for c in gap.per_channel]) if unknown else []
     progress("what next")
     said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
@@ -217,11 +223,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         robot=prepared.recording.metadata.robot,
         verdict=verdict.word,
         gap=gap,
-        where=where.entries(
-            answer.places(analysis, verdict, gap),
-            places if verdict.word == UNKNOWN else (),
-            [answer.row_place(r) for r in between],
-        ),
+        where=lying or hints,
         which=which if verdict.word in ("identified", "ambiguous", PARTIAL) else [],
         probabilities=verdict.probabilities,
         cannot_tell=answer.cannot_tell(which),

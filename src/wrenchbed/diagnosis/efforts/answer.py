@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Scale, cause, families, rival
-from wrenchbed.diagnosis.gap.where import located
+from wrenchbed.diagnosis.gap.where import located, of_channels
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 
 _OF_COMMANDS = (
@@ -100,14 +100,7 @@ def where(
                   f"{s.text[:1].upper()}{s.text[1:]}: no cause is claimed.")
             for s in seen[:2]
         ]  # fmt: skip
-    before = [max(gaps["before"], 0.0) for gaps in gap.per_channel.values()]
-    result = []
-    for j in sorted(range(len(before)), key=lambda j: -before[j])[: 2 * (sum(before) > 0.0)]:
-        (subsystem, detail), share = _channel(d, j), before[j] / sum(before)
-        of = "the effort of" if subsystem == "drive" else "channel"
-        text = f"{100 * share:.0f} % of the gap lies in {of} {detail}; this is only a hint"
-        result.append(located(subsystem, detail, share, 1.0, f"{text}: no cause is claimed."))
-    return result
+    return of_channels(gap, [_channel(d, j) for j in range(len(gap.per_channel))])
 
 
 def _channel(d: Dictionary, j: int) -> tuple[str, str]:

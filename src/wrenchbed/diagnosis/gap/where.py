@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.gap.dependence import family_wise, partitions, shares
+from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.locality import locality
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
@@ -169,6 +170,18 @@ def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
         if subsystem not in {e["subsystem"] for e in result}:
             text += f" This is only a hint at the {subsystem}: no cause is claimed."
         result.append(located(subsystem, finding.variable, finding.share, finding.p_value, text))
+    return result
+
+
+def of_channels(gap: Closure, places: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Hints at the two channels that hold most of a gap, each channel by its subsystem and name."""
+    before = [max(gaps["before"], 0.0) for gaps in gap.per_channel.values()]
+    result = []
+    for j in sorted(range(len(before)), key=lambda j: -before[j])[: 2 * (sum(before) > 0.0)]:
+        (subsystem, detail), share = places[j], before[j] / sum(before)
+        of = "the effort of" if subsystem == "drive" else "channel"
+        text = f"{100 * share:.0f} % of the gap lies in {of} {detail}; this is only a hint"
+        result.append(located(subsystem, detail, share, 1.0, f"{text}: no cause is claimed."))
     return result
 
 
