@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 938,
     "cli": 2688,
     "data": 5292,
-    "diagnosis": 12990,
+    "diagnosis": 13000,
     "drives": 1646,
     "effects": 4939,
     "environments": 614,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78900,
-    "src/wrenchbed": 69410,
+    "src": 78910,
+    "src/wrenchbed": 69420,
     "src/robot_emulators": 9490,
-    "tests": 40190,
+    "tests": 40200,
     "scripts": 3481,
 }
 """Lines of Python below a folder at most; of scripts every line."""
