@@ -194,7 +194,7 @@ def test_a_listener_that_fails_does_not_keep_frames_from_others():
 @pytest.mark.parametrize(
     "words, named",
     [({"nope": "1"}, "port:"), ({"base": "0x99"}, "base"), ({"nodes": "1,2,3"}, "six different"),
-     ({"watchdog": "0"}, "above 0")],
+     ({"counts_per_turn": "0"}, "above 0")],
 )  # fmt: skip
 def test_settings_that_are_none(words, named):
     with pytest.raises(SettingError, match=named):

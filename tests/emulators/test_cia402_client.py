@@ -40,7 +40,7 @@ class Wire(canopen.Network):
 
     def __init__(self):
         super().__init__()
-        self.drive = DriveEmulator(NODE, self._came, RATINGS, 0.0, 0.1, threading.RLock())
+        self.drive = DriveEmulator(NODE, self._came, RATINGS, 0.0, threading.RLock())
         self.drive.boot()
         self._running, self._actual = True, 0.0
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -144,6 +144,20 @@ def test_it_moves_in_profile_position_mode(node):
     node.controlword = 0x0F
     wait(lambda: node.statusword & 0x0400)
     assert abs(node.sdo[0x6064].raw - 30_000) < 1100
+
+
+def test_it_moves_as_it_comes(node):
+    """No process data are configured, and nobody sends SYNC."""
+    node.nmt.state = "PRE-OPERATIONAL"
+    node.setup_402_state_machine()
+    node.nmt.state = "OPERATIONAL"
+    node.op_mode = "PROFILED POSITION"
+    node.state = "OPERATION ENABLED"
+    time.sleep(0.2)  # nothing asks a master to repeat itself
+    node.rpdo[1][0x607A].raw = 30_000
+    node.controlword = 0x1F
+    wait(lambda: abs(node.sdo[0x6064].raw - 30_000) < 1100)
+    assert node.state == "OPERATION ENABLED"
 
 
 def test_it_follows_cyclic_targets(node):

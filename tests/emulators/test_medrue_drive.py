@@ -55,6 +55,9 @@ class Bench(SimulatedBus):
 
     def enabled(self, cycle=0, abort=3):
         self.write(0x1006, 0, cycle, 4)
+        self.write(0x1400, 5, 100, 2)
+        for parameters in (0x1400, 0x1800):
+            assert self.write(parameters, 2, 1, 1) == 0
         if abort is not None:
             assert self.write(0x6007, 0, abort, 2) == 0
         self.nmt(0x01)
@@ -124,7 +127,7 @@ def test_a_reset_brings_the_communication_back_to_its_defaults(command, mode):
     bench.nmt(command)
     assert [(frame.can_id, frame.data) for frame in bench.frames] == [(0x703, b"\x00")]
     assert {key: bench.read(*key) for key in fresh} == fresh
-    assert fresh == {(0x1006, 0): 0, (0x1017, 0): 0, (0x1400, 5): 100, (0x1A00, 0): 2}
+    assert fresh == {(0x1006, 0): 0, (0x1017, 0): 0, (0x1400, 5): 0, (0x1A00, 0): 2}
     assert bench.read(0x6060) == mode  # the profile's objects forget with the node alone
 
 

@@ -20,7 +20,7 @@ class SimulatedBus:
         self.actual = self._speed = 0.0
         self.frames: list[Frame] = []
         """What the drive has sent since the last request."""
-        self.drive = DriveEmulator(NODE, self.frames.append, ratings, 0.0, 0.1, threading.RLock())
+        self.drive = DriveEmulator(NODE, self.frames.append, ratings, 0.0, threading.RLock())
         self.drive.boot()
         self.frames.clear()
 

@@ -42,8 +42,7 @@ thousandths of it, in 16 bits with a sign, so that 130 A can be reported."""
 _NEAR = 0.05
 """Position window as a part of the largest following error: a servo at rest is well within it."""
 _SYNC_LOSS = 25
-"""Periods of SYNC (0x1006) without one after which it is lost: at 250 Hz 0.1 s, which is also the
-RPDOs' event timer after power-up."""
+"""Periods of SYNC (0x1006) without one after which it is lost: at 250 Hz 0.1 s."""
 _MOST_THOUSANDTHS = 0x7FFF
 _AHEAD_S = 0.02
 """Farthest that a position is extrapolated between two steps of the plant [s], some five steps:
@@ -86,13 +85,12 @@ class DriveEmulator(Node):
         send: puts a frame on the bus.
         rated: values after power-up that depend on its axis, as `rated` makes them.
         position: initial position [count].
-        watchdog: event timer of its RPDO after power-up [s].
         lock: shared with the plant's thread.
     """
 
     def __init__(
         self, node: int, send: Callable[[Frame], None], rated: Mapping[Key, int],
-        position: float, watchdog: float, lock: threading.RLock,
+        position: float, lock: threading.RLock,
     ) -> None:  # fmt: skip
         super().__init__(node, send, SHEET, lock)
         for key, allowed in ALLOWED.items():
@@ -100,7 +98,6 @@ class DriveEmulator(Node):
         self._rated, self._position = rated, round(position)
         self._rate()
         self.axis = Axis(self.objects, position)
-        self._watchdog = watchdog
         self._synced = self._speed = self._growth = 0.0
         self._seen = self._torque = self._current = 0.0
         self._last_word = 0
@@ -111,7 +108,6 @@ class DriveEmulator(Node):
         self.axis = Axis(self.objects, self.axis.actual + self.axis.shift)
 
     def on_reset_communication(self) -> None:
-        self.objects[0x1400, 5] = round(1000.0 * self._watchdog)
         self._synced = self._speed = self._growth = self._seen = 0.0
         self._last_word = 0
         self._codes.clear()

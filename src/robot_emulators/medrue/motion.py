@@ -54,13 +54,14 @@ class SetPoint:
 
 class Line(NamedTuple):
     """Straight motion from one target to the next: it begins at time ``begin`` [s], leads from
-    ``start`` to ``end`` [count] and takes ``period`` [s]."""
+    ``start`` to ``end`` [count] and takes ``period`` [s]; then it goes on by ``step`` [count] a
+    period, which is how the targets move: a correction of the axis is no speed of the stream."""
 
     begin: float
     start: float
     end: float
     period: float
-    locked: bool
+    step: float
 
 
 class Interpolation:
@@ -74,7 +75,7 @@ class Interpolation:
 
     def take(self, t: float, command: float, target: float, period: float) -> None:
         """A target came with the SYNC of a time [s]; the axis shall be at ``command`` [count]."""
-        line = Line(t, command, target, period, locked=False)
+        line = Line(t, command, target, period, step=0.0)
         if self._lines and period == self._lines[-1].period > 0.0:
             last = self._lines[-1]
             error = (t - last.begin) / period - 1.0
@@ -82,7 +83,8 @@ class Interpolation:
             if missed <= _MISSED and error > -1.0 - _LOCKED:
                 begin = last.begin + (1 + missed) * period
                 start = last.start if missed < 0 else self.at(begin) if missed else last.end
-                line = Line(begin + _GAIN * (t - begin), start, target, period, locked=True)
+                step = (target - last.end) / max(1 + missed, 1)
+                line = Line(begin + _GAIN * (t - begin), start, target, period, step)
         self._lines.append(line)
 
     @property
@@ -91,9 +93,9 @@ class Interpolation:
 
     def at(self, t: float) -> float:
         """Commanded position of the axis [count] at a time [s]."""
-        begin, start, end, period, locked = next(
+        begin, start, end, period, step = next(
             (line for line in reversed(self._lines) if line.begin <= t), self._lines[0]
         )
-        most = 1.0 + _MISSED * locked
-        fraction = min(most, max(0.0, (t - begin) / period)) if period > 0.0 else 1.0
-        return start + fraction * (end - start)
+        passed = max(0.0, (t - begin) / period) if period > 0.0 else 1.0
+        beyond = min(max(passed - 1.0, 0.0), _MISSED)
+        return start + min(passed, 1.0) * (end - start) + beyond * step

@@ -152,10 +152,6 @@ class BusSettings(Settings):
     rated_torque: float = setting(
         2.0, rules.number(1e-3, 1e6), "of the rotary axes' motors [N·m] (2)"
     )
-    watchdog: float = setting(
-        0.1, rules.above(0.0),
-        "silence of a drive's RPDO that stops it [s], until a client writes another (0.1)",
-    )  # fmt: skip
 
     def per_unit(self, arm: Arm) -> np.ndarray:
         """Counts per rad or m of each joint (J,)."""
@@ -229,7 +225,7 @@ class MedrueEmulator(Emulator):
         for j, node in enumerate(setting.nodes):
             send = hub.attach(partial(self._heard_by, j))
             values, position = self._rated(body.arm, j, counts[j]), body.q[j] * counts[j]
-            self.drives.append(DriveEmulator(node, send, values, position, setting.watchdog, lock))
+            self.drives.append(DriveEmulator(node, send, values, position, lock))
         self.plant.drives = self.drives
         send = hub.attach(lambda t, frame: self.board.hear(t, frame))
         self.board = BoardEmulator(
