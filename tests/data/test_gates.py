@@ -370,7 +370,7 @@ def test_a_chunk_that_states_more_than_memory_is_refused(tmp_path):
     ("text", "told"),
     [
         ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco>&b;</mujoco>', "defines entities"),
-        ("<mujoco>" + "<body>" * 5000 + "</body>" * 5000 + "</mujoco>", "more than 200 levels"),
+        ("<mujoco>" + "<body>" * 5000 + "</body>" * 5000 + "</mujoco>", "nesting is too deep"),
         ("<mujoco>" + " " * 2**24 + "</mujoco>", "more than 16,777,216"),
     ],
 )

@@ -42,8 +42,13 @@ def end_with(parent: int) -> None:
     os.dup2(null, 1)
     os.close(null)
     _PARENT[:] = [parent]
-    _kernel_kills(signal.SIGKILL)
+    end_by_kernel()
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def end_by_kernel() -> None:
+    """Have the kernel kill this process at the end of the thread that started it, on Linux."""
+    _kernel_kills(signal.SIGKILL)
 
 
 @contextmanager

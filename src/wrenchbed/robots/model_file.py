@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
+from wrenchbed.jobs.bounded import bounded
 from wrenchbed.physics.wrench import symmetric
 from wrenchbed.robots.arm_model import ArmModel
 from wrenchbed.robots.arm_tree import CONSTRAINTS, FLOATS, SITE, ArmTree
@@ -53,6 +54,17 @@ def read_arm(
         ParameterError: the file is no model, or its arm is none that can be computed; says why.
         NotFoundError: there is no such frame; lists those that exist.
     """
+    try:
+        return bounded(_read_arm, path, frame, hold_others)
+    except RuntimeError as cause:  # also MuJoCo's own where memory ends
+        raise ParameterError(
+            f"{path}: reading it fails ({cause}): leave out what is no part of the robot "
+            "(copies, included files, height fields, cloth)"
+        ) from None
+
+
+def _read_arm(path: Path, frame: str, hold_others: bool) -> tuple[ArmModel, list[str], list[str]]:
+    """`read_arm` in this process."""
     source = ModelSource.of(path)
     try:
         if source.urdf:

@@ -1,0 +1,104 @@
+"""Work of a library that looks at no signal and knows no limit, in a process that has both."""
+
+import os
+import pickle
+import resource
+import select
+import signal
+import time
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import NoReturn, ParamSpec, TypeVar
+
+from wrenchbed.errors import ShortageError
+from wrenchbed.jobs.ending import end_by_kernel
+
+_CPU_S, _WALL_S = 10, 60
+"""Most processor time and most time [s]: MuJoCo reads the largest robots of MuJoCo Menagerie in
+0.5 s; a pipe that nobody writes to takes no processor time."""
+_MEMORY = 2**30
+"""Most memory beyond that of this process [byte]: 128 MB of meshes take 0.6 GB."""
+_CHUNK = 2**20
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def bounded(work: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
+    """What ``work`` returns in a child of this process; an interrupt here ends it at once.
+
+    Raises:
+        ShortageError: it took too long, too much memory, or crashed; says which.
+        Exception: whatever ``work`` raises.
+    """
+    reader, writer = os.pipe()
+    with warnings.catch_warnings():
+        # Python 3.12 warns of locks that other threads hold; ``work`` needs none of them.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        os.close(reader)
+        _answer(writer, lambda: work(*args, **options))
+    os.close(writer)
+    try:
+        content = _received(reader)
+    except BaseException:
+        os.kill(child, signal.SIGKILL)
+        raise
+    finally:
+        os.close(reader)
+        _, status = os.waitpid(child, 0)
+    if not content:
+        raise ShortageError(_how(os.waitstatus_to_exitcode(status)))
+    result, error = pickle.loads(content)  # of our own child
+    if error is not None:
+        raise error
+    value: R = result
+    return value
+
+
+def _answer(writer: int, work: Callable[[], object]) -> NoReturn:
+    """In the child: write the pickled result or error, and end without the parent's clean-up."""
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGXCPU):
+            signal.signal(number, signal.SIG_DFL)
+        end_by_kernel()
+        _limit()
+        try:
+            content = pickle.dumps((work(), None))
+        except MemoryError:
+            os._exit(signal.SIGABRT)
+        except Exception as error:
+            content = pickle.dumps((None, error))
+        with os.fdopen(writer, "wb") as stream:
+            stream.write(content)
+    finally:
+        os._exit(0)
+
+
+def _limit() -> None:
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (_CPU_S, _CPU_S + 1))
+    with suppress(OSError, ValueError):  # no /proc, or less is allowed already
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        most = pages * resource.getpagesize() + _MEMORY
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def _received(reader: int) -> bytes:
+    """All that the child writes; nothing if it ends without a word."""
+    end, content = time.monotonic() + _WALL_S, b""
+    while select.select([reader], [], [], max(end - time.monotonic(), 0.0))[0]:
+        chunk = os.read(reader, _CHUNK)
+        if not chunk:
+            return content
+        content += chunk
+    raise ShortageError(f"takes longer than {_WALL_S} s")
+
+
+def _how(code: int) -> str:
+    """Why a child ended without a word, from its exit code."""
+    if code in (-signal.SIGXCPU, -signal.SIGKILL):
+        return f"takes more than {_CPU_S} s of processor time"
+    return f"takes more than {_MEMORY >> 30} GiB of memory, or is nested without an end"
