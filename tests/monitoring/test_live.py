@@ -223,6 +223,16 @@ def test_a_wrench_that_lacks_the_payload_is_refused(payload, what):
     assert live(driver, compensate, [], seconds=0.02).readings > 0
 
 
+@pytest.mark.parametrize(
+    "option", ["--rate=nan", "--rate=0", "--rate=1e-300", "--seconds=nan", "--seconds=-3"]
+)
+def test_a_time_that_never_ends_or_begins_is_refused(option, tmp_path, capsys):
+    file = tmp_path / "fit.json"
+    file.write_text('{"robot": "ur5"}')
+    assert main(["live", str(file), option]) == 1
+    assert "wrenchbed: error: --" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("address", ["here", "127.0.0.1", "127.0.0.1:0", ":80", "h:99999", "h:x"])
 def test_addresses_are_checked(address):
     with pytest.raises(ParameterError, match="give HOST:PORT"):

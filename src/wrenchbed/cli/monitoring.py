@@ -41,6 +41,8 @@ _WIDE = 21
 """Width of a bar of `live` [characters]."""
 _FULL = 10.0
 """Noise at the ends of a bar, in standard deviations of a row."""
+_LONGEST_S = 3600.0
+"""Longest time between two readings of ``live`` [s]: an hour, at which nobody watches."""
 
 
 @dataclass(frozen=True)
@@ -162,8 +164,10 @@ def live_(
         raise ParameterError(
             f"--driver {device.driver}: live reads robots in real time, or emulators: rtde, can"
         )
-    if not 0.0 < run.rate < np.inf:
-        raise ParameterError(f"--rate {run.rate:g}: must be above 0 Hz")
+    if not 1.0 / _LONGEST_S <= run.rate < np.inf:
+        raise ParameterError(f"--rate {run.rate:g}: must be at least {1.0 / _LONGEST_S:.3g} Hz")
+    if run.seconds is not None and not 0.0 < run.seconds < np.inf:
+        raise ParameterError(f"--seconds {run.seconds:g}: must be above 0 and finite")
     name = stated_robot(raw, raw["robot"])
     link = kind(device.options(kind, name, LimitArguments().limits(True)))
     noise = np.asarray(wb.load("sensors", link.robot.sensor).noise.row_std)
