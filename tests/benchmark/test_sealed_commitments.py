@@ -135,6 +135,10 @@ def test_a_missing_answer_is_refused(copied, tmp_path):
         score.score(cases, tmp_path / "claims", answers)
 
 
+def test_answers_are_for_their_owner_alone(family):
+    assert family[1].stat().st_mode & 0o777 == 0o700
+
+
 def test_answers_lie_apart_and_families_do_not_mix(tmp_path, family):
     cases, answers, _ = family
     told = make.Family("ur5", "static", 2, 1)

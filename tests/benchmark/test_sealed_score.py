@@ -1,8 +1,10 @@
 """Any program may enter, is held to the contract, and its claims against the answers."""
 
 import json
+import os
 import re
 import shlex
+import sys
 import time
 
 import numpy as np
@@ -260,6 +262,44 @@ def test_an_entrant_that_throws_its_folder_away_is_wrong(family, tmp_path):
     )
     for _ in range(2):
         assert enter(cases, tmp_path / "claims", 20.0, ("0001", [messy])) == []
+
+
+LEAVES_A_DAEMON = """
+if os.fork() == 0:
+    os.setsid()
+    if os.fork() == 0:
+        open(os.environ["LEFT"], "w").write(str(os.getpid()))
+        time.sleep(60)
+    os._exit(0)
+while not os.path.exists(os.environ["LEFT"]) or not open(os.environ["LEFT"]).read():
+    time.sleep(0.01)
+"""
+MOVES_ITS_FOLDER = "os.rename(out, out + '-x')\nos.symlink(os.environ['LEFT'], out)\n"
+WRITES_WITHOUT_END = "open(os.path.join(out, 'big'), 'wb').truncate(2**34)\n"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the kernel's subreaper")
+def test_what_an_entrant_leaves_running_ends_with_it(family, tmp_path, monkeypatch):
+    left = tmp_path / "pid"
+    monkeypatch.setenv("LEFT", str(left))
+    me = Entrant("me", script(tmp_path, LEAVES_A_DAEMON + SAYS_NONE))
+    assert enter(family[0], tmp_path / "claims", 20.0, ("0001", [me])) == []
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(left.read_text()), 0)
+
+
+@pytest.mark.parametrize("attack", [MOVES_ITS_FOLDER, WRITES_WITHOUT_END])
+def test_what_an_entrant_writes_is_bounded_and_stays_in_its_folder(
+    family, tmp_path, monkeypatch, attack
+):
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.setenv("LEFT", str(tmp_path / "elsewhere"))
+    me = Entrant("me", script(tmp_path, attack + SAYS_NONE))
+    assert enter(family[0], tmp_path / "claims", 20.0, ("0001", [me])) == ["me"]
+    assert not (tmp_path / "elsewhere" / RUN).exists()
+    folder = tmp_path / "claims" / "me" / "0001"
+    assert folder.is_dir() and not folder.is_symlink()
+    assert sum(p.stat().st_size for p in folder.rglob("*")) < 2**27
 
 
 DEEP = "[" * 200_000 + "]" * 200_000

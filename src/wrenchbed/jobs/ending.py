@@ -12,11 +12,13 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 _LOOKS_S = 0.2
 """How often a worker looks whether its parent is alive [s]: it ends within a second."""
 _PR_SET_PDEATHSIG = 1
-"""Option of prctl: linux/prctl.h."""
+_PR_SET_CHILD_SUBREAPER = 36
+"""Options of prctl: linux/prctl.h."""
 _GROUPS: set[int] = set()
 """Process groups that this process started and that end with it."""
 _PARENT: list[int] = []
@@ -62,6 +64,30 @@ def with_group(group: int) -> Iterator[None]:
         _GROUPS.discard(group)
         if not _GROUPS and _PARENT:
             _kernel_kills(signal.SIGKILL)
+
+
+@contextmanager
+def without_orphans() -> Iterator[None]:
+    """At the end of the block, kill what was started in it and runs on, daemons too, on Linux."""
+    if not sys.platform.startswith("linux"):
+        yield
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)  # orphans become our children
+    before = _children()
+    try:
+        yield
+    finally:
+        while orphans := _children() - before:
+            for orphan in orphans:
+                with suppress(ProcessLookupError, ChildProcessError):
+                    os.kill(orphan, signal.SIGKILL)
+                    os.waitpid(orphan, 0)
+
+
+def _children() -> set[int]:
+    """Processes whose parent is this one, by /proc."""
+    lists = Path("/proc/self/task").glob("*/children")
+    return {int(child) for one in lists for child in one.read_text().split()}
 
 
 def bound(command: Sequence[str]) -> list[str]:

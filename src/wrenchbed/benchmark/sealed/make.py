@@ -245,6 +245,7 @@ def open_family(family: Family, out: Path, answers: Path) -> None:
     check_folders(path, family.about(), (out, answers), BenchmarkError)
     if not path.exists():
         write_bytes(path, commitments.family(family.about(), None))
+    answers.chmod(0o700)  # entrants may run as another user of this machine
 
 
 def make_case(family: Family, out: Path, answers: Path, index: int) -> None:

@@ -8,6 +8,7 @@ answer for what no effect makes. That is what a careful user without them sees.
 
 import os
 import re
+import resource
 import shlex
 import shutil
 import signal
@@ -41,7 +42,7 @@ from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
 from wrenchbed.files import TEMPORARY, atomic_folder, remove, write_json
 from wrenchbed.files.checked import load
-from wrenchbed.jobs.ending import with_group
+from wrenchbed.jobs.ending import with_group, without_orphans
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 OURS = "diagnose"
@@ -49,6 +50,8 @@ RUN = "run.json"
 CLAIM = "diagnosis.json"
 RESERVED = ("wrenchbed", "oracle")
 """Names that a score uses itself."""
+_MOST_BYTES = 2**26
+"""Most that an entrant may write about a case [byte]; wrenchbed's own diagnosis takes 0.1 MB."""
 _RANK = 1e-10
 """Least eigenvalue that counts, relative to the largest one."""
 
@@ -147,15 +150,32 @@ def enter(
                 if isinstance(problem, OSError) and entrant.command is None:  # our disk
                     raise
                 error = traceback.format_exc()
+            error = error or _misuse(partial)
             if not error and not (partial / CLAIM).is_file():
                 error = f"wrote no {CLAIM}"
             if error:
                 failed.append(entrant.name)
             seconds = time.perf_counter() - begun
             about = {"seconds": seconds, "error": error, "recording": digest}
+            if partial.is_symlink():
+                partial.unlink()
             partial.mkdir(exist_ok=True)  # an entrant may have deleted it
             write_json(partial / RUN, about | {"command": entrant.command})
     return failed
+
+
+def _misuse(folder: Path) -> str:
+    """What an entrant did to its folder that it may not, whose content is then removed; or ""."""
+    entries = [folder, *folder.rglob("*")]
+    if any(entry.is_symlink() for entry in entries):
+        misuse = "wrote a symbolic link"
+    elif sum(entry.lstat().st_size for entry in entries if entry.is_file()) > _MOST_BYTES:
+        misuse = f"wrote more than {_MOST_BYTES:,} bytes"
+    else:
+        return ""
+    if not folder.is_symlink():
+        remove(folder)
+    return misuse
 
 
 def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> None:
@@ -192,13 +212,16 @@ def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
 def _call(command: str, recording: Path, out: Path, limit: float) -> None:
     """Run a program in its own process group, so that all of it can be stopped."""
     call = [*shlex.split(command), str(recording.resolve()), "--out", str(out.resolve())]
-    with (out / "output.txt").open("x") as log:
+    with without_orphans(), (out / "output.txt").open("x") as log:
         process = subprocess.Popen(
             call, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
             start_new_session=True,
         )  # fmt: skip
         with with_group(process.pid):
             try:
+                if hasattr(resource, "prlimit"):
+                    most = (_MOST_BYTES, _MOST_BYTES)
+                    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, most)
                 code = process.wait(timeout=limit)
             except subprocess.TimeoutExpired as cause:
                 raise OverTimeError from cause
