@@ -80,6 +80,22 @@ def test_what_must_not_be_replaced_is_refused(kind, tmp_path):
     assert not list(tmp_path.glob(TEMPORARY))
 
 
+def test_what_a_killed_writer_left_goes_and_what_one_holds_stays(tmp_path):
+    old = 0.0, 0.0
+    left, folder, fresh = (tmp_path / TEMPORARY.replace("*", x) for x in "abc")
+    left.touch()
+    folder.mkdir()
+    fresh.touch()
+    with atomic_write(tmp_path / "held") as file:
+        held = next(p for p in tmp_path.glob(TEMPORARY) if p not in (left, folder, fresh))
+        for path in (left, folder, held):
+            os.utime(path, old)
+        code = f"from wrenchbed.files import *; write_bytes({str(tmp_path / 'new')!r}, b'')"
+        subprocess.run([sys.executable, "-c", code], check=True)
+        file.write(b"x")
+    assert set(names_in(tmp_path)) == {"held", "new", fresh.name}
+
+
 def test_a_full_disk_names_the_file(tmp_path, monkeypatch):
     def full(handle):
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -11,6 +11,7 @@ import os
 import secrets
 import shutil
 import stat
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -22,6 +23,11 @@ _AT_ONCE = 1 << 20
 """Size of a file's buffer [B]: most files are written by one call."""
 _HELD: set[Path] = set()
 """Outputs that this process has locked."""
+_ABANDONED_S = 60.0
+"""Age of a temporary file that no process holds, from which it is a killed writer's [s]: a writer
+holds its own within milliseconds."""
+_SWEPT: set[Path] = set()
+"""Folders in which this process has looked for what killed writers left."""
 _LOCK_NAME = 60
 """Characters of a name in the name of its lock: a file system takes 255 bytes."""
 
@@ -45,7 +51,9 @@ def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
     try:
         mode = _replaceable(path)
         made += _make(path.parent)
+        _sweep(path.parent)
         with open_new(temporary) as file:
+            _hold(file.fileno())
             if mode is not None:
                 os.fchmod(file.fileno(), mode)
             yield file
@@ -74,11 +82,14 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     made: list[Path] = []
-    there = path.is_dir()
+    handle, there = -1, path.is_dir()
     temporary = (path if there else path.parent) / _temporary_name()
     try:
         made += _make(temporary.parent)
+        _sweep(temporary.parent)
         temporary.mkdir()
+        handle = os.open(temporary, os.O_DIRECTORY | os.O_CLOEXEC)
+        _hold(handle)
         yield temporary
         if there:
             _move(temporary, path)
@@ -92,6 +103,8 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
             raise OSError(error.errno, error.strerror, str(final)) from error
         raise
     finally:
+        if handle >= 0:
+            os.close(handle)
         shutil.rmtree(temporary, ignore_errors=True)
         _unmake(made)
 
@@ -197,6 +210,28 @@ def write_json(path: str | Path, content: Any) -> None:
 
 def _temporary_name() -> str:
     return TEMPORARY.replace("*", secrets.token_hex(8))
+
+
+def _hold(handle: int) -> None:
+    """Lock a temporary file or folder until it is closed, where a file system has locks."""
+    with suppress(OSError):
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+
+
+def _sweep(folder: Path) -> None:
+    """Delete what killed writers left in a folder; once in a process."""
+    if folder in _SWEPT:
+        return
+    _SWEPT.add(folder)
+    for remainder in folder.glob(TEMPORARY):
+        with suppress(OSError):  # held, or of a file system without locks
+            handle = os.open(remainder, os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if time.time() - os.fstat(handle).st_mtime > _ABANDONED_S:
+                    remove(remainder)
+            finally:
+                os.close(handle)
 
 
 def no_link(name: str, flags: int) -> int:
