@@ -455,7 +455,8 @@ def _unlike_stated(stated: ToolInfo, mass: float, cog: np.ndarray) -> Iterator[s
     away = cog - np.asarray(cog if stated.cog is None else stated.cog)
     if float(np.linalg.norm(away)) > _OTHER_CENTRE:
         where = ", ".join(f"{1e3 * x:.0f}" for x in away)
+        point = ", ".join(f"{x + 0.0:.4f}" for x in np.round(-away, 4))
         yield (
             f"the centre of gravity lies ({where}) mm from the stated one: another tool, or "
-            "torques about another point (state it as [wrench] about in the column map)"
+            f"torques about another point ([wrench] about = [{point}] in the column map)"
         )

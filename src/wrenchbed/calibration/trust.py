@@ -30,13 +30,16 @@ def observed(
     """
     robot, robot_theta = model.robot, model.robot.robot_theta(theta)
     tool, stated = robot.tool(robot_theta), recording.metadata.tool
+    row = np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1)
+    if recording.metadata.mode == "static":
+        row = np.flatnonzero(data.keep)[np.cumsum(data.count) - data.count]
     known = np.zeros(6)
     if data.source != "residual":
         known = np.sqrt(np.diagonal(data.row_covariance) / np.mean(data.count))
     return Observed(
         robot, robot_theta, np.asarray(model.gravity), data.q, data.wrench, known,
-        data.t, np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1), float(tool.mass),
-        stated.mass is not None, None if stated.cog is None else np.asarray(stated.cog),
+        recording.t[row], row, float(tool.mass), stated.mass is not None,
+        None if stated.cog is None else np.asarray(stated.cog),
         any(mount <= free for mount in _MOUNTS),
     )  # fmt: skip
 

@@ -24,8 +24,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "N": ("force", 1.0), "kN": ("force", 1e3), "lbf": ("force", 4.4482216152605),
     "mN": ("force", 1e-3), "kgf": ("force", 9.80665), "gf": ("force", 9.80665e-3),
     "N·m": ("torque", 1.0), "Nm": ("torque", 1.0), "N.m": ("torque", 1.0), "N*m": ("torque", 1.0),
-    "Nmm": ("torque", 1e-3), "N·mm": ("torque", 1e-3), "mN·m": ("torque", 1e-3),
-    "mNm": ("torque", 1e-3), "lbf·in": ("torque", 0.1129848290276167),
+    "N·cm": ("torque", 1e-2), "Nmm": ("torque", 1e-3), "N·mm": ("torque", 1e-3),
+    "mN·m": ("torque", 1e-3), "mNm": ("torque", 1e-3), "lbf·in": ("torque", 0.1129848290276167),
     "lbf-in": ("torque", 0.1129848290276167), "lbf·ft": ("torque", 1.3558179483314004),
     "kgf·m": ("torque", 9.80665), "kgf·cm": ("torque", 9.80665e-2),
     "kgf·mm": ("torque", 9.80665e-3), "gf·cm": ("torque", 9.80665e-5),
@@ -195,7 +195,8 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
 
 def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
     """Mode and metadata; keys that do not exist are refused."""
-    stated.only(set(Metadata.__dataclass_fields__) - {"extra"} | {"format"}, "[recording]")
+    fields = set(Metadata.__dataclass_fields__) - {"extra"} | {"format", "configured"}
+    stated.only(fields, "[recording]")
     parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}
     for part, known in {**parts, "tolerance": TOLERANCES}.items():
         stated.part(part).only(known, f"[recording.{part}]")

@@ -228,10 +228,8 @@ def _weight(seen: Observed, load: Load) -> Finding | None:
     least = (LITTLE if seen.stated or load.share > REFUTED else LEAST_WEIGHT) * seen.mass
     if abs(mass) >= max(SURE * std, least):
         return None
-    words = (
-        f"no weight shows: the forces are those of {mass:.2g} ± {std:.1g} kg, stated "
-        f"{seen.mass:.3g} kg. "
-    )
+    words = f"no weight shows: the forces are those of {mass:.2g} ± {std:.1g} kg"
+    words += f", stated {seen.mass:.3g} kg. " if seen.stated else ". "
     if float(np.linalg.norm(seen.y[:, :3].mean(axis=0))) < LITTLE * seen.mass * STANDARD_GRAVITY:
         return Finding(
             "compensated",
@@ -346,11 +344,23 @@ def _units(seen: Observed, load: Load) -> Finding | None:
             f"the forces are those of {mass:.3g} kg: state fx fy fz in N (are they in mN, or "
             "counts?)",
         )
+    longer = _longer(seen, load)
+    for (force, unit), factor in TORQUES.items() if longer is not None else ():
+        if longer is not None and force == "N" and abs(longer / factor - 1.0) < SAME_UNIT:
+            return Finding(
+                "units",
+                f"the torques are those of a load {factor:.3g} times as far from the sensor as is "
+                f"stated: are they in {unit}? State that unit with tx ty tz",
+            )
     if lever.max() > LARGEST_M:
+        near = (
+            unit for (force, unit), factor in TORQUES.items()
+            if force == "N" and 1e-3 < lever.max() / factor < LONG
+        )  # fmt: skip
         return Finding(
             "units",
-            f"the torques are those of a load {lever.max():.3g} m from the sensor: state tx ty tz "
-            "in N·m (are they in N·mm?)",
+            f"the torques are those of a load {lever.max():.3g} m from the sensor: state their "
+            f"unit with tx ty tz (are they in {' or '.join(near) or 'counts'}?)",
         )
     if seen.cog is not None and np.linalg.norm(load.phi[1:4] / mass + seen.cog) < MIRRORED * float(
         np.linalg.norm(seen.cog)
@@ -360,14 +370,6 @@ def _units(seen: Observed, load: Load) -> Finding | None:
             "the torques have the opposite sign: the forces are a load's, the torques those of its "
             "reaction. Give both as the load on the sensor",
         )
-    longer = _longer(seen, load)
-    for unit, factor in TORQUES.items() if longer is not None else ():
-        if longer is not None and abs(longer / factor - 1.0) < SAME_UNIT:
-            return Finding(
-                "units",
-                f"the torques are those of a load {factor:.3g} times as far from the sensor as "
-                f"is stated: are they in {unit}? State them in N·m",
-            )
     return None
 
 
@@ -392,13 +394,12 @@ def _unlike_stated(seen: Observed, load: Load) -> Finding | None:
     unit = min(near, key=lambda u: near[u])
     if near[unit] < EXACT_UNIT:
         of_torque = [
-            name.partition(" (")[0] for name, factor in TORQUES.items()
-            if longer is not None and name.endswith(f"forces in {unit})")
-            and abs(longer / factor - 1.0) < SAME_UNIT
+            torque for (force, torque), factor in TORQUES.items()
+            if longer is not None and force == unit and abs(longer / factor - 1.0) < SAME_UNIT
         ]  # fmt: skip
-        torques = f", and tx ty tz, which then are in {of_torque[0]}, in N·m" if of_torque else ""
+        torques = f", and {of_torque[0]} with tx ty tz" if of_torque else ""
         return Finding(
-            "units", f"{begin}: are they in {unit}? State fx fy fz in N{torques}"
+            "units", f"{begin}: are they in {unit}? State that unit with fx fy fz{torques}"
         )  # fmt: skip
     if ratio > COUNTS:
         torques = "" if longer is None else f" and per = {longer * ratio:.4g} with tx ty tz"
@@ -418,6 +419,7 @@ def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
     """A controller that subtracts a payload: what it subtracts by what is left."""
     mass = float(load.phi[0])
     less = seen.mass - mass
+    state = ", or state the tool without it" if mass > 0.0 else " and record again"
     where = ""
     if seen.cog is not None:
         centre = 1e3 * (seen.mass * seen.cog - load.phi[1:4]) / less
@@ -425,8 +427,8 @@ def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
     return Finding(
         "compensated",
         f"the forces are those of {mass:.4g} kg, the stated tool has {seen.mass:.4g} kg: does the "
-        f"controller subtract a payload of {less:.3g} kg{where}? Set its payload to zero, or state "
-        f"the tool without it{doubt}",
+        f"controller subtract a payload of {less:.3g} kg{where}? Set its payload to "
+        f"zero{state}{doubt}",
     )
 
 

@@ -32,13 +32,16 @@ leaves less than the second part of that."""
 MOST = 400
 """Largest number of observations that are examined, spread over all."""
 TORQUES = {
-    "N·mm (and forces in N)": 1e3, "N·cm (and forces in N)": 1e2,
-    "kgf·m (and forces in N)": 1.0 / 9.80665, "N·m (and forces in kgf)": 9.80665,
-    "lbf·in (and forces in N)": 8.8507458, "lbf·in (and forces in lbf)": 39.370079,
-    "N·m (and forces in lbf)": 4.4482216, "kgf·cm (and forces in N)": 10.197162,
-    "kgf·cm (and forces in kgf)": 100.0,
+    ("N", "N·mm"): 1e3, ("N", "N·cm"): 1e2, ("N", "kgf·m"): 0.10197162, ("kgf", "N·m"): 9.80665,
+    ("N", "lbf·in"): 8.8507458, ("lbf", "lbf·in"): 39.370079, ("lbf", "N·m"): 4.4482216,
+    ("N", "kgf·cm"): 10.197162, ("kgf", "kgf·cm"): 100.0, ("N", "lbf·ft"): 0.73756215,
+    ("lbf", "lbf·ft"): 3.2808399, ("gf", "gf·cm"): 100.0, ("kgf", "kgf·m"): 1.0,
+    ("mN", "mN·m"): 1.0,
 }  # fmt: skip
-"""Torques over what they are for forces as given; exact by definition of the units."""
+"""Units of force and torque, and torques in them over what they are for forces as given."""
+PLACE = 2e-3
+"""Of mistakes that explain the readings equally well those count whose load lies at most so much
+[m] further from the stated place than the nearest: what noise moves it by."""
 TURNED = np.deg2rad(10.0)
 """A sensor or a gravity turned by more than this is no imperfection of a mount or a base."""
 
@@ -48,6 +51,11 @@ class Mistake(NamedTuple):
 
     load: Load
     finding: Finding
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Centre of gravity of the load (3,) [m]."""
+        return np.asarray(self.load.phi[1:4] / self.load.phi[0])
 
 
 def mistake(seen: Observed) -> Finding | None:
@@ -59,20 +67,18 @@ def mistake(seen: Observed) -> Finding | None:
     mistakes = [m for each in tried for m in each if m.load.share < limit and _whole(m)]
     least = min((m.load.share for m in mistakes), default=0.0)
     best = [m for m in mistakes if m.load.share <= least + TIE * limit]
+    if best and seen.cog is not None:
+        away = [float(np.linalg.norm(m.centre - seen.cog)) for m in best]
+        best = [m for m, far in zip(best, away, strict=True) if far < min(away) + PLACE]
     if not best:
         return None
     alike = [m for m in best if m.finding.reason == best[0].finding.reason == "left-handed"]
-    return _mirrored(seen, alike) if len(alike) > 1 else best[0].finding
+    return _mirrored(alike) if len(alike) > 1 else best[0].finding
 
 
-def _mirrored(seen: Observed, alike: Sequence[Mistake]) -> Finding:
-    """The mirrored axis that leaves the load where it is stated; else all of them, with the loads
-    that they leave."""
-    centres = [m.load.phi[1:4] / m.load.phi[0] for m in alike]
-    if seen.cog is not None and float(np.linalg.norm(seen.cog)) > 0.0:
-        away = [float(np.linalg.norm(centre - seen.cog)) for centre in centres]
-        return alike[int(np.argmin(away))].finding
-    loads = (", ".join(f"{1e3 * x:.0f}" for x in centre) for centre in centres)
+def _mirrored(alike: Sequence[Mistake]) -> Finding:
+    """All the axes that may be mirrored, with the loads that they leave."""
+    loads = (", ".join(f"{1e3 * x:.0f}" for x in m.centre) for m in alike)
     ways = " Or ".join(
         f"{m.finding.sentence}: the load is then at ({load}) mm."
         for m, load in zip(alike, loads, strict=True)
@@ -168,12 +174,13 @@ def _mends() -> Iterator[tuple[str, str, np.ndarray]]:
             f"column {c!r} has the opposite sign of the others: turn it over in the column map",
             "wrong sign", np.diag(sign),
         )  # fmt: skip
-    for unit, factor in TORQUES.items():
-        yield (
-            f"forces and torques do not belong to one load unless torques are in {unit}: state fx "
-            "fy fz in N and tx ty tz in N·m", "units",
-            np.diag(np.repeat([1.0, 1.0 / factor], 3)),
-        )  # fmt: skip
+    for (force, torque), factor in TORQUES.items():
+        if force == "N" or factor > 1.0:
+            yield (
+                f"forces and torques do not belong to one load unless torques are in {torque} (and "
+                f"forces in {force}): state these units in the column map", "units",
+                np.diag(np.repeat([1.0, 1.0 / factor], 3)),
+            )  # fmt: skip
     for k, axis in enumerate("xyz"):
         mirror = np.ones(3)
         mirror[k] = -1.0
@@ -215,8 +222,8 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
     for rotation, words in (
         (into, "the wrench is given in the axes of the base, not of the sensor: state its frame in "
          "the column map, or turn it"),
-        (turn, "the wrench was turned with the inverse of the sensor's orientation: check which "
-         "frame it is given in"),
+        (turn, "the wrench was turned with the inverse of the sensor's orientation: give it as the "
+         "sensor shows it"),
     ):  # fmt: skip
         finding = Finding("frame of the wrench", words)
         yield _fitted(seen, seen.design, _turned(rotation, seen.y), finding)
@@ -250,13 +257,15 @@ def _turned_sensor(seen: Observed, rotation: np.ndarray) -> Iterator[Mistake]:
     if angle < TURNED:
         return
     axis = ", ".join(f"{x:.2f}" for x in vector / angle)
+    quaternion = ", ".join(f"{x:.5f}" for x in turn.as_quat(canonical=True, scalar_first=True))
     block = np.kron(np.eye(2), turn.as_matrix())
     yield Mistake(
         seen.moments.fit(block),
         Finding(
             "turned sensor",
             f"the sensor is turned against its stated axes by {np.rad2deg(angle):.0f}° about "
-            f"({axis}): state sensor.pose_flange, or the order of axes in the column map",
+            f"({axis}): state pose_flange = [0, 0, 0, {quaternion}] in [recording.sensor] of the "
+            "column map (behind one that is stated there), or the order of axes",
         ),
     )
 
@@ -294,15 +303,15 @@ def _of_gravity(seen: Observed, into: np.ndarray) -> Iterator[Mistake]:
         return
     gravity = u / max(size, 1e-300) * np.linalg.norm(seen.gravity)
     other = replace(seen, gravity=gravity)
-    axis = ", ".join(f"{x:.2f}" for x in u / max(size, 1e-300))
+    along = ", ".join(f"{x + 0.0:.4f}" for x in gravity)
     yield _fitted(
         seen,
         other.design,
         seen.y,
         Finding(
             "gravity",
-            f"gravity acts along ({axis}) of the base, {np.rad2deg(angle):.0f}° from where it is "
-            "stated: state gravity as the base sees it, or the sign of the wrench is wrong",
+            f"gravity acts along another axis of the base, {np.rad2deg(angle):.0f}° from where it "
+            f"is stated: state gravity = [{along}], or the sign of the wrench is wrong",
         ),
     )
 
@@ -348,7 +357,8 @@ def _joint_mistakes(seen: Observed) -> Iterator[tuple[str, Value]]:
         for degrees in (90.0, -90.0, 180.0):
             off = np.zeros(len(names))
             off[j] = np.deg2rad(degrees)
-            yield f"q{j + 1} has another zero, {degrees:.0f}° away: check its zero", seen.q + off
+            zero = f"{-degrees:.0f} (in deg; {-off[j]:.6f} in rad)"
+            yield f"q{j + 1} has another zero: state zero = {zero} with it", seen.q + off
 
 
 def _columns(seen: Observed, order: np.ndarray) -> Value:

@@ -33,7 +33,7 @@ class Observed:
         q: joint values (M, J), orientations (M, 4), or jets.
         y: readings (M, 6) [N, N·m].
         noise: standard deviation of an observation (6,), 0 where nothing is known.
-        t: (M,) [s].
+        t: when each one begins (M,) [s].
         row: number of each one's first row (M,).
         mass: as the simulator is configured [kg].
         stated: whether the metadata states the mass.

@@ -41,6 +41,9 @@ ALIKE = 0.5
 _USUAL = 0.1
 """Share of the steps from row to row that are larger than the usual one: the ninth decile leaves
 moves, a tenth of the rows, aside."""
+MOST_NAMED = 10
+"""Most rows that are named beside the worst one."""
+_OR_HUBER = ", or calibrate with --loss huber"
 ALL = "all joints"
 """Name that stands for the columns of all joints at once."""
 MOVES = 10.0
@@ -198,7 +201,7 @@ def _no_readings(what: str, rows: np.ndarray) -> Finding:
     return Finding(
         "spike",
         f"{what} exactly 0 in {rows.sum()} rows (the first: row {int(np.argmax(rows))}) between "
-        "others: no readings came. Leave them out",
+        f"others: no readings came. Leave them out{_OR_HUBER}",
         blocks=False,
     )
 
@@ -217,11 +220,13 @@ def _spikes(recording: Recording) -> Iterator[Finding]:
         far = off > max(SPIKE * usual, FAR * step)
         if far.any() and far.sum() <= max(2, SPIKES * len(y)):
             row = int(np.argmax(off))
-            others = f" ({far.sum()} such rows)" if far.sum() > 1 else ""
+            more = np.setdiff1d(np.flatnonzero(far), row)
+            others = f" (so are rows {', '.join(map(str, more[:MOST_NAMED]))})" if len(more) else ""
             yield Finding(
                 "spike",
                 f"column {c!r}, row {row}: a spike, {y[row]:.4g} {unit} between {y[row - 1]:.4g} "
-                f"and {y[row + 1]:.4g}{others}: no load comes and goes within a row. Leave it out",
+                f"and {y[row + 1]:.4g}{others}: no load comes and goes within a row. Leave it "
+                f"out{_OR_HUBER}",
                 blocks=bool(off[row] > ABSURD * usual),
             )
 
@@ -355,7 +360,7 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
     return Finding(
         "spike",
         f"{share:.1f} % of the rows lie far from all others of their pose (the first: row {row}): "
-        "they are no measurements of it. Leave them out",
+        f"they are no measurements of it. Leave them out{_OR_HUBER}",
     )
 
 

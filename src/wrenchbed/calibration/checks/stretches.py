@@ -27,6 +27,8 @@ MOMENTS = 40
 """Number of moments at which a change is tried."""
 SIMPLER = 0.5
 """A new load is named, not a new zero, where it leaves less than this part of what that does."""
+MOST_NAMED = 8
+"""Most stretches of rows that are named: they fill two lines."""
 LEAST_SIDE = 8
 """Fewest observations on either side of a change."""
 _MAD = 1.4826
@@ -99,12 +101,16 @@ def _where(seen: Observed, far: np.ndarray, peak: float, residual: np.ndarray) -
     longest = max(runs, key=len)
     strength = f"up to {peak:.3g} N and {np.abs(residual[:, 3:]).max():.2g} N·m"
     kind = "samples" if not isinstance(seen.q, np.ndarray) else "poses"
-    begin, end = seen.t[longest[0]], seen.t[longest[-1]]
-    more = f", in {len(runs)} stretches" if len(runs) > 1 else ""
+    begin = seen.t[longest[0]]
+    ends = [
+        f" to {seen.row[run[-1] + 1] - 1}" if run[-1] + 1 < len(seen) else " on" for run in runs
+    ]
+    rows = [f"{seen.row[run[0]]}{last}" for run, last in zip(runs, ends, strict=True)]
+    more = f", and {len(rows) - MOST_NAMED} stretches more" if len(rows) > MOST_NAMED else ""
     return (
-        f"contact or a hand: {strength} that no weight makes, from {begin:.1f} s to {end:.1f} s "
-        f"(row {seen.row[longest[0]]} on; {far.sum()} of {len(far)} {kind}{more}). Leave these "
-        "rows out, or record again without touching the tool"
+        f"contact or a hand: {strength} that no weight makes, in {far.sum()} of {len(far)} {kind}, "
+        f"the longest from {begin:.1f} s on. Leave out rows {', '.join(rows[:MOST_NAMED])}{more}, "
+        "or record again without touching the tool"
     )
 
 

@@ -231,9 +231,9 @@ def _constants(recording: Recording, drives: Drives) -> np.ndarray:
     if wrong.size:
         joint = int(wrong[0]) + 1
         raise DiagnosisError(
-            f"{recording.name}: the drive constant of joint {joint} comes out negative: state "
-            f"metadata configured.drive.constant.{joint} [N·m/A; N/A], or record with another "
-            "sign"
+            f"{recording.name}: the drive constant of joint {joint} comes out negative: map "
+            f"i{joint} with sign = -1, or state them all in [recording] of the column map: "
+            'configured = { "drive.constant" = [ … ] } [N·m/A; N/A]'
         )
     return np.where(known, stated, constants)
 
