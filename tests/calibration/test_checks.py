@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from altered import with_rows, with_wrench
+from altered import with_wrench
 from corrupted import CORRUPTIONS
 from simulated import WHITE, static
 from simulated import recording as recorded
