@@ -57,7 +57,9 @@ def test_units_are_converted_to_si(tmp_path):
         tx={"column": "TX", "unit": "Nmm"}, ty={"column": "TY", "unit": "Nmm"},
         tz={"column": "TZ", "unit": "Nmm"}, fz={"column": "FZ", "unit": "N", "sign": -1},
     )  # fmt: skip
+    raw["recording"]["configured"] = {"drive.constant": [12.0] * 6}
     recording = load(tmp_path, raw).recording
+    assert recording.metadata.extra["configured"] == {"drive.constant": [12.0] * 6}
     assert np.allclose(recording.t, [0, 0.01, 0.02, 0.03])
     assert np.allclose(recording.q, np.pi / 2)
     assert np.allclose(recording.wrench[0], [0.5, 1.5, -2.5, 3.5e-3, 4.5e-3, 5.5e-3])
