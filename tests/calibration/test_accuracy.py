@@ -4,7 +4,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from simulated import as_driven, static
+from simulated import as_driven, driven, static
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
@@ -101,11 +101,10 @@ def touched(tmp_path_factory):
     plan = Plan.of("medrue", sets.touch[pick], points=sets.points[pick])
     plan.write(folder / "plan.parquet")
     plan = Plan.read(folder / "plan.parquet")
-    with SimDriver(SimOptions("medrue", parameters=truth, seed=5)) as driver:
-        record(driver, plan, folder / "touch.parquet", samples=3)
+    touched = driven(plan, folder / "touch.parquet", 3, parameters=truth, seed=5)
     std = np.array(registry.load("sensors", "ati-gamma").noise.row_std)
     gravity = as_driven(static("medrue", truth, poses=20, samples=50, noise=std, seed=5))
-    return plan, truth, gravity, Touches.of(Recording.read(folder / "touch.parquet"))
+    return plan, truth, gravity, Touches.of(touched)
 
 
 def rms_error(fit, truth) -> float:

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import ntnu
+import wrenchbed as wb
 from altered import by_name, in_degrees, opposite, with_columns, with_metadata, with_rows
-from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
+from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, driven, static
 from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate, check_mass
 from wrenchbed.calibration.fit import FitNoise
+from wrenchbed.calibration.observations import window_of
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.recording import POINT, Recording
@@ -334,3 +336,19 @@ def test_ninety_five_percent_intervals_hold(request, recorded, truth, seeds, par
     assert not effective or 7 < np.median(effective) < 30
     least, most = (0.9, 1.0) if kind == "flicker" else (0.93, 0.97)
     assert least <= inside / total <= most
+
+
+@pytest.mark.parametrize("counts", [6e-5, 1.2e-4])
+def test_counts_of_an_encoder_at_a_high_rate_take_a_wider_window(tmp_path, counts):
+    plan = wb.multisine(wb.load("robots", "ur5"), 10.0, 500.0, 3)
+    moved = driven(plan, tmp_path / "rec.parquet", noise="white", seed=5)
+    q = {n: np.round(moved.columns[n] / counts) * counts for n in moved.joints}
+    coarse = Recording(moved.metadata, {**moved.columns, **q}, moved.name)
+    assert window_of(coarse) > window_of(moved)
+    fine, fit = calibrate(moved), calibrate(coarse)
+    for name in ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z"):
+        assert abs(fit[name].value - fine[name].value) < 1.0 * fine[name].std
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(len(moved))
+    loud = {n: x + noise for n, x in q.items()}
+    with pytest.raises(CalibrationError, match="is rough"):
+        calibrate(Recording(moved.metadata, {**moved.columns, **loud}, moved.name))

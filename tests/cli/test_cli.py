@@ -1,20 +1,26 @@
 """The command line: exit codes, one clear line a mistake, and nothing written."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
+import wrenchbed as wb
 from commanded import said
 from wrenchbed import registry
-from wrenchbed.cli import main
+from wrenchbed.cli import _GROUPS, _VERBS, console, main
 from wrenchbed.data.recording import Recording
+from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.sim import SimDriver
+from wrenchbed.robots.motion_limits import Limits
 
 
 @pytest.mark.parametrize("kind", ["robots", "sensors", "drivers", "effects"])
@@ -129,3 +135,175 @@ def test_studies_and_touches_need_what_goes_with_them(tmp_path, capfd):
     assert not (tmp_path / "s").exists()
     rec = tmp_path / "rec.parquet"
     assert main(["calibrate", str(rec), "--touch-std", "1e-3"]) == 1
+
+
+def test_usage_errors_exit_with_2(capfd):
+    for arguments in (
+        [],
+        ["fly"],
+        ["plan", "ur5"],
+        ["list", "planets"],
+        ["plan", "ur5", "--x", "1"],
+    ):
+        with pytest.raises(SystemExit) as caught:
+            main(arguments)
+        assert caught.value.code == 2, arguments
+
+
+def test_help_names_every_verb(capfd):
+    with pytest.raises(SystemExit) as caught:
+        main(["--help"])
+    assert caught.value.code == 0
+    out = capfd.readouterr().out
+    for verb in ("list", "plan", "record", "import", "calibrate", "campaign", "blind"):
+        assert f"\n  {verb} " in out
+    assert max(map(len, out.splitlines())) <= 80
+    assert "Identify a robot's parameters: value ± standard uncertainty" in out
+
+
+def test_a_verb_that_is_not_there_is_met_with_the_nearest(capfd):
+    with pytest.raises(SystemExit):
+        main(["callibrate"])
+    assert "did you mean 'calibrate'?" in capfd.readouterr().err
+
+
+HEAVY = ("rerun", "rtde_control", "can", "canopen", "matplotlib", "mujoco", "scipy", "pyarrow",
+         "gymnasium", "rosbags", "mcap", "tyro", "pinocchio")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "how, heavy",
+    [
+        ("import wrenchbed", HEAVY),
+        ("from wrenchbed.cli import main; main(['-h'])", HEAVY),
+        ("import wrenchbed.reports.diagnosis_page", ("scipy.signal", "scipy.stats", "gymnasium")),
+    ],
+)
+def test_nothing_heavy_is_loaded_before_it_is_used(how, heavy):
+    code = f"import sys\ntry:\n    {how}\nexcept SystemExit:\n    pass\n"
+    code += f"print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_version_is_printed(capfd):
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert not caught.value.code
+    assert capfd.readouterr().out == f"wrenchbed {version('wrenchbed')}\n"
+
+
+@pytest.mark.parametrize("epoch", ["yesterday", "-1", "9" * 20, ""])
+def test_a_date_of_builds_that_is_none_is_refused_in_one_line(epoch, monkeypatch, capsys):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", epoch)
+    assert main(["list", "robots"]) == 1
+    assert "must be whole seconds since 1970" in capsys.readouterr().err
+
+
+PLAIN = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+LATIN = {"PYTHONIOENCODING": "iso-8859-1"}
+WORDS = [[], *([verb] for verb in _VERBS), *([g, v] for g in _GROUPS for v in ("make", "score"))]
+HELPS = """
+import sys
+from wrenchbed.cli import main, prepare
+prepare()
+for words in {words}:
+    try:
+        main([*words, "--help"])
+    except SystemExit as end:
+        assert not end.code, words
+"""
+
+
+def run(environment: dict[str, str], *words: object, encoding: str = "latin-1"):
+    return subprocess.run(
+        [sys.executable, *map(str, words)], env=os.environ | environment, capture_output=True,
+        text=True, encoding=encoding, check=False, timeout=60.0,
+    )  # fmt: skip
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    ("environment", "words"),
+    [
+        (LATIN, WORDS[:3]),
+        (LATIN, WORDS),
+        (PLAIN | {"COLUMNS": "1"}, WORDS),
+        ({"COLUMNS": "0"}, WORDS),
+    ],
+    ids=["some in ISO-8859-1", "ISO-8859-1", "C, 1 column", "0 columns"],
+)
+def test_every_verbs_help_is_printed(environment, words):
+    done = run(environment, "-c", HELPS.format(words=words))
+    assert done.returncode == 0, done.stderr[-500:]
+    assert done.stdout.count("usage: wrenchbed") == len(words)
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("environment", [PLAIN, LATIN], ids=["C", "ISO-8859-1"])
+def test_results_and_errors_are_printed(made, tmp_path, environment):
+    fit, missing = tmp_path / "fit.json", tmp_path / "päth…parquet"
+    both = (
+        "from wrenchbed.cli import main, prepare; prepare();"
+        f"assert main(['calibrate', {str(made / 'rec.parquet')!r}, '--out', {str(fit)!r}]) == 0;"
+        f"assert main(['calibrate', {str(missing)!a}]) == 1"
+    )
+    shown = run(environment, "-c", both)
+    assert shown.returncode == 0 and shown.stderr.count("\n") == 1, shown.stderr
+    assert fit.is_file()
+
+
+def test_a_bar_without_a_terminal_is_silent(capsys):
+    with console.progress("work", 3) as report:
+        report(1, "first")
+    assert capsys.readouterr() == ("", "")
+
+
+@dataclass
+class Device:
+    robot: str = "ur5"
+    limits: Limits | None = None
+    rate: float | None = 125.0
+    nodes: tuple[int, ...] = (1, 2)
+    counts: tuple[float, ...] = (1.0,)
+    tries: int = 5
+    torque: bool = False
+    channel: str = "can0"
+
+
+def test_words_become_what_the_options_hold():
+    words = console.pairs(
+        ("rate=none", "nodes=0x10,17", "counts=1e6,2.5", "tries=7", "torque=on", "channel=a=b")
+    )
+    assert console.typed(Device, words, ("robot",)) == {
+        "rate": None, "nodes": (16, 17), "counts": (1e6, 2.5), "tries": 7, "torque": True,
+        "channel": "a=b",
+    }  # fmt: skip
+    assert console.typed(Device, {"rate": "500"}, ()) == {"rate": 500.0}
+
+
+@pytest.mark.parametrize(
+    ("word", "why"),
+    [
+        ("rate=fast", "rate=fast: must be a number or none"),
+        ("nodes=1,x", "a whole number, or several with commas"),
+        ("tries=1.5", "must be a whole number"),
+        ("torque=yes", "must be on or off"),
+        ("robot=ur5", "no such setting. Known: rate, nodes, counts, tries, torque, channel"),
+        ("limits=1", "no such setting"),
+        ("tries", "give NAME=VALUE"),
+        ("=5", "give NAME=VALUE"),
+    ],
+)
+def test_other_words_are_refused(word, why):
+    with pytest.raises(ParameterError, match=why):
+        console.typed(Device, console.pairs((word,)), ("robot",))
+
+
+def test_the_drivers_for_hardware_can_be_told_what_is_theirs():
+    words = {"nodes": "16,17,18,19,20,21", "counts_per_unit": "1e6,1,1,1,1,1", "base": "0x68"}
+    can = console.typed(wb.load("drivers", "can").options, words, ())
+    assert can["nodes"] == (16, 17, 18, 19, 20, 21) and can["base"] == 0x68
+    assert console.typed(wb.load("drivers", "rtde").options, {"power_on": "on"}, ()) == {
+        "power_on": True
+    }

@@ -1,15 +1,31 @@
 """The command line refuses bad input in one clear line, and writes nothing."""
 
+import errno
 import json
+import os
+import re
+import resource
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from commanded import names, said
 from wrenchbed.cli import main
 from wrenchbed.data import parquet
+from wrenchbed.data.plan import is_plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.data.text_table import read_text
+from wrenchbed.errors import ShortageError, shortage
+from wrenchbed.pages.draw import Drawn
+from wrenchbed.reports.recording_page import recording_page
+from wrenchbed.twin.comparison import simulators
 
 BAD_RECORDINGS = {
     "wrong robot": ({}, {"robot": "medrue"}, "robot 'medrue': row 0"),
@@ -98,3 +114,177 @@ def test_a_misspelt_truth_is_refused(made, tmp_path, capfd):
     arguments = ["calibrate", str(made / "rec.parquet"), "--truth", str(tmp_path / "truth.json")]
     assert main(arguments) == 1
     assert "'tool.mas' = 1 is no parameter" in said(capfd)
+
+
+MB = 1_000_000
+HUNG_S = 60.0
+
+
+def limited(kind: int, value: int, *words: object) -> tuple[int, str]:
+    """Exit code and what it says, of a verb in a process with a limit."""
+    done = subprocess.run(
+        [sys.executable, "-m", "wrenchbed", *map(str, words)], capture_output=True, text=True,
+        timeout=HUNG_S, check=False,
+        preexec_fn=lambda: resource.setrlimit(kind, (value, value)),
+    )  # fmt: skip
+    return done.returncode, done.stderr
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(("megabytes", "verb"), [(150, "calibrate"), (500, "diagnose")])
+def test_low_memory_is_told_at_once_and_never_hangs(made, tmp_path, megabytes, verb):
+    rec = made / "rec.parquet"
+    code, said = limited(resource.RLIMIT_AS, megabytes * MB, verb, rec, "--out", tmp_path / "o")
+    assert code == 1 and said.count("\n") == 1, said
+    assert "out of memory" in said and "ulimit -v" in said and rec.name not in said
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("files", [16, 40])
+def test_few_open_files_for_workers_are_told_at_once_and_never_hang(tmp_path, files):
+    words = ("campaign", "ur5", "--robots", 2, "--poses", 12, "--out", tmp_path / "fleet")
+    code, said = limited(resource.RLIMIT_NOFILE, files, *words)
+    assert code == 1 and said.count("\n") == 1, said
+    assert f"may open {files} and needs 72" in said and "ulimit -n 72" in said
+
+
+SHORT = [
+    (pa.ArrowMemoryError("malloc of size 64 failed"), "out of memory"),
+    (MemoryError(), "out of memory"),
+    (OSError(errno.ENOMEM, "Cannot allocate memory"), "out of memory"),
+    (OSError(errno.EMFILE, "Too many open files"), "too many open files"),
+]
+
+
+@pytest.mark.parametrize(("cause", "told"), SHORT, ids=["arrow", "numpy", "memory", "files"])
+def test_no_file_is_called_damaged_for_want_of_memory(made, monkeypatch, cause, told, capsys):
+    def fail(*_, **__):
+        raise cause
+
+    path = made / "rec.parquet"
+    monkeypatch.setattr(pq, "ParquetFile", fail)
+    monkeypatch.setattr(pq, "read_schema", fail)
+    for read in (Recording.read, is_plan):
+        with pytest.raises((ShortageError, MemoryError)):
+            read(path)
+    assert main(["calibrate", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert told in said and "raise the limit" in said and "Parquet" not in said
+
+
+@pytest.mark.parametrize(("cause", "told"), SHORT[2:], ids=["memory", "files"])
+def test_a_text_file_is_not_blamed_either(tmp_path, monkeypatch, cause, told):
+    def fail(*_, **__):
+        raise cause
+
+    path = tmp_path / "log.csv"
+    path.write_text("t,fx\n0,1\n1,2\n")
+    monkeypatch.setattr(Path, "open", fail)
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    with pytest.raises(ShortageError, match=f"log.csv: {told}"):
+        read_text(path)
+
+
+def test_what_is_no_shortage_is_none():
+    for error in (OSError(errno.ENOENT, "none"), ImportError("no module"), ValueError("memory")):
+        assert shortage(error) is None
+    unloaded = ImportError("libarrow.so.2600: failed to map segment from shared object")
+    assert "out of memory" in str(shortage(unloaded))
+
+
+NTNU = Path(__file__).resolve().parents[1] / "data" / "ntnu_kuka_ati_gamma"
+RECORD = ["record", "--robot", "ur5", "--plan", "p.parquet", "--samples", "6", "--out"]
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """With a plan and a recording of it."""
+    monkeypatch.chdir(tmp_path)
+    for name, short in (("plan", "p"), ("rec", "r")):
+        shutil.copy(made / f"{name}.parquet", f"{short}.parquet")
+    return tmp_path
+
+
+def refused(line, told, capsys):
+    capsys.readouterr()
+    assert main(line) == 1
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.startswith("wrenchbed: error: ")
+    assert (error.count("\n"), len(error) < 300) == (1, True)
+
+
+@pytest.mark.slow
+def test_a_recording_without_noise_has_a_report(folder):
+    assert main([*RECORD, "off.parquet", "--noise", "off"]) == 0
+    assert main(["report", "off.parquet", "--out", "off.html"]) == 0
+    text = (folder / "off.html").read_text()
+    assert "agrees with the recording" in text
+    shown = re.sub("<script.*?</script>", "", text, flags=re.DOTALL)
+    assert "nan" not in shown.replace("tenance", "")
+    assert "NaN" not in "".join(re.findall('type="application/json".*?</script>', text, re.DOTALL))
+
+
+def test_a_twin_of_a_real_robot_without_inertia_is_exported(tmp_path):
+    """As `diagnose` writes it for NTNU's recording at rest, of which no inertia is known."""
+    twin = {"format": 1, "robot": "oriented", "theta": {"tool.mass": 0.93, "tool.cog.z": 0.0438}}
+    (tmp_path / "twin.json").write_text(json.dumps(twin))
+    assert main(["export", str(tmp_path / "twin.json"), "--mjcf", str(tmp_path / "model")]) == 0
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "model" / "oriented.xml"))
+    tool = model.body("tool")
+    assert tool.mass[0] == pytest.approx(0.93)
+    assert np.all(tool.inertia < 1e-6)
+
+
+def test_an_effect_twice_on_one_joint_is_named(folder, capsys):
+    values = {"joint": 2, "stiffness": 9000.0}
+    once = {"effect": "joint.compliance", "parameters": values}
+    (folder / "twin.json").write_text(
+        json.dumps({"format": 1, "robot": "ur5", "effects": [once, once]})
+    )
+    text = "joint.compliance:joint=2,stiffness=9000"
+    for line in (
+        ["simulate", "twin.json", "--like", "r.parquet", "--out", "s.parquet"],
+        ["export", "twin.json", "--mjcf", "model"],
+        [*RECORD, "twice.parquet", "--effect", text, "--effect", text],
+    ):
+        refused(line, "effect joint.compliance acts twice", capsys)
+
+
+def test_a_page_shows_the_tool_that_its_simulator_has(made, folder, monkeypatch):
+    """Whatever else of a fit was edited by hand: its theta is what is simulated."""
+    monkeypatch.setattr("wrenchbed.reports.recording_page.draw", lambda c: Drawn(c, "<svg></svg>"))
+    fit, recording = json.loads((made / "fit.json").read_text()), Recording.read("r.parquet")
+    path = folder / "edited.json"
+    path.write_text(json.dumps(fit | {"tool": {"mass": "one"}, "parameters": "nonsense"}))
+    assert simulators(recording, [path])[1].fitted
+    (_, mass), (_, place) = recording_page(recording, [path], "").context["tool"]
+    assert mass == f"{fit['tool']['mass']:.4g} kg" and place.endswith(" mm")
+
+
+@pytest.mark.parametrize("digits", [400, 5_000])
+def test_a_whole_number_beyond_all_floats_is_refused(digits, folder, capsys):
+    (folder / "p.json").write_text('{"tool.mass": 1' + digits * "0" + "}")
+    line = [*RECORD, "x.parquet", "--parameters", "p.json"]
+    refused(line, "tool.mass" if digits == 400 else "p.json", capsys)
+
+
+@pytest.mark.slow
+def test_names_that_are_not_utf_8(folder):
+    """Every verb reads and writes such files."""
+    odd = os.fsdecode(b"r\xff")
+    os.rename(folder / "r.parquet", folder / f"{odd}.parquet")  # noqa: PTH104
+    (folder / f"{odd}.json").write_text(json.dumps({"format": 1, "robot": "ur5"}))
+    for line in (
+        ["calibrate", f"{odd}.parquet", "--out", f"{odd}.fit.json"],
+        ["report", f"{odd}.parquet", f"{odd}.fit.json", "--out", f"{odd}.html"],
+        ["view", f"{odd}.parquet", f"{odd}.fit.json", "--rrd", f"{odd}.rrd"],
+        ["export", f"{odd}.parquet", "--mcap", f"{odd}.mcap"],
+        ["export", f"{odd}.json", "--mjcf", f"{odd}.model"],
+        ["simulate", f"{odd}.json", "--like", f"{odd}.parquet", "--out", f"{odd}.s.parquet"],
+        ["plan", "ur5", "--n", "2", "--out", f"{odd}.plan.parquet"],
+    ):
+        assert main(line) == 0, line
+        assert main([*line, "--force"] if line[-2] == "--mcap" else line) in (0, 1), line
+    assert len(Recording.read(f"{odd}.s.parquet")) == 100
+    assert json.loads((folder / f"{odd}.fit.json").read_bytes())["recording"] == f"{odd}.parquet"

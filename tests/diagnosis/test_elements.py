@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
+from simulated import driven
 from wrenchbed import registry
 from wrenchbed.calibration.observations import observe
-from wrenchbed.campaigns.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.beside_claims import minor
 from wrenchbed.diagnosis.decision.decide import withdrawn
@@ -20,7 +20,6 @@ from wrenchbed.diagnosis.prepare.baseline import tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.effects.base import Variant
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
 
 OFFSET = 0.01
@@ -29,9 +28,7 @@ OFFSET = 0.01
 
 def simulated(path, effect, plan, seed=1, samples=30):
     """A UR5 in MuJoCo with one effect."""
-    with SimDriver(SimOptions("ur5", noise="white", seed=seed, effects=(effect,))) as driver:
-        record(driver, plan, path, samples=samples)
-    return wb.Recording.read(path)
+    return driven(plan, path, samples, noise="white", seed=seed, effects=(effect,))
 
 
 def poses(n=40, seed=1):

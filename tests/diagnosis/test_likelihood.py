@@ -9,13 +9,7 @@ from scipy.stats import multivariate_normal
 
 from linear_case import EFFECTS, KERNELS, Named, dictionary, named, readings
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import (
-    LADDER,
-    BackgroundLevel,
-    gains,
-    ladder,
-    log_sum,
-)
+from wrenchbed.diagnosis.evidence.likelihood import LADDER, BackgroundLevel, gains, ladder, log_sum
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.effects.base import Variant
 

@@ -8,14 +8,11 @@ import pytest
 import consistent
 import wrenchbed as wb
 from altered import with_added, with_columns, with_metadata, with_wrench
-from simulated import UR5_TRUTH, WHITE, recording, static, with_tool
+from simulated import UR5_TRUTH, WHITE, driven, recording, static, with_tool
 from wrenchbed import registry
-from wrenchbed.campaigns.run import record
 from wrenchbed.data.metadata import ToolInfo
-from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.gap.result import named_by
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning import choose
 from wrenchbed.simulation.closed_form import Model
@@ -90,10 +87,7 @@ def test_a_wrong_mass_on_a_tilted_base_is_no_cable(seed):
 @pytest.mark.slow
 def test_bursts_of_zero_mean_in_a_motion_are_not_none(tmp_path):
     plan = choose.multisine(registry.load("robots", "ur5"), 30.0, 125.0, seed=3)
-    path = tmp_path / "motion.parquet"
-    with SimDriver(SimOptions("ur5", noise="white", seed=3)) as driver:
-        record(driver, plan, path)
-    rec = Recording.read(path)
+    rec = driven(plan, tmp_path / "motion.parquet", noise="white", seed=3)
     assert answer(rec).verdict == "none"
     noise = np.array(rec.metadata.sensor.noise_std)
     kicks = np.zeros((len(rec.t), 6))

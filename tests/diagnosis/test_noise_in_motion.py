@@ -12,6 +12,7 @@ from test_between_rows import row_effects
 import wrenchbed as wb
 from altered import with_columns, with_wrench
 from mutated import turning
+from simulated import driven
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.data.plan import Plan
@@ -152,10 +153,8 @@ def jerky(seconds: float, jerks: int, seed: int) -> Plan:
 
 def recorded(folder: Path, jerks: int) -> wb.Recording:
     """Recorded in MuJoCo, its readings 30 ms late."""
-    options = wb.SimOptions("ur5", effects=("timing.delay:delay=0.03",), seed=3)
-    with wb.SimDriver(options) as driver:
-        wb.record(driver, jerky(30.0, jerks, seed=3), folder / "rec.parquet")
-    return wb.Recording.read(folder / "rec.parquet")
+    plan, late = jerky(30.0, jerks, seed=3), ("timing.delay:delay=0.03",)
+    return driven(plan, folder / "rec.parquet", seed=3, effects=late)
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from scipy.stats import multivariate_normal
 import wrenchbed as wb
 from altered import with_metadata
 from linear_case import dictionary, named, noise, refitter
+from simulated import driven
 from wrenchbed import registry
-from wrenchbed.campaigns.run import record
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -22,17 +22,12 @@ from wrenchbed.diagnosis.explain.shared_numbers import Structure
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.several import check, settles
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 
 
 def recorded(tmp_path, *effects, n=40, seed=1):
     robot = registry.load("robots", "ur5")
     plan = Plan.of("ur5", robot.sample(n, np.random.default_rng(seed)))
-    options = SimOptions("ur5", noise="white", seed=seed, effects=effects)
-    path = tmp_path / "rec.parquet"
-    with SimDriver(options) as driver:
-        record(driver, plan, path, samples=30)
-    return wb.Recording.read(path)
+    return driven(plan, tmp_path / "rec.parquet", 30, noise="white", seed=seed, effects=effects)
 
 
 @pytest.mark.slow

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from arm_torques import by_joint, fourier
 
-from wrenchbed import Recording, multisine, record, registry
+from simulated import driven
+from wrenchbed import multisine, registry
 from wrenchbed.cli import main
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.errors import NotFoundError, ParameterError
@@ -22,11 +23,7 @@ SIX = np.array([6.0, 6.5, 4.5, 1.4, 1.2, 1.0])
 
 
 def simulated(tmp_path, name="a.parquet", seconds=25.0, robot=UR5, **options):
-    out = tmp_path / name
-    plan = multisine(robot, seconds, 125.0, 2)
-    with SimDriver(SimOptions(robot.name, seed=3, **options)) as link:
-        record(link, plan, out)
-    return Recording.read(out)
+    return driven(multisine(robot, seconds, 125.0, 2), tmp_path / name, seed=3, **options)
 
 
 TRUE = {"drive.coulomb.2": 9.0, "drive.viscous.3": 3.0, "drive.inertia.1": 0.25,

@@ -26,14 +26,11 @@ ROBOTS = ("ur5", "medrue", "oriented")
 SHOWN = ("prediction", "time", "load", "loop", "torque", "angle", "matrix")
 
 
-def test_every_effect_has_a_draw_in_both_catalogues():
+def test_every_effect_has_two_draws_and_each_stated_number_is_the_error_of_one():
     assert set(lookalikes.DRAWS) == set(referee.DRAWS) == set(EFFECTS) < set(effects())
     # exactly a mass and a CoG: it is in the background of every case; no wrench shows the others
     others = {"tool.self_weight", "drive.constant", "drive.offset"}
     assert set(effects()) - set(EFFECTS) == others
-
-
-def test_each_stated_number_is_the_error_of_one_effect():
     stated = [e.stated for e in effects().values() if e.stated]
     assert sorted(stated) == sorted(STATED_NUMBERS)
     assert stated_effects() == ("sensor.bias", "tool.mass", "tool.cog")

@@ -16,7 +16,7 @@ from wrenchbed.simulation.simulation import Simulation
 G = 9.80665
 
 
-def test_backlash_lies_on_the_side_of_gravity_or_behind_the_way():
+def test_backlash_and_gear_errors_of_joints():
     s = at("ur5", [np.zeros(6), [0, 0.1, 0, 0, 0, 0], [0, 0.05, 0, 0, 0, 0]])
     load = displacement(s, "joint.backlash", joint=2, load=2e-4)
     assert load[:, 1] == pytest.approx(2e-4)
@@ -24,9 +24,6 @@ def test_backlash_lies_on_the_side_of_gravity_or_behind_the_way():
     assert way[:, 1] == pytest.approx([0.0, -2e-4, 2e-4])
     idle = displacement(s, "joint.backlash", joint=1, load=2e-4)
     assert np.abs(idle).max() < 1e-12  # upright axis: no torque, no side
-
-
-def test_a_gear_error_in_motion_carries_exact_accelerations():
     s = motion("ur5", seconds=2.0)
     dq = displacement(s, "joint.gear_error", joint=2, sin=3e-4, cos=1e-4, order=20.0)[..., 1]
     angle, rate = 20.0 * s.q.v[:, 1], 20.0 * s.q.d[:, 1]
@@ -42,12 +39,9 @@ def at_45_degrees(sign=1.0):
     return replace(s, theta=theta)
 
 
-def test_a_tool_that_bends_by_a_lever_of_100_mm():
+def test_tools_that_bend_or_stick():
     found = added(at_45_degrees(), "tool.flexure", bending=2e-3)[0]
     assert found == pytest.approx([0, 0, 0, 2e-3 * 0.1**2 * G**2 / 2, 0, 0], abs=1e-12)
-
-
-def test_a_part_that_sticks_remembers_where_it_lay():
     angle = np.deg2rad([40.0, 10.0, -10.0, -40.0, 10.0]) / 2
     zero = np.zeros(5)
     s = at("oriented", np.stack([np.cos(angle), np.sin(angle), zero, zero], axis=1))
@@ -61,9 +55,6 @@ def test_a_twisted_cable_turns_back_and_rubs():
     found = added(at("ur5", q), "cable.torsion", stiffness=5e-3, friction=1e-3)
     assert found[:, 5] == pytest.approx([0.0, -6e-3, -1.5e-3], abs=1e-12)
     assert np.abs(found[:, :5]).max() == 0.0
-
-
-def test_the_axis_of_medrues_last_joint_is_the_line_between_the_tips():
     robot = registry.load("robots", "medrue")
     s = at("medrue", robot.sample(5, np.random.default_rng(1)))
     found = added(s, "cable.torsion", stiffness=5e-3, joint_axis=1.0)[:, 3:]

@@ -34,29 +34,21 @@ def loads(force, cog=COG):
 # ---- the robot's own parameters ----------------------------------------------------------------
 
 
-def test_a_moved_centre_of_gravity_adds_its_lever_times_the_weight():
+def test_another_mass_or_centre_of_gravity_adds_its_lever_times_the_weight():
     scene = scene_of("ur5 static")
     _, force = seen(scene)
     found = added(scene, "tool.cog", cog__x=1e-3, cog__y=-2e-3, cog__z=3e-3)
     assert np.abs(found[:, :3]).max() < 1e-12
     assert found[:, 3:] == pytest.approx(np.cross([1e-3, -2e-3, 3e-3], force), abs=1e-12)
-
-
-def test_a_heavier_tool_pulls_more_at_the_same_place():
-    scene = scene_of("ur5 static")
-    _, force = seen(scene)
     assert added(scene, "tool.mass", mass=0.135) == pytest.approx(loads(0.1 * force), abs=1e-12)
 
 
-def test_the_tool_side_of_the_sensor_has_no_lever():
+def test_the_tool_side_has_no_lever_and_a_tilted_base_turns_gravity():
     scene = scene_of("ur5 static")
     rotation, _ = seen(scene)
     found = added(scene, "tool.self_weight", mass=0.05)
     assert found[:, :3] == pytest.approx(rotation.inv().apply([0, 0, -0.05 * G]), abs=1e-12)
     assert np.abs(found[:, 3:]).max() < 1e-12
-
-
-def test_a_tilted_base_turns_gravity():
     scene = scene_of("ur5 static")
     rotation, force = seen(scene)
     turned = Rotation.from_rotvec([0.02, -0.01, 0.0]).apply([0.0, 0.0, -TOOL * G])
@@ -334,7 +326,7 @@ def test_only_the_tool_pulls_on_the_tool(name, given):
     assert found == pytest.approx(added(scene, name, **given), abs=1e-12)
 
 
-def test_a_loose_part_leans():
+def test_a_loose_part_leans_and_without_a_way_goes_nowhere():
     """At 45° about x the load along y is −0.707 of it: with a lean of −0.7 it is nearly midway."""
     scene = oriented([np.pi / 4.0, 0.0, 0.0])
     along = -np.sqrt(0.5)
@@ -343,9 +335,6 @@ def test_a_loose_part_leans():
     assert found == pytest.approx([0, 0, 0, lever * along * G, 0, 0], abs=1e-12)
     unmoved = added(scene, "tool.loose", shift=2e-3, way__y=1.0, way__z=0.0, lean=along)
     assert np.abs(unmoved).max() < 1e-12
-
-
-def test_a_part_without_a_way_goes_nowhere():
     found = added(oriented(*TURNS), "tool.loose", shift=1e-3, way__z=0.0)
     assert np.abs(found).max() == 0.0
 
@@ -374,14 +363,11 @@ def test_contact_pushes_by_its_law_where_it_touches(given, push, lever):
     assert found == pytest.approx(np.concatenate([force, np.cross(lever, force)]), abs=1e-9)
 
 
-def test_contact_drags_along_the_plane():
+def test_contact_drags_along_the_plane_at_the_robots_own_tip():
     """World x, y, z are the sensor's x, −z, y."""
     given = {"stiffness": 500.0, "depth": TIP + 0.01, "slide__x": 0.1, "slide__y": 0.2}
     found = added(at("ur5", np.zeros(6)), "environment.contact", **given)[0]
     assert found[:3] == pytest.approx([0.5, 5.0, -1.0], abs=1e-9)
-
-
-def test_the_tip_is_the_robots_own_where_its_model_has_one():
     from wrenchbed.effects.environment_contact import tip
 
     scene = scene_of("medrue static")
@@ -392,7 +378,7 @@ def test_the_tip_is_the_robots_own_where_its_model_has_one():
     assert tip(scene_of("ur5 static")) == pytest.approx(2.0 * COG)
 
 
-def test_a_cable_pulls_on_the_point_where_it_holds():
+def test_cables_pull_where_they_hold_and_are_untwisted_at_their_neutral_angle():
     scene = scene_of("ur5 static")
     rotation = Rotation.from_matrix(scene.pose[0])
     point, anchor, pull = [0.02, -0.05, 0.1], np.array([0.3, -0.4, 1.2]), [0.5, 1.0, -2.0]
@@ -406,9 +392,6 @@ def test_a_cable_pulls_on_the_point_where_it_holds():
     found = added(scene, "cable.pull", stiffness=4.0, length=0.9, **given)
     assert 0.1 < (far < 0.9).mean() < 0.9
     assert found == pytest.approx(loads(force, point), abs=1e-9)
-
-
-def test_a_cable_is_untwisted_at_its_neutral_angle():
     q = np.zeros((3, 6))
     q[:, 5] = 0.0, 1.0, 3.0
     found = added(at("ur5", q), "cable.torsion", stiffness=5e-3, neutral=1.0)

@@ -183,13 +183,22 @@ def test_creep_under_a_ramp_of_load(even, late):
 # ---- rows --------------------------------------------------------------------------------------
 
 
-def test_noise_of_two_channels_is_not_the_same():
+def test_noise_repeats_and_steps_act_on_rows():
     shown = corrupted("sensor.noise", np.full((20000, 6), 5.0), np.arange(20000.0), 1,
                       std_fx=0.2, std_fy=0.2)  # fmt: skip
     assert np.abs(np.corrcoef(shown[:, :2].T)[0, 1]) < 0.03
     assert shown[:, :2].mean(axis=0) == pytest.approx(5.0, abs=0.01)
     assert shown.std(axis=0) == pytest.approx([0.2, 0.2, 0, 0, 0, 0], rel=0.03)
     assert (shown[:, 2:] == 5.0).all()
+    rows = np.array([[0.24, 0.24, -0.26, 0.001, 0.24, 0.24]])
+    shown = corrupted("sensor.quantization", rows, step_fx=0.1, step_fz=0.5, step_tx=0.01)
+    assert np.allclose(shown, [[0.2, 0.24, -0.5, 0.0, 0.24, 0.24]])
+    shown = corrupted("base.vibration", np.zeros((1250, 6)), amplitude_fz=0.4, frequency=12.5)
+    spectrum = np.abs(np.fft.rfft(shown[:, 2])) / 625.0
+    assert np.argmax(spectrum) == 125 and np.isclose(spectrum[125], 0.4)
+    assert not shown[:, :2].any()
+    other = corrupted("base.vibration", np.zeros((1250, 6)), seed=1, amplitude_fz=0.4)
+    assert not np.allclose(shown, other)
 
 
 def test_a_row_is_stale_as_a_whole_and_the_first_is_fresh():
@@ -206,8 +215,20 @@ def test_a_row_is_stale_as_a_whole_and_the_first_is_fresh():
 # ---- crosstalk ---------------------------------------------------------------------------------
 
 
-def test_crosstalk_of_every_pair_is_a_matrix():
-    """Each pair by a number of its own: what the first shows of the second."""
+# ---- zeros, gains, levels, clocks, rows ---------------------------------------------------------
+
+ROW = np.array([[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]])
+
+
+def test_gains_zeros_and_crosstalk_are_matrices():
+    scene = rows_at(np.zeros(1))
+    gained = reading("sensor.gain", scene, ROW, gain_fy=0.01, gain_tz=-0.5)
+    assert np.allclose(gained, [[1.0, 2.02, 3.0, 0.1, 0.2, 0.15]])
+    biased = reading("sensor.bias", scene, ROW, bias_fz=0.5)
+    assert np.allclose(biased, [[1.0, 2.0, 3.5, 0.1, 0.2, 0.3]])
+    shifted = reading("sensor.crosstalk", scene, ROW, origin_x=0.1, origin_y=0.2, origin_z=0.3)
+    assert np.allclose(shifted[0, 3:], ROW[0, 3:] + np.cross([0.1, 0.2, 0.3], ROW[0, :3]))
+    # Each pair by a number of its own: what the first shows of the second.
     x = 1e-3 * np.arange(1.0, 37.0).reshape(6, 6)
     np.fill_diagonal(x, 0.0)
     given = {
@@ -221,21 +242,6 @@ def test_crosstalk_of_every_pair_is_a_matrix():
     assert found == pytest.approx(np.einsum("ij,mj->mi", x, y), abs=1e-12)
 
 
-# ---- zeros, gains, levels, clocks, rows ---------------------------------------------------------
-
-ROW = np.array([[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]])
-
-
-def test_gain_bias_and_a_shifted_origin():
-    scene = rows_at(np.zeros(1))
-    gained = reading("sensor.gain", scene, ROW, gain_fy=0.01, gain_tz=-0.5)
-    assert np.allclose(gained, [[1.0, 2.02, 3.0, 0.1, 0.2, 0.15]])
-    biased = reading("sensor.bias", scene, ROW, bias_fz=0.5)
-    assert np.allclose(biased, [[1.0, 2.0, 3.5, 0.1, 0.2, 0.3]])
-    shifted = reading("sensor.crosstalk", scene, ROW, origin_x=0.1, origin_y=0.2, origin_z=0.3)
-    assert np.allclose(shifted[0, 3:], ROW[0, 3:] + np.cross([0.1, 0.2, 0.3], ROW[0, :3]))
-
-
 def test_drift_and_jump_in_time():
     scene = rows_at(np.array([100.0, 110.0, 130.0]))
     y = np.zeros((3, 6))
@@ -245,9 +251,6 @@ def test_drift_and_jump_in_time():
     jumped = reading("sensor.jump", scene, y, step_fy=2.0, time=120.0)
     assert np.array_equal(jumped[:, 1], [0.0, 0.0, 2.0])
     assert np.array_equal(jumped[:, 0], y[:, 0])
-
-
-def test_few_rows_have_a_jump_between_any_two():
     short = registry.load("effects", "sensor.jump").variants(rows_at(np.arange(3.0)))
     assert {v.at["time"] for v in short} == {0.5, 1.5}
 
@@ -262,7 +265,7 @@ def test_a_clipped_channel_has_a_flat_top():
     assert np.array_equal(half[:, 0], y[:, 0])
 
 
-def test_temperature_moves_zero_and_span():
+def test_temperature_moves_zero_and_span_with_its_lag():
     y = np.full((3, 6), 10.0)
     warm = rows_at(np.arange(3.0), np.array([0.0, 5.0, 10.0]))
     zero = reading("sensor.temperature", warm, y, zero_fx=0.1) - y
@@ -272,9 +275,6 @@ def test_temperature_moves_zero_and_span():
     guessed = rows_at(np.array([0.0, 300.0, 1e6]))
     up = reading("sensor.temperature", guessed, y, zero_fx=0.1, tau=300.0) - y
     assert np.allclose(up[:, 0], [0.0, 0.1 * (1.0 - np.exp(-1.0)), 0.1])
-
-
-def test_a_sensor_lags_behind_a_recorded_ramp_by_its_time_constant():
     t = np.concatenate([np.arange(0.0, 100.0, 2.5), np.arange(100.0, 300.0, 10.0)])
     y = np.zeros((len(t), 6))
     ramp = rows_at(t, 0.02 * t)
@@ -283,21 +283,6 @@ def test_a_sensor_lags_behind_a_recorded_ramp_by_its_time_constant():
     assert late == pytest.approx(after, abs=1e-12)
     prompt = reading("sensor.temperature", ramp, y, zero_fx=0.5)[:, 0]
     assert prompt == pytest.approx(0.5 * 0.02 * t, abs=1e-15)
-
-
-def test_quantization_rounds_to_the_step_and_only_where_there_is_one():
-    rows = np.array([[0.24, 0.24, -0.26, 0.001, 0.24, 0.24]])
-    shown = corrupted("sensor.quantization", rows, step_fx=0.1, step_fz=0.5, step_tx=0.01)
-    assert np.allclose(shown, [[0.2, 0.24, -0.5, 0.0, 0.24, 0.24]])
-
-
-def test_vibration_is_a_line_at_its_frequency():
-    shown = corrupted("base.vibration", np.zeros((1250, 6)), amplitude_fz=0.4, frequency=12.5)
-    spectrum = np.abs(np.fft.rfft(shown[:, 2])) / 625.0
-    assert np.argmax(spectrum) == 125 and np.isclose(spectrum[125], 0.4)
-    assert not shown[:, :2].any()
-    other = corrupted("base.vibration", np.zeros((1250, 6)), seed=1, amplitude_fz=0.4)
-    assert not np.allclose(shown, other)
 
 
 @settings(deadline=None, max_examples=40)

@@ -4,22 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from effect_scenes import SCENES, motion, plain, scene_of
+from effect_scenes import NAMES, SCENES, columns, motion, plain, scene_of
 
 from wrenchbed import registry
-from wrenchbed.channels.response import Response
+from wrenchbed.channels.response import Response, Responses
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
-from wrenchbed.effects.base import STAGES
-from wrenchbed.effects.chain import (
-    ActiveEffect,
-    EffectChain,
-    active_effect,
-    effects,
-    respond,
-)
+from wrenchbed.effects.base import STAGES, Effect
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, active_effect, effects, respond
 from wrenchbed.effects.scene import Scene, examples, held_on
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.wrench import CHANNELS
 
 UR5 = registry.load("robots", "ur5")
 
@@ -32,16 +27,13 @@ def rows(q, t):
 # ---- rows --------------------------------------------------------------------------------------
 
 
-def test_rows_are_a_motion_if_they_carry_velocities():
+def test_rows_are_a_motion_if_they_carry_velocities_and_accelerations():
     q = np.zeros((3, 6))
     still, moves = rows(q, np.arange(3.0)), rows(Jet(q, q, q), np.arange(3.0))
     assert (still.moving, still.mode) == (False, "static")
     assert (moves.moving, moves.mode) == (True, "dynamic")
     assert still.jointed and not scene_of("oriented static").jointed
     assert np.array_equal(moves.joints, q) and np.array_equal(still.joints, q)
-
-
-def test_what_varies_along_a_motion_has_velocity_and_acceleration():
     t = np.arange(200) / 100.0
     q = np.zeros((200, 6))
     scene = rows(Jet(q, q, q), 3.0 + t)
@@ -67,9 +59,6 @@ def test_a_joint_comes_from_the_side_on_which_it_last_moved():
     speed = np.zeros((4, 6))
     speed[:, 0] = [0.5e-4, 2e-4, -0.5e-4, -2e-4]  # below 1e-4 rad/s it stands
     assert rows(Jet(q[:4], speed, speed), np.arange(4.0)).coming[:, 0].tolist() == [0, 1, 1, -1]
-
-
-def test_a_sign_is_held_until_the_next():
     sign = np.array([[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0], [0.0, 0.0]])
     held = [[0.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, -1.0]]
     assert held_on(sign).tolist() == held
@@ -119,7 +108,7 @@ def test_stages_act_in_their_order_whatever_the_order_given():
     assert zero_first[:, 0] == pytest.approx(0.1)  # of one stage the order is that given
 
 
-def test_joints_of_two_effects_add_up():
+def test_displacements_add_up_and_only_smooth_ones_have_velocities():
     scene = scene_of("ur5 static")
     offset, gear = (
         ActiveEffect.of(scene.robot, n, v)
@@ -131,9 +120,6 @@ def test_joints_of_two_effects_add_up():
     moved = EffectChain([offset, gear]).displacement(scene)
     assert moved[:, 1] == pytest.approx(0.01 + 1e-3 * np.cos(scene.joints[:, 1]))
     assert EffectChain([]).displacement(scene) == 0.0
-
-
-def test_velocities_follow_a_smooth_displacement_but_no_jump():
     scene = motion("ur5", seconds=2.0)
     give = ActiveEffect.of(scene.robot, "joint.compliance", {"joint": 2, "stiffness": 1e4})
     moved = EffectChain([give]).displacement(scene)
@@ -237,3 +223,114 @@ def test_small_errors_of_joints_act_by_the_slopes_of_the_readings(robot, mode):
                 assert told == pytest.approx(up - down, abs=1e-6 + 2e-4 * np.abs(told).max())
                 checked += 1
     assert checked > 20
+
+
+def amplitudes(name: str, scene: str) -> dict[tuple, list[str]]:
+    """Names of amplitudes that end with a channel, by the shape that they have."""
+    found: dict[tuple, list[str]] = {}
+    for amplitude, at in columns(name, scene):
+        if amplitude.rpartition(".")[2] in CHANNELS:
+            found.setdefault(tuple(sorted(at.items())), []).append(amplitude)
+    return found
+
+
+EVERY = [(name, scene) for name in NAMES for scene in SCENES if amplitudes(name, scene)]
+CASES = [(name, scene) for name, scene in EVERY if registry.load("effects", name).channelwise]
+
+
+def slope(effect: Effect, label: str, at: dict, amplitude: str) -> np.ndarray:
+    """Change of the readings (M, 6) per typical size of one amplitude, by the whole chain."""
+    scene = scene_of(label)
+    known = effect.parameters(scene.robot)
+    size = known[known.index(amplitude)].tolerance
+    ends = [
+        respond(
+            scene, [ActiveEffect(effect, effect.values(scene.robot, at | {amplitude: half * size}))]
+        )
+        for half in (0.5, -0.5)
+    ]
+    return ends[0] - ends[1]
+
+
+def test_one_effect_of_channels_is_not_channelwise():
+    assert len({name for name, _ in CASES}) >= 8
+    assert {name for name, _ in EVERY} - {name for name, _ in CASES} == {"sensor.crosstalk"}
+
+
+@pytest.mark.parametrize("name, scene", CASES, ids=str)
+def test_an_amplitude_changes_its_own_channel_alone(name, scene):
+    effect = registry.load("effects", name)
+    for shape, names in amplitudes(name, scene).items():
+        for amplitude in names:
+            change = slope(effect, scene, dict(shape), amplitude)
+            channel = CHANNELS.index(amplitude.rpartition(".")[2])
+            assert np.abs(np.delete(change, channel, axis=1)).max() == 0.0, amplitude
+
+
+@pytest.mark.parametrize("name, scene", EVERY, ids=str)
+def test_changed_together_they_are_what_each_is_alone(name, scene):
+    effect, rows = registry.load("effects", name), scene_of(scene)
+    known = effect.parameters(rows.robot)
+    for shape, names in amplitudes(name, scene).items():
+        found = Response(rows, (WRENCH,)).changes(
+            effect, [known[known.index(n)] for n in names], dict(shape)
+        )
+        for group, change in found:
+            assert len(group) == 1 or effect.channelwise
+            for amplitude in group:
+                own = [CHANNELS.index(amplitude.rpartition(".")[2])]
+                some = own if len(group) > 1 else slice(None)
+                alone = slope(effect, scene, dict(shape), amplitude)[:, some]
+                size = max(np.abs(alone).max(), 1e-9)
+                assert np.abs(change[:, some] - alone).max() < 1e-9 * size + 1e-12, amplitude
+
+
+# ---- sets of effects in one scene
+
+SOME = ("joint.offset", "cable.pull", "sensor.gain", "tool.mass", "base.tilt", "joint.compliance")
+
+
+def sets(scene, count=30):
+    """Sets of effects whose numbers change a few at a time."""
+    rng, robot = np.random.default_rng(2), scene.robot
+    effects = [e for n in SOME if (e := registry.load("effects", n)).variants(scene)]
+    values = {e.name: e.values(robot, {}) for e in effects}
+    for _ in range(count):
+        changed = effects[rng.integers(len(effects))]
+        names = [p for p in changed.parameters(robot) if p.nominal == 0.0]
+        p = names[rng.integers(len(names))]
+        size = rng.choice([0.0, 0.5, 1.0]) * p.tolerance
+        values[changed.name] = {**values[changed.name], p.name: size}
+        some = [e for e in effects if rng.random() < 0.7]
+        yield [ActiveEffect(e, values[e.name]) for e in some]
+
+
+def responses(scene):
+    poses = int(scene.held.sum())
+    return Responses(scene, (WRENCH,), np.zeros((poses, 6)), np.zeros(poses, dtype=bool))
+
+
+@pytest.mark.parametrize("label", SCENES)
+def test_readings_are_those_of_each_set_alone(label):
+    scene = scene_of(label)
+    kept = responses(scene)
+    for active in sets(scene):
+        assert np.array_equal(kept.of(active), respond(scene, active), equal_nan=True)
+
+
+def test_a_pose_is_made_once_while_only_later_stages_change(monkeypatch):
+    scene = scene_of(next(iter(SCENES)))
+    made = []
+    placed = EffectChain.placed
+    monkeypatch.setattr(
+        EffectChain, "placed", lambda self, scene: made.append(1) or placed(self, scene)
+    )
+    kept = responses(scene)
+    offset, gain = (registry.load("effects", n) for n in ("joint.offset", "sensor.gain"))
+    for k in range(5):
+        numbers = gain.values(scene.robot, {"gain.fx": 0.01 * k})
+        kept.of([ActiveEffect.of(scene.robot, "joint.offset", {}), ActiveEffect(gain, numbers)])
+    assert len(made) == 1
+    name = offset.parameters(scene.robot)[0].name
+    kept.of([ActiveEffect.of(scene.robot, "joint.offset", {name: 1e-3})])
+    assert len(made) == 2

@@ -81,7 +81,7 @@ def test_a_slow_arrival_shows_the_pose_where_it_is(robot):
         assert np.abs(a - b)[:3].max() < 0.35, k
 
 
-def test_hysteresis_reads_a_pose_by_the_way_it_came():
+def test_hysteresis_and_delay_show_on_the_way():
     body = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
     home, side = body.robot.home, body.robot.home + np.array([0, 0.5, 0, 0.4, 0, 0])
     go(body, home)
@@ -90,9 +90,6 @@ def test_hysteresis_reads_a_pose_by_the_way_it_came():
     go(body, home - np.array([0, 0.5, 0, 0.4, 0, 0]))
     second = go(body, home)[-1]
     assert np.abs(first - second).max() > 0.05
-
-
-def test_a_delay_shows_on_the_way_what_was_before():
     late, prompt = (
         Body(BodyOptions("ur5", noise="off", effects=e), CYCLE)
         for e in (("timing.delay:delay=0.04",), ())
@@ -201,14 +198,11 @@ def test_its_error_is_of_the_documented_size(noise, series, force, torque):
     assert (slow > 0.25).all() if noise == "real" else (slow < 0.15).all()
 
 
-def test_a_cable_pulls_on_it_in_each_pose_anew():
+def test_effects_of_the_arm_act_on_its_wrench_and_those_of_the_net_ft_do_not():
     moved = forces(made(CABLE), 200, 0.002) - forces(made(), 200, 0.002)
     assert np.linalg.norm(moved[10, :3]) > 0.5
     assert np.linalg.norm(moved[-1, :3] - moved[10, :3]) > 0.5
     assert np.abs(np.diff(moved[:, :3], axis=0)).max() < 0.2
-
-
-def test_effects_of_the_net_ft_do_not_act_on_the_arms_wrench():
     plain = forces(made(), 20)
     assert np.abs(plain).max() < 1e-6  # without noise and effects it is zero at rest
     assert forces(made(GAIN), 20) == pytest.approx(plain, abs=1e-12)

@@ -322,16 +322,13 @@ class Stiff:
         return np.zeros(6)
 
 
-def test_a_client_reads_the_joints_of_a_plant_of_ones_own():
+def test_a_plant_of_ones_own_and_the_built_in_one_are_served(ur5_address):
     plant = Stiff(known_arm("ur5"), 0.008)
     with ur5(plant, "127.0.1.61", box="off") as address, Client(address) as client:
         client.stream("timestamp,actual_q,actual_current")
         state = client.until(lambda s: s[0] > 0.0)
     assert state[1:7] == pytest.approx(plant.arm.home)
     assert state[7:] == pytest.approx(np.ones(6))
-
-
-def test_the_fixture_serves_the_built_in_plant(ur5_address):
     with Client(ur5_address) as client:
         client.stream("timestamp,actual_q,actual_TCP_force")
         state = client.until(lambda s: s[0] > 0.0)

@@ -131,7 +131,13 @@ def test_a_reset_brings_the_communication_back_to_its_defaults(command, mode):
     assert bench.read(0x6060) == mode  # the profile's objects forget with the node alone
 
 
-def test_a_count_that_covers_an_empty_entry_is_refused():
+def test_pdos_carry_what_they_may_and_only_modes_that_exist():
+    for pdo, entry, code in (
+        (RPDO, STATUS, Abort.NOT_MAPPABLE), (RPDO, MODE, 0), (TPDO, STATUS, 0), (TPDO, TORQUE, 0),
+        (RPDO, 0x10000020, Abort.NOT_MAPPABLE), (TPDO, 0x60410020, Abort.NOT_MAPPABLE),
+        (TPDO, 0x70000010, Abort.NOT_MAPPABLE), (TPDO, 0, Abort.NOT_MAPPABLE),
+    ):  # fmt: skip
+        assert Bench().map(*pdo, entry) == code
     bench = Bench()
     for parameters, can_id in (RPDO, TPDO):
         bench.write(parameters, 1, OFF | can_id, 4)
@@ -141,15 +147,13 @@ def test_a_count_that_covers_an_empty_entry_is_refused():
     bench.enabled()
     bench.tick(want=Want.ENABLE)
     assert [frame.can_id for frame in bench.frames] == [0x183]
-
-
-def test_what_a_pdo_may_carry():
-    for pdo, entry, code in (
-        (RPDO, STATUS, Abort.NOT_MAPPABLE), (RPDO, MODE, 0), (TPDO, STATUS, 0), (TPDO, TORQUE, 0),
-        (RPDO, 0x10000020, Abort.NOT_MAPPABLE), (TPDO, 0x60410020, Abort.NOT_MAPPABLE),
-        (TPDO, 0x70000010, Abort.NOT_MAPPABLE), (TPDO, 0, Abort.NOT_MAPPABLE),
-    ):  # fmt: skip
-        assert Bench().map(*pdo, entry) == code
+    bench = Bench()
+    assert bench.map(*RPDO, MODE, CONTROL) == 0
+    bench.nmt(0x01)
+    for mode, taken in ((1, 1), (2, 1), (8, 8)):
+        bench.drive.hear(bench.t, Frame(0x203, struct.pack("<BH", mode, 0)))
+        bench.tick(rpdo=False)  # a synchronous RPDO acts at SYNC
+        assert bench.read(0x6060) == taken
 
 
 @settings(deadline=None, max_examples=30)
@@ -169,16 +173,6 @@ def test_no_writes_make_a_drive_that_fails_at_sync(writes):
     bench.nmt(0x01)
     for k in range(12):
         bench.tick(k, want=Want.ENABLE)
-
-
-def test_a_mode_that_does_not_exist_is_not_taken_from_a_pdo():
-    bench = Bench()
-    assert bench.map(*RPDO, MODE, CONTROL) == 0
-    bench.nmt(0x01)
-    for mode, taken in ((1, 1), (2, 1), (8, 8)):
-        bench.drive.hear(bench.t, Frame(0x203, struct.pack("<BH", mode, 0)))
-        bench.tick(rpdo=False)  # a synchronous RPDO acts at SYNC
-        assert bench.read(0x6060) == taken
 
 
 def test_torque_and_current_are_reported_in_thousandths_of_the_rated_ones():

@@ -22,7 +22,7 @@ def random_joints(n: int, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-3.0, 3.0, (n, 6))
 
 
-def test_the_jacobian_is_the_derivative():
+def test_the_jacobian_is_the_derivative_and_the_inverse_is_the_nearest_solution():
     kinematics, step = Kinematics(known_arm("ur5")), 1e-6
     for q in random_joints(5, 2):
         jacobian = kinematics.jacobian(q, TCP)
@@ -32,9 +32,6 @@ def test_the_jacobian_is_the_derivative():
             turn = rotation_vector(ahead[0] @ behind[0].T)
             numeric = np.concatenate([ahead[1] - behind[1], turn]) / (2 * step)
             assert jacobian[:, k] == pytest.approx(numeric, abs=1e-7)
-
-
-def test_inverse_kinematics_find_the_nearest_solution():
     kinematics = Kinematics(known_arm("ur5"))
     for q in ROBOT.sample(20, np.random.default_rng(3)):
         pose = kinematics.pose(q, TCP)
@@ -78,7 +75,7 @@ def test_a_joint_move_arrives_within_its_limits():
     assert np.abs(np.diff(speed, axis=0)).max() <= 1.5 * CYCLE + 1e-9
 
 
-def test_servoj_lags_by_its_lookahead_time():
+def test_servoj_lags_by_its_lookahead_time_and_stops_beyond_the_speed_limit():
     bench = Bench().script()
     start, speed, lookahead = bench.arm.q.copy(), 0.2, 0.1
     for k in range(100):
@@ -89,9 +86,6 @@ def test_servoj_lags_by_its_lookahead_time():
     bench.command(16, 10.0)
     bench.run(0.1)
     assert bench.said(0) == 2 and not bench.arm.moving
-
-
-def test_servoj_beyond_the_speed_limit_is_a_protective_stop():
     bench = Bench().script()
     start = bench.arm.q.copy()
     goal = start + 0.4
@@ -115,15 +109,12 @@ def test_a_paused_move_goes_on_to_its_goal():
     assert bench.body.q == pytest.approx(goal, abs=1e-4)
 
 
-def test_joints_that_leave_their_targets_come_back():
+def test_joints_that_leave_their_targets_come_back_and_limits_stop_the_robot():
     bench, off = Bench().script(), np.array([0.1, 0.0, 0.0, 0.0, 0.0, -0.05])
     for until, gap in ((np.inf, off), (0.0, 0.0 * off)):
         bench.arm.deviate(off, until)
         bench.run(1.0)
         assert bench.body.q - bench.arm.q == pytest.approx(gap, abs=2e-3)
-
-
-def test_joint_limits_stop_the_robot():
     bench = Bench().script()
     bench.write(**{f"d{k}": 0.0 for k in range(5)}, d5=3.0, d6=5.0, i0=9)
     bench.run(2.5)
@@ -217,25 +208,20 @@ def test_what_a_program_set_is_that_of_the_installation_again(bench):
     assert values["actual_TCP_force"] == pytest.approx((0.0,) * 6, abs=1e-3)
 
 
-def test_no_program_is_loaded_and_scripts_start(bench):
+def test_a_reboot_stops_scripts_and_the_arm_where_it_is(bench):
     bench.play("write_output_boolean_register(3, True)\n")
     assert bench.controller.load("external_control.urp")
     bench.controller.script_denied_until = float("inf")
     assert reboot(bench)["output_bit_registers0_to_31"] == (0,)
     assert not bench.controller.loaded and not bench.controller.play()
     bench.script()
-
-
-def test_a_press_that_was_tolerated_is_not_any_more(bench):
     bench.controller.protective_stop()
     for reboot_first in (False, True):
         if reboot_first:
             bench.controller.reboot()
         bench.controller.estimate.wrench = np.array([0.0, 0.0, 200.0, 0.0, 0.0, 0.0])
         assert bench.controller._pressed_too_hard() is reboot_first
-
-
-def test_the_arm_stays_where_it_is(bench):
+    bench = Bench(series="e").script()
     bench.command(1, *(bench.arm.q + 0.5), 0.5, 5.0)
     bench.run(0.5)
     q, speed = bench.arm.q.copy(), np.abs(bench.arm.qd).max()

@@ -65,20 +65,17 @@ def test_an_output_recipe_and_its_data():
     assert not one[0].due()
 
 
-def test_protocol_1_has_no_frequency_and_no_recipe_number():
-    one = session()
-    assert say(one, packet("O", b"robot_mode,runtime_state")) == packet("O", b"INT32,UINT32")
-    data = one[0].data({"robot_mode": (-1,), "runtime_state": (2,)})
-    assert data == bytes.fromhex("000b55ffffffff00000002")
-
-
-def test_unknown_outputs_are_named_and_make_the_recipe_void():
+def test_recipes_name_unknown_outputs_and_protocol_1_has_neither_frequency_nor_number():
     one = session()
     say(one, bytes.fromhex("0005560002"))
     answer = say(one, packet("O", struct.pack(">d", 125.0) + b"timestamp,nonsense"))
     assert answer == packet("O", b"\x00DOUBLE,NOT_FOUND")
     say(one, packet("S"))
     assert not one[0].due()
+    one = session()
+    assert say(one, packet("O", b"robot_mode,runtime_state")) == packet("O", b"INT32,UINT32")
+    data = one[0].data({"robot_mode": (-1,), "runtime_state": (2,)})
+    assert data == bytes.fromhex("000b55ffffffff00000002")
 
 
 def test_inputs_are_claimed_and_freed():
@@ -121,34 +118,25 @@ def test_the_frequency_that_a_client_asks_for(asked, packets):
     assert sum(one[0].due() for _ in range(125)) == packets
 
 
-def test_text_messages():
+def test_text_messages_and_series_differ_by_version():
     said = wire.text("hot", "me", 2, version=2)
     assert said == bytes.fromhex("000b4d03") + b"hot" + b"\x02me\x02"
     assert wire.text("hot", "me", 2, version=1) == bytes.fromhex("00074d02") + b"hot"
-
-
-def test_a_list_of_names_beyond_2048_bytes_is_refused():
-    one = session()
-    long = ",".join(["timestamp"] * 300).encode()
-    assert say(one, packet("O", long)) == packet("O", b"NOT_FOUND")
-    assert say(one, packet("I", long)) == packet("I", b"\x00NOT_FOUND")
-
-
-def test_what_both_series_have_differs_by_the_internal_sensor():
     assert set(outputs(E)) - set(outputs(CB3)) == {"ft_raw_wrench"}
     assert outputs((3, 10, 0, 0)).keys().isdisjoint({"payload", "payload_cog"})
     assert "input_int_register_24" not in inputs((3, 8, 0, 0))
 
 
-def test_a_header_that_lies_ends_the_connection():
-    with pytest.raises(EmulatorError):
-        wire.Splitter().feed(b"\x00\x02\x55")
-    assert not session()[0].receive(b"\x00\x00\x00", 1.0)
-
-
-def test_recipes_do_not_grow_without_end():
+def test_what_a_client_sends_is_bounded():
+    one = session()
+    long = ",".join(["timestamp"] * 300).encode()
+    assert say(one, packet("O", long)) == packet("O", b"NOT_FOUND")
+    assert say(one, packet("I", long)) == packet("I", b"\x00NOT_FOUND")
     one = session()
     for _ in range(300):
         answer = say(one, packet("I", b"input_int_register_0"))
     assert answer == packet("I", b"\x00NOT_FOUND")
     assert len(one[0].inputs) == 255
+    with pytest.raises(EmulatorError):
+        wire.Splitter().feed(b"\x00\x02\x55")
+    assert not session()[0].receive(b"\x00\x00\x00", 1.0)

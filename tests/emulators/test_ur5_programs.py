@@ -70,9 +70,6 @@ def test_moves_end_where_they_should_and_take_their_time(bench):
     assert bench.plays
     bench.run(0.1)
     assert not bench.plays and np.abs(bench.arm.q - home).max() < 1e-9
-
-
-def test_a_time_that_is_too_short_slows_the_move_down(bench):
     goal = bench.arm.q + np.array([2.4, 0, 0, 0, 0, 0])
     way = np.array(
         [bench.arm.q, *bench.play(f"movej({q_text(goal)}, t=0.1)", seconds=0.0).run(2.0)]
@@ -101,31 +98,26 @@ def test_straight_moves_and_circles_keep_their_way(bench):
     assert spots[:, 2].max() == pytest.approx(centre[2] + 0.05, abs=1e-4)
 
 
-def test_two_threads_cannot_move_the_arm(bench):
+def test_one_thread_moves_the_arm_and_a_killed_one_lets_it_brake(bench):
     goal = q_text(bench.arm.q + 0.3)
     bench.play(f"thread t():\n movej({goal})\nend", "run t()", "sync()", f"movej({goal})")
     assert "another thread" in bench.faults[0].text and not bench.plays
     bench.run(1.0)
     assert not bench.arm.moving
-
-
-def test_a_killed_thread_lets_the_arm_brake(bench):
+    bench = Played()
     goal = q_text(bench.arm.q + 0.8)
     bench.play(f"thread t():\n movej({goal})\nend", "h = run t()", "sleep(0.5)", "kill h",
                "sleep(1)", 'textmsg("", is_steady())', seconds=1.7)  # fmt: skip
     assert bench.said == ["True"] and not bench.faults
 
 
-def test_goals_out_of_reach(bench):
+def test_goals_and_functions_that_there_are_not(bench):
     bench.play("movej(p[10, 0, 0, 0, 0, 0])")
     assert "no solution" in bench.faults[0].text
     bench.play("movej([0, 0, 0, 0, 0, 20])")
     assert "limits" in bench.faults[1].text and not bench.controller.modes.protective
     bench.play("movel(p[10, 0, 0, 0, 0, 0])")
     assert bench.controller.modes.protective
-
-
-def test_a_function_is_known_from_its_software_on():
     assert not Played("e", software="5.23.0").play("direct_torque([0, 0, 0, 0, 0, 0])").faults
     other = Played("e").play("direct_torque([0, 0, 0, 0, 0, 0])")
     assert other.faults[0].text == "compile_error_name_not_found:direct_torque:"
@@ -177,15 +169,12 @@ def test_a_watchdog_pauses_a_program_whose_input_is_not_written(bench):
     assert bench.controller.modes.runtime is Runtime.PAUSED
 
 
-def test_a_blocking_popup_waits_until_it_is_closed(bench):
+def test_a_popup_waits_and_a_secondary_program_runs_beside(bench):
     bench.play('popup("well?", blocking=True)', 'textmsg("closed")')
     assert bench.plays and not bench.said
     bench.controller.popup = False
     bench.run(2 * CYCLE)
     assert bench.said == ["closed"]
-
-
-def test_a_secondary_program_runs_beside_the_one_that_plays(bench):
     bench.play("while True:", "  sync()", "end")
     text = b"sec beside():\n  set_standard_digital_out(3, True)\nend\n"
     bench.controller.upload(Collector().feed(text))
@@ -264,15 +253,12 @@ def test_nobody_answers_a_socket(bench):
     assert bench.plays and not bench.faults
 
 
-def test_other_scripts_are_separate_programs():
+def test_scripts_are_separate_programs_and_an_endless_one_is_refused():
     collector = Collector()
     text = b"# words\n\nstopj(2)\nsec s():\n  set_digital_out(0, True)\nend\n"
     assert [is_secondary(one) for one in collector.feed(text)] == [False, True]
     text = "def f():\n write_output_integer_register(0 +24, 2)\nend\n"
     assert collector.feed(text.encode()) == [text]
-
-
-def test_an_endless_program_is_refused():
     collector = Collector()
     collector.feed(b"def f():\n")
     assert any(collector.feed(b"x = 1\n" * 20000) is None for _ in range(60))

@@ -81,9 +81,10 @@ def test_expressions(expression, value):
     assert body(f"say({expression})") == [value]
 
 
-def test_the_right_side_is_looked_at_only_where_it_matters():
+def test_the_right_side_is_looked_at_only_where_it_matters_and_halt_ends_all():
     assert body("say(False and nothing)", "say(True or nothing)") == [False, True]
     assert "nothing" in fault("say(True and nothing)\n").text
+    assert body("say(1)", "halt", "say(2)") == [1]
 
 
 def test_blocks_loops_and_functions_with_defaults():
@@ -98,7 +99,7 @@ def test_blocks_loops_and_functions_with_defaults():
     assert said == [(2, 10), (6, 30), (8, 40), 10]
 
 
-def test_names_without_a_scope_are_the_nearest_ones():
+def test_names_are_the_nearest_ones_and_lists_and_structs_are_values():
     said = body(
         "outer = 1",
         "def f():", "  outer = 2", "  inner = 3", "  global shared = 5", "end",
@@ -106,12 +107,12 @@ def test_names_without_a_scope_are_the_nearest_ones():
     )  # fmt: skip
     assert said == [2, 5]
     assert "inner" in fault("def f():\n inner = 3\nend\nf()\nsay(inner)\n").text
-
-
-def test_lists_and_structs_are_values():
     said = body("a = [1, [2]]", "b = a", "b[1][0] = 9", "b[0] = 8", "say(a)", "say(b)",
                 "s = struct(x=1)", "t = s", "t.x = 2", "say(s.x)", "say(t.x)")  # fmt: skip
     assert said == [[1, [2]], [8, [9]], 1, 2]
+    # Squares, 60 times over: a whole number becomes floating point, and that infinite.
+    said = body("x = 3", "i = 0", "while i < 60:", "  x = x * x", "  i = i + 1", "end", "say(x)")
+    assert said == [math.inf]
 
 
 def test_threads_run_side_by_side_are_joined_and_killed():
@@ -124,10 +125,6 @@ def test_threads_run_side_by_side_are_joined_and_killed():
         "say(n)",
     )  # fmt: skip
     assert said[0] == "done" and said[1] == said[2] and 3 <= said[1] <= 5
-
-
-def test_halt_ends_all():
-    assert body("say(1)", "halt", "say(2)") == [1]
 
 
 @pytest.mark.parametrize(
@@ -166,12 +163,6 @@ def test_what_is_wrong_has_a_place(text, line, column, why):
 )  # fmt: skip
 def test_texts_without_measure_are_refused(text):
     assert fault(text + "\n").text
-
-
-def test_values_do_not_grow_without_bound():
-    """Squares, 60 times over: a whole number becomes floating point, and that infinite."""
-    said = body("x = 3", "i = 0", "while i < 60:", "  x = x * x", "  i = i + 1", "end", "say(x)")
-    assert said == [math.inf]
 
 
 WORDS = st.sampled_from(

@@ -42,12 +42,7 @@ def test_frames_by_hand(can_id, raw, reply):
     assert parse(can_id, bytes.fromhex(raw), 0x68) == reply
 
 
-def test_words_of_a_status():
-    assert faults(0x8000 | 1 << 4 | 1 << 11) == ("supply high", "temperature high")
-    assert faults(0x8000) == ("error without a name",) and faults(0) == ()
-
-
-def test_a_pair_is_put_together_in_the_gauges_order_and_a_swapped_one_is_no_reading():
+def test_pairs_are_put_together_in_order_and_never_of_two_requests():
     pairs = Pairs()
     assert pairs.poll(0.0)
     assert pairs.take(0.001, EVEN) is None
@@ -56,9 +51,6 @@ def test_a_pair_is_put_together_in_the_gauges_order_and_a_swapped_one_is_no_read
     assert pairs.poll(0.004)
     assert pairs.take(0.005, ODD) is None and pairs.take(0.0051, EVEN) is None
     assert pairs.odd == 1
-
-
-def test_a_second_frame_lost_never_mixes_two_requests():
     pairs = Pairs()
     pairs.poll(0.0)
     pairs.take(0.001, EVEN)
@@ -125,7 +117,7 @@ def ask(one, sent, opcode, data=b"", t=1.0):
     return [(frame.can_id & 0xF, frame.data) for frame in sent]
 
 
-def test_the_boards_answers_by_hand():
+def test_the_boards_answers_and_status_words_by_hand():
     one, sent, _ = board()
     assert ask(one, sent, 0x6, b"\x02") == [(6, b"\x02")]
     assert ask(one, sent, 0x7) == [(7, bytes.fromhex("000f4240000f4240"))]
@@ -133,13 +125,11 @@ def test_the_boards_answers_by_hand():
     assert [op for op, _ in ask(one, sent, 0x2, b"\x00")] == [2, 3, 4]
     assert [len(data) for _, data in ask(one, sent, 0x0)] == [8, 6]
     assert ask(one, sent, 0x2, b"\x06") == [] and ask(one, sent, 0x2) == []
-
-
-def test_a_slot_without_calibration_is_told_by_the_status():
-    one, sent, _ = board()
     ask(one, sent, 0x6, b"\x05")
     (_, first), _ = ask(one, sent, 0x0)
     assert struct.unpack_from(">H", first)[0] == 0x8040
+    assert faults(0x8000 | 1 << 4 | 1 << 11) == ("supply high", "temperature high")
+    assert faults(0x8000) == ("error without a name",) and faults(0) == ()
 
 
 class Late:

@@ -1,5 +1,8 @@
 """docs/contracts.md holds to the letter: what it lists is what the program writes and takes."""
 
+import ast
+import importlib
+import inspect
 import json
 import re
 from pathlib import Path
@@ -9,6 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import wrenchbed as wb
 from wrenchbed import registry
 from wrenchbed.cli import _VERBS, main
 from wrenchbed.data.recording import Recording
@@ -172,3 +176,39 @@ def test_the_options_that_the_page_names_exist(verb, capsys):
 def test_the_effects_are_those_of_the_page():
     text = section("Effects: names that referees use")
     assert set(re.findall(r"`([a-z]+\.[a-z_]+)`", text)) == {*registry.names("effects")}
+
+
+SOURCE = Path(inspect.getfile(wb))
+
+
+def test_dir_lists_the_public_names_alone():
+    listed = {name for name in dir(wb) if not (name.startswith("__") and name.endswith("__"))}
+    assert listed | {"__version__"} == set(wb.__all__)
+    assert wb.__all__ == sorted(wb.__all__)
+
+
+@pytest.mark.parametrize("name", wb.__all__)
+def test_every_public_name_can_be_imported_and_is_documented(name):
+    value = getattr(wb, name)
+    assert isinstance(value, str) or inspect.getdoc(value)
+
+
+def test_type_checkers_see_the_same_names_at_the_same_places():
+    block = next(n for n in ast.parse(SOURCE.read_text()).body if isinstance(n, ast.If))
+    seen = {"__version__"}
+    for node in (n for n in block.body if isinstance(n, ast.ImportFrom)):
+        for alias in node.names:
+            seen.add(public := alias.asname.removeprefix("_"))
+            module = importlib.import_module(node.module)
+            assert getattr(wb, public) is getattr(module, alias.name)
+    assert seen == set(wb.__all__)
+
+
+def test_an_unknown_name_is_refused():
+    with pytest.raises(AttributeError, match="no attribute 'wrench_bed'"):
+        wb.wrench_bed  # noqa: B018
+
+
+def test_no_room_has_the_name_of_a_function():
+    rooms = {p.stem for p in SOURCE.parent.iterdir()}
+    assert not rooms & set(wb.__all__)

@@ -8,6 +8,7 @@ import contextlib
 import random
 import struct
 from collections.abc import Callable
+from contextlib import closing
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from file_fuzz import CORPUS, LOGS, SETTINGS, Runner, corpus, mutated
 from robot_emulators import can_bus as client
 from robot_emulators.kinematic_plant import kinematic_plant
 from robot_emulators.netft_box.pages import Pages
@@ -265,3 +267,27 @@ def test_random_bytes_and_changed_messages_raise_named_errors_only(name):
         run(data)
 
     feed()
+
+
+FILES = LOGS | SETTINGS
+ROUNDS = 40
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("name", FILES)
+def test_mutated_files_are_read_right_or_refused_by_name(name):
+    target = FILES[name]()
+    dice = random.Random(f"short {name}")
+    with closing(Runner(target)) as runner:
+        for _ in range(ROUNDS):
+            runner.run(*mutated(target, dice))
+        assert runner.accepted + runner.refused == ROUNDS
+        assert runner.refused or name == "sealed"  # whose readers answer instead of raising
+        for data in corpus(name):
+            runner(data)
+
+
+def test_the_corpus_is_small_and_every_target_of_it_exists():
+    files = [path for path in CORPUS.rglob("*") if path.is_file()]
+    assert {path.parent.name for path in files} <= set(FILES)
+    assert files and sum(path.stat().st_size for path in files) < 50_000

@@ -36,11 +36,17 @@ def joints_of(psi: list[float]) -> np.ndarray:
     return np.concatenate([[psi[0] * 1e-3], np.deg2rad(psi[1:])])[None]
 
 
-def test_the_49_parameters_are_the_papers():
+def test_the_49_parameters_are_the_papers_and_joints_come_back():
     assert list(PAPER.names) == GOLDEN["param_order"]
     assert np.array_equal(PAPER.nominal, np.array(GOLDEN["nominal"]) * UNIT)
     identified = [p["name"] for p in TABLE if not p["starred"] and not p["frozen_unstarred"]]
     assert set(IDENTIFIED) == set(identified) - {"dq1", "d31", "d32"}
+    for case, which in CASES:
+        theta, q = theta_of(which), joints_of(case["psi_mm_deg"])
+        assert (
+            np.abs(workspace.joints(ROBOT.values(theta), *ROBOT.tool_pose(q, theta)) - q).max()
+            < 1e-12
+        )
 
 
 @pytest.mark.parametrize(
@@ -76,15 +82,6 @@ def test_rows_of_the_golden_infeasible_configuration_are_counted_with_their_reas
     words = r"row 3: five-bar 1 cannot close: its elbows are 1100.2 mm.* \(3 such rows\)"
     with pytest.raises(PlanError, match=words):
         ROBOT.check(q, ROBOT.parameters.nominal, "plan")
-
-
-def test_inverse_kinematics_returns_the_joints():
-    for case, which in CASES:
-        theta, q = theta_of(which), joints_of(case["psi_mm_deg"])
-        assert (
-            np.abs(workspace.joints(ROBOT.values(theta), *ROBOT.tool_pose(q, theta)) - q).max()
-            < 1e-12
-        )
 
 
 def test_the_papers_workspace_is_reached_and_link_lengths_hold():

@@ -11,14 +11,11 @@ UR5 = Model.of(registry.load("robots", "ur5")).parameters
 MEDRUE = Model.of(registry.load("robots", "medrue")).parameters
 
 
-def test_vector_and_mapping_are_inverse():
+def test_vectors_and_mappings_are_inverse_and_groups_select():
     theta = UR5.vector({"tool.mass": 2.0, "dq3": 0.01})
     assert UR5.mapping(theta)["tool.mass"] == 2.0
     assert np.array_equal(UR5.vector(UR5.mapping(theta)), theta)
     assert UR5.nominal[UR5.index("tool.mass")] == 1.35  # the set itself did not change
-
-
-def test_groups_patterns_and_names_select():
     names = lambda *patterns: [UR5.names[i] for i in UR5.select(patterns)]  # noqa: E731
     assert names("tool.cog") == ["tool.cog.x", "tool.cog.y", "tool.cog.z"]
     assert names("dq?", "a1") == ["a1", "dq1", "dq2", "dq3", "dq4", "dq5", "dq6"]
@@ -47,25 +44,19 @@ def test_medrue_in_the_papers_units_is_refused():
         MEDRUE.vector({"L11": 400.0})
 
 
-def test_an_unknown_plug_in_lists_what_exists():
+def test_unknown_plug_ins_and_extras_are_named(tmp_path, monkeypatch):
     with pytest.raises(NotFoundError, match=r"did you mean 'ur5'.*Known: medrue, oriented, ur5"):
         registry.load("robots", "ur55")
     with pytest.raises(NotFoundError, match=r"there is no robot 'none'\. Known: medrue"):
         registry.load("robots", "none")
     with pytest.raises(NotFoundError, match="no kind 'robot'"):
         registry.names("robot")
-
-
-def test_a_missing_extra_is_named_by_a_command_that_works_here(tmp_path, monkeypatch):
     with pytest.raises(MissingExtraError, match=r"pip install -e '\.\[hil\]'  in the clone"):
         registry.require("a_library_that_is_not_here", "hil")
     monkeypatch.setattr(registry, "__file__", str(tmp_path / "wrenchbed" / "registry.py"))
     with pytest.raises(MissingExtraError, match=r"run  pip install 'wrenchbed\[hil\]'$"):
         registry.require("a_library_that_is_not_here", "hil")
     assert registry.require("json", "hil").loads("1") == 1
-
-
-def test_every_error_is_one_family():
     import wrenchbed.errors as errors
 
     every = (e for e in vars(errors).values() if isinstance(e, type))

@@ -264,30 +264,26 @@ def plain_arm(tmp_path, frame="t"):
     return tmp_path / "my.toml"
 
 
-def test_a_second_arm_is_held_on_request(tmp_path, capsys):
+def test_a_second_arm_is_held_on_request_and_foreign_elements_are_passed_over(tmp_path, capsys):
     text = URDF.format(kind="revolute", more="", rest=SECOND)
     assert refused(tmp_path, text, "t", "--hold-others") == (0, True)
     assert "o0, o1, o2 stay" in capsys.readouterr().err
     assert len(read(tmp_path / "my.toml").joints) == 1
-
-
-def test_an_element_whose_prefix_nobody_declares_is_passed_over(tmp_path):
-    """Drake's, as MuJoCo reads it."""
+    # Drake's, as MuJoCo reads it.
     text = URDF.format(
         kind="revolute", more="", rest="<drake:proximity><drake:x/></drake:proximity>"
     )
     assert refused(tmp_path, text, "t") == (0, True)
 
 
-def test_a_fixed_joints_name_is_its_childs_frame_and_speeds_are_the_files(tmp_path):
+def test_a_fixed_joints_name_is_its_childs_frame_and_speeds_are_found_beside_transmissions(
+    tmp_path,
+):
     robot = read(plain_arm(tmp_path, "f"))
     assert robot.joints[0].speed == 2.0
     assert robot.arm_model.end_shift == pytest.approx([0.0, 0.0, 0.3])
     assert robot.description.load.bodies == ("t",)
-
-
-def test_a_joints_speed_is_found_beside_its_transmission(tmp_path):
-    """ROS files name the joint a second time there, without a limit."""
+    # ROS files name the joint a second time there, without a limit.
     rest = '<transmission name="gear"><joint name="j"/></transmission>'
     assert refused(tmp_path, URDF.format(kind="revolute", more="", rest=rest), "t") == (0, True)
     assert read(tmp_path / "my.toml").joints[0].speed == 2.0

@@ -75,7 +75,7 @@ def test_each_arm_weighs_and_turns_back_as_it_should(name):
         assert np.abs(turns - rotation[0]).max() < 1e-9
 
 
-def test_the_tool_hanging_down_pulls_with_plus_m_g():
+def test_a_hanging_tool_pulls_and_a_tilted_base_turns_gravity():
     q = np.array([[0.0, -np.pi / 2, -np.pi / 2, -np.pi / 2, np.pi / 2, 0.0]])
     theta = ROBOT.parameters.nominal
     rotation, _ = ROBOT.sensor_pose(q, theta)
@@ -84,9 +84,6 @@ def test_the_tool_hanging_down_pulls_with_plus_m_g():
     assert np.allclose(load[:3], [0, 0, 1.35 * 9.80665], atol=1e-12)
     weight = 1.35 * 9.80665
     assert np.allclose(load[3:], np.cross([0.004, -0.006, 0.071], [0, 0, weight]), atol=1e-12)
-
-
-def test_base_tilt_turns_gravity_as_the_base_sees_it():
     q = np.zeros((1, 6))
     theta = ROBOT.parameters.vector({"base.tilt.x": 0.1})
     rotation, _ = ROBOT.sensor_pose(q, theta)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from simulated import UR5_TRUTH, WHITE
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording
@@ -13,13 +14,7 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
-TRUTH = {
-    "tool.mass": 1.42, "tool.cog.x": 0.007, "tool.cog.y": -0.002, "tool.cog.z": 0.083,
-    "sensor.bias.fx": 3.0, "sensor.bias.fy": -8.0, "sensor.bias.fz": 12.0,
-    "sensor.bias.tx": 0.1, "sensor.bias.ty": -0.2, "sensor.bias.tz": 0.05,
-}  # fmt: skip
-NOISE = np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3])
-"""Standard deviation of one row [N, N·m]."""
+TRUTH = {k: v for k, v in UR5_TRUTH.items() if not k.startswith("mount")}
 
 
 @dataclass(frozen=True)
@@ -91,7 +86,7 @@ def log(how: How, seed: int) -> tuple[Recording, np.ndarray]:
     after = np.where(k > 0, t - knots[k], 9.9)  # since the arm came to rest
     shaking = how.shake * np.exp(-after / 0.08) * np.sin(2 * np.pi * 18.0 * after)
     load = load + shaking[:, None] * np.array([1.0, 0.6, 0.3, 0.05, 0.08, 0.0])
-    load = load + NOISE * rng.standard_normal(load.shape)
+    load = load + WHITE * rng.standard_normal(load.shape)
     read = moving.v + how.encoder * rng.standard_normal(moving.v.shape)
     columns = {"t": t - t[0]}
     if how.oriented:

@@ -138,7 +138,5 @@ def _netft() -> Iterator[Callable[[], Transducer]]:
         yield lambda: NetftTransducer(NetftOptions(host, http_port=port))
 
 
-TRANSDUCERS = {
-    "netft": _netft,
-}
+TRANSDUCERS = {"netft": _netft}
 """Transducer → a context in which a function makes closed ones."""

@@ -21,7 +21,7 @@ from altered import (
     without_noise_stated,
 )
 from arm_files import CASES, TOOL_COG, TOOL_MASS
-from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
+from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, driven, static
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS
@@ -83,10 +83,7 @@ def moved(seed: int, seconds: float, rate: float) -> Recording:
     """A multisine of a UR5."""
     plan = wb.multisine(wb.load("robots", "ur5"), seconds, rate, seed=seed)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "rec.parquet"
-        with wb.SimDriver(wb.SimOptions("ur5", noise="white", seed=seed)) as driver:
-            wb.record(driver, plan, path)
-        return wb.Recording.read(path)
+        return driven(plan, Path(folder) / "rec.parquet", noise="white", seed=seed)
 
 
 def _tool(rng: Random) -> dict[str, float]:
