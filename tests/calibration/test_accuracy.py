@@ -67,13 +67,31 @@ def test_mujocos_tip_is_where_the_closed_form_says():
         assert tip == pytest.approx(MEDRUE.tool_pose(q, theta)[1], abs=1e-12)
 
 
-def test_a_robot_without_a_tip_says_so():
+def test_what_no_tip_plan_or_touch_can_reach_is_said(tmp_path):
     ur5 = registry.load("robots", "ur5")
     q = ur5.home[None]
     with pytest.raises(NotFoundError, match="'ur5' has no tool tip"):
         ur5.tool_pose(q, ur5.parameters.nominal)
     with pytest.raises(NotFoundError, match="no tool tip and target workspace"):
         reach(ur5, 1e-3)
+    with pytest.raises(PlanError, match="together reach .* mm, not 1e-06 mm: touch more"):
+        reach(MEDRUE, 1e-9, pool=100, touch_std=1e-2, points=np.array([[0.4, 0.4, -0.2]]))
+    with pytest.raises(PlanError, match="must be above 0"):
+        reach(MEDRUE, 0.0)
+    with pytest.raises(WrenchbedError, match="none of the 1 points to touch is in reach"):
+        workspace.touch_poses(MEDRUE, np.array([[5.0, 0.0, 0.0]]), seed=0)
+    plan = Plan.of("medrue", MEDRUE.home[None], points=np.array([[3.0, 0.0, 0.0]]))
+    with (
+        SimDriver(SimOptions("medrue")) as driver,
+        pytest.raises(DriverError, match="cannot reach"),
+    ):
+        record(driver, plan, tmp_path / "t.parquet")
+    path = tmp_path / "p.parquet"
+    Plan.of("medrue", MEDRUE.home[None], points=np.zeros((1, 3))).write(path)
+    table = pq.read_table(path)
+    pq.write_table(table.drop_columns(["pz"]), path)
+    with pytest.raises(PlanError, match="need all of px py pz"):
+        Plan.read(path)
 
 
 def test_the_papers_workspaces():
@@ -153,17 +171,6 @@ def test_a_wrong_touch_is_named_and_no_accuracy_is_promised(touched):
     assert wrong.target_rms is None
 
 
-def test_a_point_out_of_reach_is_no_touch_and_stops_the_recording(tmp_path):
-    with pytest.raises(WrenchbedError, match="none of the 1 points to touch is in reach"):
-        workspace.touch_poses(MEDRUE, np.array([[5.0, 0.0, 0.0]]), seed=0)
-    plan = Plan.of("medrue", MEDRUE.home[None], points=np.array([[3.0, 0.0, 0.0]]))
-    with (
-        SimDriver(SimOptions("medrue")) as driver,
-        pytest.raises(DriverError, match="cannot reach"),
-    ):
-        record(driver, plan, tmp_path / "t.parquet")
-
-
 @pytest.fixture(scope="module")
 def mix():
     return reach(MEDRUE, 3e-4, pool=800)
@@ -189,13 +196,6 @@ def test_robots_that_run_the_mix_reach_it(mix, tmp_path, number):
     assert rms_error(fit, truth) < 3.3e-4
 
 
-def test_what_no_plan_can_reach_is_said():
-    with pytest.raises(PlanError, match="together reach .* mm, not 1e-06 mm: touch more"):
-        reach(MEDRUE, 1e-9, pool=100, touch_std=1e-2, points=np.array([[0.4, 0.4, -0.2]]))
-    with pytest.raises(PlanError, match="must be above 0"):
-        reach(MEDRUE, 0.0)
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -214,12 +214,3 @@ def test_points_come_from_csv_with_clear_errors(tmp_path, text, words):
     path.unlink() if text is None else path.write_text(text)
     with pytest.raises(PlanError, match=words):
         read_points(path)
-
-
-def test_a_plan_with_half_a_point_is_refused(tmp_path):
-    path = tmp_path / "p.parquet"
-    Plan.of("medrue", MEDRUE.home[None], points=np.zeros((1, 3))).write(path)
-    table = pq.read_table(path)
-    pq.write_table(table.drop_columns(["pz"]), path)
-    with pytest.raises(PlanError, match="need all of px py pz"):
-        Plan.read(path)

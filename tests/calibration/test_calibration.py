@@ -243,14 +243,11 @@ def test_an_interval_of_a_stated_noise_is_normal_and_of_a_found_one_student_s():
     assert (repeated.poses, repeated.rows) == (6, 24)
 
 
-def test_a_tool_weighs_something():
+def test_a_tool_weighs_something_and_touches_are_no_recording_under_gravity():
     check_mass(1e-6)
     for mass in (0.0, -0.5, float("nan")):
         with pytest.raises(CalibrationError, match="opposite sign"):
             check_mass(mass)
-
-
-def test_touches_are_no_recording_under_gravity_and_an_unknown_loss_is_refused():
     rec = static("ur5", UR5_TRUTH, poses=12)
     with pytest.raises(CalibrationError, match="loss 'cubic' is not one of linear, huber"):
         calibrate(rec, CalibrationOptions(loss="cubic"))

@@ -44,16 +44,13 @@ def test_a_step_that_raises_the_cost_is_halved():
     assert told.x == pytest.approx([0.0], abs=1e-9)
 
 
-def test_where_nothing_is_better_the_iteration_ends():
+def test_an_iteration_ends_where_nothing_is_better_and_after_fifty_steps():
     told = solve(
         lambda x: np.array([1.0]) if x[0] == 2.0 else np.array([np.nan]),
         lambda _: np.ones((1, 1)), np.array([2.0]), np.ones(1),
     )  # fmt: skip
     assert (told.x[0], told.steps, told.converged) == (2.0, 1, True)
-
-
-def test_fifty_steps_without_an_end_are_no_convergence():
-    """Slopes ten times too steep: a tenth of the way is left out at each step."""
+    # Slopes ten times too steep: a tenth of the way is left out at each step.
     told = solve(lambda x: -x, lambda _: np.full((1, 1), 10.0), np.ones(1), np.ones(1))
     assert (told.steps, told.converged) == (MAX_STEPS, False) == (50, False)
     assert told.x == pytest.approx([0.9**50])
@@ -97,20 +94,23 @@ def designed(m=40, k=4, seed=0):
     return rng.standard_normal((m, 6, k)), rng
 
 
-def test_parameters_are_shared_out_over_channels():
+def test_variance_is_shared_out_over_channels_and_robust_with_a_robust_loss():
     design, _ = designed(10, 4)
     p = problem(np.ones((10, 6)), design)
     assert p.dof == pytest.approx(10 - 3 / 6)
     assert problem(np.ones((10, 6)), design, prior=True).dof == 10.0
     assert problem(np.ones((1, 6)), designed(1, 9)[0]).dof == 1.0
-
-
-def test_the_variance_found_is_that_of_the_residual_and_robust_with_a_robust_loss():
     design, _ = designed(9, 1)
     y = np.outer([1.0, -2, 3, -4, 5, -6, 7, -8, 90], np.ones(6))
     assert problem(y, design).found(np.zeros(0)) == pytest.approx((y**2).sum(axis=0) / 9)
     robust = problem(y, design, loss="huber").found(np.zeros(0))
     assert robust == pytest.approx(np.full(6, (1.4826 * 5.0) ** 2))
+    scale = 1.4826 * 1.345
+    residual = np.array([0.0, 0.5, 1.345, 2.69, -13.45])
+    expected = np.minimum(1.0, 1.345 / np.maximum(np.abs(residual) / scale, 1e-9))
+    assert _robust_weight(residual) == pytest.approx(expected)
+    small = np.array([0.1, -0.2, 0.1, 3.0, 0.1])  # typical ones below 1 stay in their unit
+    assert _robust_weight(small) == pytest.approx([1, 1, 1, 1.345 / 3.0, 1])
 
 
 def test_a_prior_draws_to_its_centre_by_its_tolerance():
@@ -124,15 +124,6 @@ def test_a_prior_draws_to_its_centre_by_its_tolerance():
     told = p.solve(lambda r: r, p.start)
     assert told.x == pytest.approx(expected)
     assert told.covariance == pytest.approx(np.linalg.inv(normal))
-
-
-def test_robust_weights():
-    scale = 1.4826 * 1.345
-    residual = np.array([0.0, 0.5, 1.345, 2.69, -13.45])
-    expected = np.minimum(1.0, 1.345 / np.maximum(np.abs(residual) / scale, 1e-9))
-    assert _robust_weight(residual) == pytest.approx(expected)
-    small = np.array([0.1, -0.2, 0.1, 3.0, 0.1])  # typical ones below 1 stay in their unit
-    assert _robust_weight(small) == pytest.approx([1, 1, 1, 1.345 / 3.0, 1])
 
 
 # ---- weights ------------------------------------------------------------------------------------

@@ -40,7 +40,9 @@ def test_list_names_every_check_of_a_recording(capfd):
     assert told["dead channel"] and len(told) == 23 and all(told.values())
 
 
-def test_results_are_json_on_demand(made, capfd, tmp_path):
+def test_results_are_json_on_demand_or_a_table_of_eighty_columns(
+    made, capfd, tmp_path, monkeypatch
+):
     out = str(tmp_path / "p.parquet")
     assert main(["plan", "medrue", "--n", "3", "--out", out, "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["rows"] == 3
@@ -48,9 +50,6 @@ def test_results_are_json_on_demand(made, capfd, tmp_path):
     fit = json.loads(capfd.readouterr().out)
     assert fit["parameters"]["tool.mass"]["unit"] == "kg"
     assert fit == json.loads((made / "fit.json").read_text())
-
-
-def test_the_shown_table_fits_eighty_columns(made, capfd, monkeypatch):
     assert main(["calibrate", str(made / "rec.parquet")]) == 0
     out = capfd.readouterr().out
     assert max(map(len, out.splitlines())) <= 80
@@ -150,7 +149,7 @@ def test_usage_errors_exit_with_2(capfd):
         assert caught.value.code == 2, arguments
 
 
-def test_help_names_every_verb(capfd):
+def test_help_names_every_verb_and_the_nearest_to_one_that_is_not_there(capfd):
     with pytest.raises(SystemExit) as caught:
         main(["--help"])
     assert caught.value.code == 0
@@ -159,9 +158,6 @@ def test_help_names_every_verb(capfd):
         assert f"\n  {verb} " in out
     assert max(map(len, out.splitlines())) <= 80
     assert "Identify a robot's parameters: value ± standard uncertainty" in out
-
-
-def test_a_verb_that_is_not_there_is_met_with_the_nearest(capfd):
     with pytest.raises(SystemExit):
         main(["callibrate"])
     assert "did you mean 'calibrate'?" in capfd.readouterr().err

@@ -80,30 +80,19 @@ def test_an_output_that_another_process_writes_is_named(folder, capsys):
     assert "fit.json: another process is writing to it" in error and "memory" not in error
 
 
-def test_force_keeps_recordings_under_names_that_are_free(folder):
+def test_force_keeps_what_was_there_under_names_that_are_free(folder, capsys):
     first = (folder / "r.parquet").read_bytes()
     (folder / "r.parquet~").write_text("precious")
     assert main([*RECORD, "--out", "r.parquet", "--force", "--seed", "4"]) == 0
     assert (folder / "r.parquet~").read_text() == "precious"
     assert (folder / "r.parquet~2").read_bytes() == first
     assert (folder / "r.parquet").read_bytes() != first
-
-
-def test_a_journal_is_not_recorded_over(folder, capsys):
     (folder / "n.parquet.journal").write_bytes(b"of a writer that was killed")
     assert main([*RECORD, "--out", "n.parquet"]) == 1
     assert "n.parquet: an unfinished recording is there already" in capsys.readouterr().err
     assert main([*RECORD, "--out", "n.parquet", "--force"]) == 0
     assert (folder / "n.parquet~.journal").read_bytes() == b"of a writer that was killed"
     assert len(Recording.read("n.parquet")) == 120
-
-
-def test_a_garbage_journal_beside_a_recording_says_what_to_do(tmp_path):
-    path = tmp_path / "r.parquet"
-    Recording(METADATA, columns()).write(path)
-    (tmp_path / "r.parquet.journal").write_bytes(b"garbage")
-    with pytest.raises(RecordingError, match=r"delete or rename it to read .*r\.parquet"):
-        Recording.read(path)
 
 
 def test_kinds_are_known_by_content(tmp_path):
@@ -119,11 +108,16 @@ def test_kinds_are_known_by_content(tmp_path):
         assert kind_of(path) == kind, content[:20]
 
 
-def test_an_empty_file_may_be_replaced(tmp_path):
+def test_an_empty_file_may_be_replaced_and_a_garbage_journal_says_what_to_do(tmp_path):
     (tmp_path / "x").touch()
     check(tmp_path / "x", Kind.RECORDING)
     with pytest.raises(ParameterError, match="is a folder"):
         check(tmp_path, Kind.RECORDING)
+    path = tmp_path / "r.parquet"
+    Recording(METADATA, columns()).write(path)
+    (tmp_path / "r.parquet.journal").write_bytes(b"garbage")
+    with pytest.raises(RecordingError, match=r"delete or rename it to read .*r\.parquet"):
+        Recording.read(path)
 
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\u202egnp.exe\x9b31m\x7f"
@@ -148,14 +142,11 @@ def recording(path, **more):
     return path
 
 
-def test_a_message_is_one_clean_line():
+def test_a_message_is_one_clean_line_of_bounded_length():
     error = RecordingError(f"{EVIL}\nwrenchbed: all is well\tx")
     assert str(error) == SAID + r"\nwrenchbed: all is well\tx"
     assert one_line("a \udcff.csv") == r"a \udcff.csv"  # a file's name that is not UTF-8
     assert printable("α·µ – ² 日本 é\n\t") == "α·µ – ² 日本 é\n\t"
-
-
-def test_what_is_endless_is_cut_and_its_length_said():
     text = one_line(f"robot {'r' * 2_000_000} is unknown")
     assert len(text) < 1000 and "(2,000,000 characters)" in text and text.endswith("is unknown")
     text = one_line("ab " * 100_000 + "remedy")

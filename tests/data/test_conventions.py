@@ -113,10 +113,15 @@ def test_torques_about_a_tcp_are_brought_to_the_sensor(tmp_path, axes):
     assert np.abs(found.wrench - LOAD).max() < 1e-9
 
 
-def test_angles_of_an_orientation_in_degrees_are_no_radians(tmp_path):
+def test_angles_in_degrees_and_unknown_attributes_are_refused(tmp_path):
     mapping = mapped(tmp_path, ["roll", "pitch", "yaw"], "rad")
     with pytest.raises(MapError, match=r"roll pitch yaw reach .* rad: are they in degrees\?"):
         import_files([written(tmp_path, TURN.as_euler("xyz", True))], mapping)
+    raw = {"recording": {"robot": "mine", "mode": "static"}}
+    raw["file"] = [{"columns": {"fx": {"column": "fx", "unit": "N", "sgn": -1}}}]
+    (tmp_path / "map.json").write_text(json.dumps(raw))
+    with pytest.raises(MapError, match=r"fx\.sgn; did you mean 'sign'"):
+        column_map.read(tmp_path / "map.json")
 
 
 def test_a_wrench_in_base_axes_is_turned_by_the_robots_joints(tmp_path):
@@ -179,14 +184,6 @@ def test_a_key_that_does_not_exist_is_refused(tmp_path, sections, words):
         mapped(tmp_path, ["qx", "qy", "qz", "qw"], **sections)
 
 
-def test_an_attribute_of_a_column_that_does_not_exist_is_refused(tmp_path):
-    raw = {"recording": {"robot": "mine", "mode": "static"}}
-    raw["file"] = [{"columns": {"fx": {"column": "fx", "unit": "N", "sgn": -1}}}]
-    (tmp_path / "map.json").write_text(json.dumps(raw))
-    with pytest.raises(MapError, match=r"fx\.sgn; did you mean 'sign'"):
-        column_map.read(tmp_path / "map.json")
-
-
 def uneven(folder, jitter, lost):
     """Joints that follow a sine on an uneven clock with frames missing, and its map."""
     rng = np.random.default_rng(6)
@@ -200,7 +197,7 @@ def uneven(folder, jitter, lost):
     return import_files([file], mapping), t
 
 
-def test_an_uneven_clock_is_made_even_and_gaps_stay(tmp_path):
+def test_an_uneven_clock_is_made_even_and_an_even_one_left_alone(tmp_path):
     imported, t = uneven(tmp_path, 0.2, [100, 300, 301, *range(500, 520)])
     found = imported.recording
     steps = np.diff(found.t)
@@ -210,9 +207,6 @@ def test_an_uneven_clock_is_made_even_and_gaps_stay(tmp_path):
     assert np.abs(found.q[:, 0] - np.sin(found.t + t[0])).max() < 1e-4
     (note,) = imported.notes
     assert "3 dropped frames interpolated, 1 gaps of 0.1" in note
-
-
-def test_an_even_clock_is_left_alone(tmp_path):
     imported, t = uneven(tmp_path, 0.005, [])
     assert imported.notes == ()
     assert np.allclose(imported.recording.t, t - t[0])

@@ -75,14 +75,11 @@ def test_a_digit_changed_in_a_chunk_is_refused_with_its_place(compression, tmp_p
         refused(path, "behind message ")
 
 
-def test_the_checksum_of_the_data_is_checked(tmp_path):
+def test_the_checksum_of_the_data_and_missing_chunks_are_noticed(tmp_path):
     path = mcap_of(tmp_path / "a.mcap", enable_data_crcs=True, use_chunking=False)
     assert table(path, "/wrench", ["fx"]).num_rows == 100
     path.write_bytes(path.read_bytes().replace(b'{"fx": 1050}', b'{"fx": 1850}'))
     refused(path, "the checksum does not fit the data")
-
-
-def test_a_chunk_that_is_missing_is_noticed(tmp_path):
     path = mcap_of(tmp_path / "a.mcap")
     data = bytearray(path.read_bytes())
     at = data.index(b"\x06", data.index(b"\x06", 60) + 1900)
@@ -282,11 +279,16 @@ def test_a_long_text_that_is_repeated_does_not_fill_the_memory(tmp_path):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 200_000  # kB, 50 × 8 MB
 
 
-def test_columns_of_lists_are_named(tmp_path):
+def test_columns_of_lists_and_names_that_are_no_text_are_refused(tmp_path):
     plain = pq.read_table(recording(tmp_path / "rec.parquet"))
     pq.write_table(plain.append_column("x", pa.array([[1.0]] * 50)), tmp_path / "rec.parquet")
     with pytest.raises(RecordingError, match=r"column 'x' holds list<.*not numbers or text"):
         Recording.read(tmp_path / "rec.parquet")
+    path = recording(tmp_path / "rec.parquet")
+    path.write_bytes(path.read_bytes().replace(b"q1", b"\xff\xfe"))
+    assert not is_plan(path)
+    with pytest.raises(RecordingError, match="not a complete Parquet file"):
+        Recording.read(path)
 
 
 @pytest.mark.parametrize("text", ["[" * 900 + "]" * 900, '{"a":' * 5000, "1" * 5000, "{\xff"])
@@ -331,27 +333,16 @@ def test_long_and_deep_settings_are_refused(name, text, told, tmp_path):
         assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_a_long_name_is_refused_with_its_length():
+def test_long_names_and_lines_are_refused_and_wide_tables_read(tmp_path):
     with pytest.raises(WrenchbedError) as caught:
         checked.Fields({"robot": "r" * 2_000_000}, "f: ", RecordingError).text("robot")
     assert "2,000,000 characters" in str(caught.value) and len(str(caught.value)) < 1000
-
-
-def test_long_lines_of_a_table_are_refused_and_wide_ones_are_read(tmp_path):
     (tmp_path / "a.csv").write_text("a,b\n1,2\n" + "3," * 60_000 + "\n")
     with pytest.raises(MapError, match="line 3 has 120,000 characters, more than 100,000"):
         read_text(tmp_path / "a.csv")
     wide = "\n".join(",".join(f"{r}.{k}" for k in range(3000)) for r in range(60))
     (tmp_path / "b.csv").write_text(wide)
     assert read_text(tmp_path / "b.csv").table.shape == (60, 3000)
-
-
-def test_a_file_whose_columns_names_are_no_text_is_no_plan(tmp_path):
-    path = recording(tmp_path / "rec.parquet")
-    path.write_bytes(path.read_bytes().replace(b"q1", b"\xff\xfe"))
-    assert not is_plan(path)
-    with pytest.raises(RecordingError, match="not a complete Parquet file"):
-        Recording.read(path)
 
 
 def test_a_chunk_that_states_more_than_memory_is_refused(tmp_path):

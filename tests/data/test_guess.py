@@ -218,14 +218,6 @@ def test_what_is_missing_is_named(tmp_path, leave, words):
         guess([save(tmp_path, "log.csv", columns)])
 
 
-def test_a_robot_that_nobody_knows_is_said_to_be_none(tmp_path):
-    columns = {f"joint_{k}": v for k, v in enumerate(np.random.default_rng(0).normal(size=(6, 50)))}
-    wrench = {k: v for k, v in random_columns(50).items() if k in CHANNELS}
-    path = save(tmp_path, "log.csv", columns | wrench)
-    with pytest.raises(MapError, match=r"'ur55' is none; did you mean 'ur5'"):
-        guess([path], Stated(robot="ur55"))
-
-
 @pytest.mark.parametrize(
     ("more", "words"),
     [
@@ -241,7 +233,7 @@ def test_options_that_do_not_go_together_are_refused(tmp_path, capsys, more, wor
     assert words in capsys.readouterr().err
 
 
-def test_of_several_wrenches_the_one_with_the_weight_is_taken(tmp_path):
+def test_the_wrench_with_the_weight_is_taken_though_torques_stand_first(tmp_path):
     robot = wb.load("robots", "ur5")
     rng = np.random.default_rng(2)
     q = robot.sample(30, rng)
@@ -255,6 +247,12 @@ def test_of_several_wrenches_the_one_with_the_weight_is_taken(tmp_path):
     assert found.maps[0]["recording"]["robot"] == "ur5"
     assert found.maps[0]["file"][0]["columns"]["fz"]["column"] == "ft_raw_wrench_2"
     assert found.maps[0]["file"][0]["columns"]["q4"] == {"column": "actual_q_3", "unit": "rad"}
+    columns = turned_load()
+    order = [*(f"q{c}" for c in "xyzw"), "tx", "ty", "tz", "fx", "fy", "fz"]
+    np.savetxt(tmp_path / "log.txt", np.stack([columns[c] for c in order], axis=1))
+    found = guess([tmp_path / "log.txt"])
+    assert found.maps[0]["file"][0]["columns"]["fx"]["column"] == "8"
+    assert found.conventions[0].mass == pytest.approx(12.0 / 9.80665, rel=0.01)
 
 
 def turned_load(n=20):
@@ -267,32 +265,27 @@ def turned_load(n=20):
     return columns | dict(zip(CHANNELS, load.T, strict=True))
 
 
-def test_torques_may_stand_first_in_a_table_without_names(tmp_path):
-    columns = turned_load()
-    order = [*(f"q{c}" for c in "xyzw"), "tx", "ty", "tz", "fx", "fy", "fz"]
-    np.savetxt(tmp_path / "log.txt", np.stack([columns[c] for c in order], axis=1))
-    found = guess([tmp_path / "log.txt"])
-    assert found.maps[0]["file"][0]["columns"]["fx"]["column"] == "8"
-    assert found.conventions[0].mass == pytest.approx(12.0 / 9.80665, rel=0.01)
-
-
-def test_a_hole_in_a_column_is_named(tmp_path):
+def test_what_is_no_ground_for_a_guess_is_named(tmp_path):
     columns = turned_load()
     columns["fx"][5] = np.nan
     with pytest.raises(MapError, match=r"not used: column 'fx', row 5: the value is missing"):
         guess([save(tmp_path, "log.csv", columns)])
-
-
-def test_one_orientation_alone_is_no_ground_for_a_guess(tmp_path):
     columns = turned_load()
     columns |= {f"q{c}": np.full(20, 0.5) for c in "xyzw"}
     with pytest.raises(MapError, match="poses in different orientations are needed"):
         guess([save(tmp_path, "log.csv", columns)])
-
-
-def test_few_poses_are_no_ground_for_a_guess(tmp_path):
     with pytest.raises(MapError, match="5 poses are too few to distinguish conventions"):
         guess([save(tmp_path, "log.csv", turned_load(5))])
+    columns = {n if n not in CHANNELS else f"{n} [counts]": c for n, c in turned_load().items()}
+    with pytest.raises(MapError, match=r"'fx \[counts\]' is in 'counts', .* give --map"):
+        guess([save(tmp_path, "log.csv", columns)])
+    with pytest.raises(MapError, match="give --map, a file or one of .*ros-ur5"):
+        guess([tmp_path / "r.mcap"])
+    columns = {f"joint_{k}": v for k, v in enumerate(np.random.default_rng(0).normal(size=(6, 50)))}
+    wrench = {k: v for k, v in random_columns(50).items() if k in CHANNELS}
+    path = save(tmp_path, "log.csv", columns | wrench)
+    with pytest.raises(MapError, match=r"'ur55' is none; did you mean 'ur5'"):
+        guess([path], Stated(robot="ur55"))
 
 
 def with_gyroscope(n=30):
@@ -312,17 +305,6 @@ def test_force_and_torque_apart_without_names_are_refused_not_made_up(tmp_path, 
     np.savetxt(tmp_path / "log.txt", values, fmt="%.6f")
     with pytest.raises(MapError, match="in the torque|weight of a rigid load"):
         guess([tmp_path / "log.txt"])
-
-
-def test_a_unit_that_is_none_of_forces_is_not_passed_over(tmp_path):
-    columns = {n if n not in CHANNELS else f"{n} [counts]": c for n, c in turned_load().items()}
-    with pytest.raises(MapError, match=r"'fx \[counts\]' is in 'counts', .* give --map"):
-        guess([save(tmp_path, "log.csv", columns)])
-
-
-def test_a_log_has_names_and_needs_no_guess(tmp_path):
-    with pytest.raises(MapError, match="give --map, a file or one of .*ros-ur5"):
-        guess([tmp_path / "r.mcap"])
 
 
 @pytest.mark.slow

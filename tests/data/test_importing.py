@@ -119,21 +119,21 @@ def test_a_wrong_file_names_column_and_row(tmp_path, raw, changes, words):
         load(tmp_path, raw, **changes)
 
 
-def test_a_column_that_appears_twice_is_refused(tmp_path):
+def test_files_columns_and_clocks_that_do_not_fit_the_map_are_named(tmp_path):
     path = write_csv(tmp_path)
     lines = path.read_text().splitlines()
     path.write_text("\n".join([lines[0] + ",FX", *(line + ",1" for line in lines[1:])]))
     with pytest.raises(MapError, match="column 'FX' appears twice"):
         import_files([path], column_map.read(write_map(tmp_path, basic())))
-
-
-def test_files_that_do_not_exist_or_are_not_mapped_are_named(tmp_path):
     good = column_map.read(write_map(tmp_path, basic()))
     with pytest.raises(MapError, match="no such file"):
         import_files([tmp_path / "none.csv"], good)
     extra = [write_csv(tmp_path), tmp_path / "notes.txt"]
     with pytest.raises(MapError, match=r"notes.txt: no \[\[file\]\]"):
         import_files(extra, good)
+    raw = basic(t={"column": "time", "unit": "s"})
+    with pytest.raises(MapError, match="column 'time': .* s is no time: give the unit"):
+        load(tmp_path, raw, time=["1.7e12", "1.8e12", "1.9e12", "2.0e12"])
 
 
 def two_files(folder: Path, step_us: int):
@@ -246,9 +246,3 @@ def test_a_robots_file_is_seen_from_the_map(tmp_path, monkeypatch):
     raw["recording"]["robot"] = "none.toml"
     with pytest.raises(WrenchbedError, match=r"maps/none\.toml"):
         column_map.read(write_map(tmp_path / "maps", raw))
-
-
-def test_a_clock_in_another_unit_than_stated_is_refused(tmp_path):
-    raw = basic(t={"column": "time", "unit": "s"})
-    with pytest.raises(MapError, match="column 'time': .* s is no time: give the unit"):
-        load(tmp_path, raw, time=["1.7e12", "1.8e12", "1.9e12", "2.0e12"])

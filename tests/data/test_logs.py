@@ -111,7 +111,7 @@ def test_a_recording_goes_out_as_mcap_and_comes_back(tmp_path, capsys):
     assert "--mcap for a recording" in capsys.readouterr().err
 
 
-def test_lists_and_names_are_reached_by_their_path():
+def test_messages_are_reached_by_path_publisher_and_time_of_logging(tmp_path):
     rows = MessageRows(["a.1", "position.my.joint", "logged"])
     rows.add({"a": [1, 2.5], "name": ["x", "my.joint"], "position": [7.0, 8.0]}, 42)
     assert rows.table().to_pylist() == [{"a.1": 2.5, "position.my.joint": 8.0, "logged": 42}]
@@ -119,17 +119,11 @@ def test_lists_and_names_are_reached_by_their_path():
     assert not rows.add({"name": ["gripper"], "position": [7.0]}, 43) and rows.skipped == 1
     rows.add({"a": [1], "name": ["my.joint"], "position": []}, 44)
     assert rows.missing == {"a.1", "position.my.joint"}
-
-
-def test_messages_of_another_publisher_on_the_same_topic_are_left_out_and_counted(tmp_path):
     states = [{"name": ["gripper" if k % 3 else "elbow"], "position": [float(k)]} for k in range(6)]
     json_log(tmp_path / "a.mcap", (("/joint_states", s, k) for k, s in enumerate(states)))
     with pytest.warns(wb.errors.WrenchbedWarning, match="4 of 6 messages .* another publisher's"):
         found = table(tmp_path / "a.mcap", "/joint_states", ["position.elbow"])
     assert found["position.elbow"].to_pylist() == [0.0, 3.0]
-
-
-def test_messages_without_a_stamp_come_in_by_the_times_of_their_logging(tmp_path):
     nothing = {"header": {"stamp": {"sec": 0, "nanosec": 0}}, "wrench": {"force": {"x": 1.5}}}
     json_log(tmp_path / "a.mcap", (("/wrench", nothing, 7 + 10 * k) for k in range(3)))
     with pytest.warns(wb.errors.WrenchbedWarning, match="no stamp: the times of their logging"):

@@ -165,7 +165,7 @@ def motion(gap_s):
     return t, path, {"t": t[keep]} | {name: q[keep] for name, q in path.items()}
 
 
-def test_a_short_gap_of_a_motion_is_filled_along_the_joints_path():
+def test_short_gaps_are_filled_along_the_joints_path_where_it_is_known():
     t, path, data = motion(0.026)
     (even, sentence) = evened(data)
     assert "13 dropped frames interpolated" in sentence[0]
@@ -174,18 +174,12 @@ def test_a_short_gap_of_a_motion_is_filled_along_the_joints_path():
         assert np.abs(even[name] - q).max() < 1e-6
         second = np.diff(even[name], 2) * 500.0**2
         assert np.abs(second - np.diff(q, 2) * 500.0**2).max() < 0.2  # a line would leave 4 rad/s²
-
-
-def test_a_short_gap_is_filled_although_joint_values_are_noisy():
     rng = np.random.default_rng(3)
     _, _, data = motion(0.018)
     noisy = {name: q + 6e-4 * rng.normal(size=len(q)) for name, q in data.items() if name != "t"}
     (even, sentence) = evened({"t": data["t"]} | noisy)
     assert "9 dropped frames interpolated" in sentence[0]
     assert len(even["t"]) == 6000
-
-
-def test_a_gap_in_which_the_path_is_not_known_stays():
     t, _, data = motion(0.5)
     (even, sentence) = evened(data)
     assert "1 gaps of 0.502 s in all kept" in sentence[0]
@@ -229,7 +223,7 @@ def test_poses_far_apart_with_a_pause_between_are_no_turns(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_stamps_of_arrival_give_way_to_the_clock_by_which_joints_were_read(seed):
+def test_the_clock_by_which_joints_were_read_counts_and_uneven_reads_keep_their_stamps(seed):
     """Even reads that arrive late by up to 1.4 ms, encoder counts of 1e-5 rad."""
     rng = np.random.default_rng(seed)
     t, path, _ = motion(0.0)
@@ -239,10 +233,6 @@ def test_stamps_of_arrival_give_way_to_the_clock_by_which_joints_were_read(seed)
     assert "their own clock restored" in sentence[0]
     assert np.diff(even["t"]) == pytest.approx(0.002, rel=1e-3)
     assert all(np.array_equal(even[name], q) for name, q in read.items())
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_reads_at_uneven_times_keep_their_stamps(seed):
     rng = np.random.default_rng(seed)
     t = np.arange(6000) / 500.0 + rng.uniform(-0.4e-3, 0.4e-3, 6000)
     even, sentence = evened({"t": t, "q1": np.round(np.sin(4.0 * t), 5)})
@@ -281,21 +271,19 @@ def test_a_table_is_found_however_it_is_written(tmp_path, content):
     assert read == {"t": [1.5, 4.0], "fx": [2.5, 5.5], "fy": [3.0, 6.0]}
 
 
-def test_names_of_excel_are_windows_1252(tmp_path):
+def test_tables_have_names_of_any_encoding_or_numbers_and_keep_text_and_digits(tmp_path):
     found = table(tmp_path, "Zeit (µs);Größe\n1;2,5\n2;3\n".encode("cp1252"))
     assert found.table.column_names == ["Zeit (µs)", "Größe"]
-
-
-def test_columns_without_a_header_are_numbered(tmp_path):
     found = table(tmp_path, b"1 2 3\n4 5 6\n")
     assert found.numbers("3").tolist() == [3.0, 6.0]
-
-
-def test_columns_of_text_do_no_harm(tmp_path):
     found = table(tmp_path, b"time,fx,state\n0,1,ok\n1,2,held\n")
     assert found.numbers("fx").tolist() == [1.0, 2.0]
     with pytest.raises(MapError, match="column 'state', row 0: 'ok' is no number"):
         found.numbers("state")
+    assert table(tmp_path, b"1:2\n3:4\n", separator=":").numbers("2").tolist() == [2.0, 4.0]
+    at = 1_708_857_503_929_545
+    found = table(tmp_path, f"{at} 1.5\n{at + 1} 2.5\n".encode())
+    assert np.diff(found.table.column("1").to_numpy()).tolist() == [1]
 
 
 @pytest.mark.parametrize(
@@ -318,16 +306,6 @@ def test_a_cell_is_blamed_on_its_own_row(tmp_path, content, words):
         found = table(tmp_path, content)
         for name in found.table.column_names:
             found.numbers(name)
-
-
-def test_a_separator_may_be_told(tmp_path):
-    assert table(tmp_path, b"1:2\n3:4\n", separator=":").numbers("2").tolist() == [2.0, 4.0]
-
-
-def test_whole_numbers_keep_their_digits(tmp_path):
-    at = 1_708_857_503_929_545
-    found = table(tmp_path, f"{at} 1.5\n{at + 1} 2.5\n".encode())
-    assert np.diff(found.table.column("1").to_numpy()).tolist() == [1]
 
 
 @pytest.mark.parametrize("mark", [",", ";", "\t", " "])

@@ -81,14 +81,11 @@ def test_a_multisine_starts_and_ends_at_rest_within_limits(robot):
     assert np.array_equal(plan.q, choose.multisine(robot, 20.0, 125.0, seed=1).q)
 
 
-def test_a_motion_beyond_a_joints_speed_is_refused_by_row():
+def test_what_cannot_be_planned_says_why():
     q = np.zeros((4, 6))
     q[2:, 3] = 1.0
     with pytest.raises(PlanError, match=r"row 2: q4 would move at 125 rad/s, .* of its top speed"):
         Limits().check_motion(UR5, q, 125.0, "plan")
-
-
-def test_what_cannot_be_planned_says_why():
     with pytest.raises(PlanError, match="0 poses is empty"):
         choose.poses(UR5, 0, seed=0)
     with pytest.raises(PlanError, match="no joints to plan"):

@@ -50,7 +50,7 @@ def came(imported) -> None:
     assert np.abs(motion.wrench - LOAD[:rows]).max() < 1e-6
 
 
-def test_a_franka_log_in_the_names_of_libfranka(tmp_path):
+def test_franka_logs_in_the_names_of_libfranka_and_of_ros(tmp_path):
     pose = np.tile(np.eye(4), (len(T), 1, 1))
     pose[:, :3, :3] = TURN.as_matrix()
     columns = np.swapaxes(pose, 1, 2).reshape(len(T), 16)
@@ -60,15 +60,6 @@ def test_a_franka_log_in_the_names_of_libfranka(tmp_path):
         [(t - START) // 10**6, *p, *w] for t, p, w in zip(T.tolist(), columns, LOAD, strict=True)
     ]
     came(import_files([save(tmp_path / "log.csv", names, rows)], wb.read_map("franka-csv")))
-
-
-def head(at):
-    return {"stamp": {"sec": at // 10**9, "nanosec": at % 10**9}}
-
-
-def test_a_franka_log_of_ros(tmp_path):
-    pose = np.tile(np.eye(4), (len(T), 1, 1))
-    pose[:, :3, :3] = TURN.as_matrix()
     states = (
         {"header": head(at), "K_F_ext_hat_K": load.tolist(), "O_T_EE": matrix.T.ravel().tolist()}
         for at, load, matrix in zip(T.tolist(), LOAD, pose, strict=True)
@@ -76,6 +67,10 @@ def test_a_franka_log_of_ros(tmp_path):
     topics = ["/franka_state_controller/franka_states"] * len(T)
     json_log(tmp_path / "a.mcap", zip(topics, states, T.tolist(), strict=True))
     came(import_files([tmp_path / "a.mcap"], wb.read_map("franka-ros")))
+
+
+def head(at):
+    return {"stamp": {"sec": at // 10**9, "nanosec": at % 10**9}}
 
 
 def test_a_log_with_transforms(tmp_path):

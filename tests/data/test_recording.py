@@ -24,7 +24,7 @@ def save(path: Path, data: dict[str, np.ndarray], metadata: dict | None = None) 
     return path
 
 
-def test_a_recording_returns_bit_for_bit(tmp_path):
+def test_a_recording_returns_bit_for_bit_and_needs_three_fields(tmp_path):
     odd = np.array([0.0, -0.0, 5e-324, 1 / 3, -1e308] * 4)
     data = columns() | {"note": np.array(["x"] * 20), "fx": odd, "humidity": odd}
     Recording(METADATA, data).write(tmp_path / "rec.parquet")
@@ -34,6 +34,7 @@ def test_a_recording_returns_bit_for_bit(tmp_path):
     assert all(np.array_equal(again.columns[k], data[k]) for k in data)
     assert again.columns["status"].dtype == np.uint32
     assert list(tmp_path.iterdir()) == [tmp_path / "rec.parquet"]
+    assert parse({"format": 1, "robot": "ur5", "mode": "static"}, "x").tool == ToolInfo()
 
 
 def put(name: str, row: int, value: float):
@@ -96,10 +97,6 @@ def test_bad_metadata_names_the_field(tmp_path, change, words):
         Recording.read(path)
 
 
-def test_only_format_robot_and_mode_are_required():
-    assert parse({"format": 1, "robot": "ur5", "mode": "static"}, "x").tool == ToolInfo()
-
-
 def test_files_that_are_no_recordings_are_refused(tmp_path):
     path = tmp_path / "rec.parquet"
     with pytest.raises(RecordingError, match="no such file"):
@@ -155,7 +152,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
     assert 1024 * int(done.stdout) < 1.4 * 8 * rows * len(columns())
 
 
-def test_orientations_stand_in_for_joints_and_must_be_unit(tmp_path):
+def test_orientations_stand_in_for_joints_and_folders_for_no_recording(tmp_path):
     data = {k: v for k, v in columns().items() if not k.startswith("q")}
     data |= dict(zip(("qw", "qx", "qy", "qz"), np.tile([1.0, 0, 0, 0], (20, 1)).T, strict=True))
     recording = Recording(METADATA, data)
@@ -164,9 +161,6 @@ def test_orientations_stand_in_for_joints_and_must_be_unit(tmp_path):
     data["qw"] = data["qw"] * 2
     with pytest.raises(RecordingError, match="row 0: 2.0 is not the length of a unit quaternion"):
         Recording(METADATA, data)
-
-
-def test_folders_are_no_recordings(tmp_path):
     with pytest.raises(RecordingError, match="is a folder"):
         Recording.read(tmp_path)
     with pytest.raises(RecordingError, match="is a folder"), RecordingWriter(tmp_path, METADATA):
@@ -215,9 +209,16 @@ def test_right_fields_are_read():
     )  # fmt: skip
 
 
-def test_an_error_inside_names_the_field():
+def test_errors_name_field_file_and_kind(tmp_path):
     with pytest.raises(MapError, match="a.json: x: other"), fields().naming("x"):
         raise TwinError("other")
+    with pytest.raises(TwinError, match="there is no such file"):
+        load(tmp_path / "a.json", TwinError)
+    with pytest.raises(TwinError, match="is a folder; give a JSON file"):
+        load(tmp_path, TwinError)
+    (tmp_path / "rec.json").write_bytes(b"PAR1\x80\x00PAR1")
+    with pytest.raises(TwinError, match=r"rec\.json: is Parquet, such as recordings"):
+        load(tmp_path / "rec.json", TwinError)
 
 
 @pytest.mark.parametrize(
@@ -233,16 +234,3 @@ def test_a_broken_file_is_named(tmp_path, name, text, message):
     (tmp_path / name).write_text(text)
     with pytest.raises(MapError, match=f"{name}: {message}"):
         load(tmp_path / name, MapError, "TOML")
-
-
-def test_a_missing_file_and_a_folder_are_named(tmp_path):
-    with pytest.raises(TwinError, match="there is no such file"):
-        load(tmp_path / "a.json", TwinError)
-    with pytest.raises(TwinError, match="is a folder; give a JSON file"):
-        load(tmp_path, TwinError)
-
-
-def test_a_recording_where_json_is_wanted_is_called_so(tmp_path):
-    (tmp_path / "rec.json").write_bytes(b"PAR1\x80\x00PAR1")
-    with pytest.raises(TwinError, match=r"rec\.json: is Parquet, such as recordings"):
-        load(tmp_path / "rec.json", TwinError)

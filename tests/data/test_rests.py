@@ -99,10 +99,13 @@ def test_a_log_is_imported_as_poses_and_its_moves_are_kept(tmp_path, capsys):
     )
 
 
-def test_many_different_poses_are_poses(tmp_path):
+def test_many_poses_are_poses_and_a_motion_without_a_hold_is_none(tmp_path):
     rng = np.random.default_rng(4)
     check_at_rest(of_joints(rng.uniform(-1, 1, (500, 6))))
     check_at_rest(of_joints(np.repeat(rng.uniform(-1, 1, (50, 6)), 10, axis=0)))
+    t = np.arange(2000) / 100.0
+    with pytest.raises(RecordingError, match=r"nothing rests for 0.4 s; .* mode = 'dynamic'"):
+        split(of_joints(np.stack([np.sin(0.5 * t + j) for j in range(6)], axis=1)))
 
 
 def of_joints(q, rate=100.0):
@@ -111,12 +114,6 @@ def of_joints(q, rate=100.0):
     rng = np.random.default_rng(0)
     columns |= {c: rng.normal(size=len(q)) for c in CHANNELS}
     return Recording(Metadata("ur5", "dynamic"), columns)
-
-
-def test_a_motion_without_a_hold_is_no_log_of_poses():
-    t = np.arange(2000) / 100.0
-    with pytest.raises(RecordingError, match=r"nothing rests for 0.4 s; .* mode = 'dynamic'"):
-        split(of_joints(np.stack([np.sin(0.5 * t + j) for j in range(6)], axis=1)))
 
 
 @pytest.mark.parametrize("back", [False, True], ids=["one way", "there and back"])
@@ -140,23 +137,17 @@ def test_slow_turning_of_one_joint_is_as_good_as_rest_where_nothing_rests(tmp_pa
     assert fit["tool.mass"].std < 1e-3
 
 
-def test_a_slow_creep_is_no_hold():
+def test_creep_is_no_hold_flicker_splits_none_and_rests_tell_the_noise():
     t = np.arange(6000) / 100.0
     q = np.zeros((len(t), 6))
     q[:, 2] = np.where(t < 30.0, 0.002 * t, 0.06)  # 2 mrad/s, then rest
     found = split(of_joints(q))
     assert len(found.seconds) == 1 and found.hold[:2900].max() == -1
-
-
-def test_a_flicker_of_an_encoder_does_not_split_a_hold():
     q = np.zeros((1000, 6))
     q[400:402, 3] = 5e-4
     found = split(of_joints(q))
     assert len(found.seconds) == 1 and found.moves == 0
     assert found.sentence == "1 hold of 10 s; 0 moves"
-
-
-def test_the_noise_of_a_row_is_read_off_the_rests():
     recording, _ = log(How(holds=5), 3)
     std = noise_at_rest(recording)
     assert np.allclose(std, [0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3], rtol=0.1)

@@ -103,11 +103,15 @@ def test_a_load_in_motion_stops_the_arm_hard():
         assert arm.stops and set(arm.stops) == {"hard"}
 
 
-def test_a_motion_that_is_left_stops_the_arm():
+def test_a_motion_that_is_left_or_interrupted_stops_the_arm():
     with Arm() as arm:
         rows = arm.track(STANDING, 125.0)
         next(rows)
         rows.close()
+        assert arm.stops == ["soft"]
+    with Arm({0: KeyboardInterrupt()}) as arm:
+        with pytest.raises(KeyboardInterrupt):
+            arm.move(arm.q + 0.01)
         assert arm.stops == ["soft"]
 
 
@@ -136,13 +140,6 @@ def test_a_stop_that_fails_stands_beside_its_cause():
         with pytest.raises(DriverError, match="the program ended") as told:
             list(rows)
         assert told.value.__notes__ == ["the stop failed, too: no answer"]
-
-
-def test_a_move_that_is_interrupted_as_it_begins_is_stopped():
-    with Arm({0: KeyboardInterrupt()}) as arm:
-        with pytest.raises(KeyboardInterrupt):
-            arm.move(arm.q + 0.01)
-        assert arm.stops == ["soft"]
 
 
 OMEGA = 2 * np.pi * 0.7
@@ -180,14 +177,20 @@ def test_late_states_and_gaps_leave_no_trace_in_the_rows():
     assert np.abs(host - (1000.0 + own * (1 + drift)))[400:].max() < 3e-4
 
 
-def test_repeated_older_and_early_states_are_left_out():
+def test_states_are_taken_once_in_order_and_not_too_far_apart():
     even = Resampler(100.0, begin=-0.01)
     for t in (-0.02, -0.01, 0.0, 0.01, 0.01, 0.005, 0.02):
         even.add(state(t, t))
     assert [round(r.t, 6) for r in even.rows(10)] == [0.0, 0.01, 0.02]
+    even = Resampler(100.0)
+    for t in (0.0, 0.01, 0.02, 0.25):
+        even.add(ArmSample(t, None, 0.0, np.zeros(6), np.zeros(6)))
+    assert len(even.rows(3)) == 3
+    with pytest.raises(LinkError, match=r"gap of 0\.230 s"):
+        even.rows(9)
 
 
-def test_evidence_lies_on_a_line_between_two_states():
+def test_evidence_and_joints_lie_on_lines_and_cubics_between_states():
     even = Resampler(100.0)
     for k in range(4):
         t, still = 0.04 * k, np.zeros(1)
@@ -195,9 +198,6 @@ def test_evidence_lies_on_a_line_between_two_states():
         even.add(ArmSample(t, t, 0.0, still, still, evidence=current))
     rows = even.rows(9)
     assert [row.evidence["i"][0] for row in rows] == pytest.approx([0.25 * k for k in range(9)])
-
-
-def test_a_cubic_is_followed_exactly():
     ends = np.array([[1.0], [1.5]])
     for s in (0.0, 0.3, 1.0):
         q, qd = hermite(tuple(ends**3 - ends), tuple(3 * ends * ends - 1), 0.5, s)
@@ -265,34 +265,19 @@ def past(*readings):
     return kept
 
 
-def test_a_reading_between_two_has_the_flags_of_both():
+def test_readings_between_two_have_the_flags_of_both_and_the_nearer_counts():
     between = past((1.00, 1.0, 1), (1.04, 3.0, 2, 4)).at(1.01)
     assert between.wrench[0] == pytest.approx(1.5)
     assert (between.status, between.saturated) == (3, 4)
     assert between.age == pytest.approx(0.01)
-
-
-def test_of_readings_close_together_the_nearer_one_counts():
     close = past((1.0, 1.0), (1.0005, 3.0), (1.0025, 5.0))
     forces = [close.at(t).wrench[0] for t in (1.0, 1.0002, 1.0003, 1.0005, 1.0015)]
     assert forces == pytest.approx([1.0, 1.0, 3.0, 3.0, 4.0])
     batch = Past()
     batch.add([1.0, 1.0005, 1.0025], np.outer([1.0, 3.0, 5.0], np.ones(6)))
     assert batch.at(1.0015).wrench == pytest.approx(np.full(6, 4.0))
-
-
-def test_nothing_is_known_before_after_in_a_gap_and_of_long_ago():
     some = past((1.0, 0.0), (1.04, 0.0), (1.2, 0.0))
     assert some.at(0.99) is None and some.at(1.21) is None and some.at(1.1) is None
     assert some.at(1.0) is not None and some.at(1.2).age == 0.0 and Past().at(1.0) is None
     some.add(5.0, np.ones(6))
     assert some.at(1.02) is None
-
-
-def test_states_too_far_apart_end_a_motion():
-    even = Resampler(100.0)
-    for t in (0.0, 0.01, 0.02, 0.25):
-        even.add(ArmSample(t, None, 0.0, np.zeros(6), np.zeros(6)))
-    assert len(even.rows(3)) == 3
-    with pytest.raises(LinkError, match=r"gap of 0\.230 s"):
-        even.rows(9)

@@ -43,10 +43,14 @@ def swapped(name, value):
     return PAGE[:start] + value + PAGE[end:]
 
 
-def test_a_box_knows_six_commands():
+def test_a_box_knows_six_commands_and_a_datagram_is_records():
     known = [c for c in range(65536) if box.parse(struct.pack(">HHI", 0x1234, c, 7))]
     assert known == [0x0000, 0x0002, 0x0003, 0x0004, 0x0041, 0x0042]
     assert box.parse(struct.pack(">HHI", 0x1235, 2, 0)) is None and box.parse(b"") is None
+    for n in range(4):
+        assert rdt.decode(bytes(36 * n))["counts"].shape == (n, 6)
+        with pytest.raises(DriverError, match="no whole number"):
+            rdt.decode(bytes(36 * n + 1))
 
 
 @given(
@@ -61,13 +65,6 @@ def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
     assert both[0].tolist()[:3] == (first, ft % 2**32, status)
     assert both["counts"].tolist() == [counts] * 2
     assert both[1].tolist()[:2] == ((first + 1) % 2**32, (ft + 7) % 2**32)
-
-
-def test_a_datagram_is_records_or_refused():
-    for n in range(4):
-        assert rdt.decode(bytes(36 * n))["counts"].shape == (n, 6)
-        with pytest.raises(DriverError, match="no whole number"):
-            rdt.decode(bytes(36 * n + 1))
 
 
 @given(st.sampled_from(["scfgfu", "cfgcpf", "cfgcpt", "comrdtrate", "cfgmr"]),
@@ -102,7 +99,7 @@ def test_impossible_fields_are_refused_by_name(name, value):
         parse(swapped(name, value))
 
 
-def test_pages_with_entities_are_refused():
+def test_pages_with_entities_are_refused_and_status_words_read():
     bomb = '<!DOCTYPE a [<!ENTITY b "cc">]><netft>&b;</netft>'
     with pytest.raises(DriverError, match="entities"):
         parse(bomb)
@@ -110,6 +107,10 @@ def test_pages_with_entities_are_refused():
         parse("<netft><cfgcpf>1</netft>")
     with pytest.raises(DriverError, match="more than"):
         parse("x" * 70000)
+    assert faults(0x80020000) == ("transducer saturated or converter error",)
+    assert SATURATED == 0x20000 and not broken(0x80020000) and not broken(0x80010000)
+    assert broken(0x80000000) and broken(0x80020004) and not broken(0)
+    assert faults(0x80008004) == ("temperature error", "unknown bits 0x00008000")
 
 
 @pytest.mark.parametrize(
@@ -190,7 +191,7 @@ def test_differences_of_counters_wrap(a, step):
     assert signed((a + step) % 2**32 - a) == step
 
 
-def test_the_clock_of_a_device_is_unwrapped_and_measured():
+def test_device_clocks_are_unwrapped_measured_and_tell_what_was_held_up():
     clock = DeviceClock(7000.0)
     start = 2**32 - 7000
     for k in range(5000):
@@ -198,19 +199,13 @@ def test_the_clock_of_a_device_is_unwrapped_and_measured():
         device, _ = clock.take(50.0 + t + late, round(start + 7000 * 1.0002 * t) % 2**32)
     assert device == pytest.approx(start / 7000 + 4.999 * 1.0002, abs=1e-3)
     assert clock.ppm == pytest.approx(200.0, abs=30.0)
-
-
-def test_records_that_were_held_up_are_known_by_the_devices_clock():
-    """A millisecond's records in time, then 30 ms of them at once, then in time again."""
+    # A millisecond's records in time, then 30 ms of them at once, then in time again.
     clock, late = DeviceClock(7000.0), []
     for k in range(3000):
         t = 80.0 + k * 1e-3
         arrived = max(t, 82.030) if t > 82.0 - 1e-9 else t
         late.append(clock.take(arrived + 3e-4, (2**32 - 7000 + 7 * k) % 2**32)[1] - t)
     assert np.ptp(late) < 1e-6
-
-
-def test_clocks_that_drift_apart_leap_or_begin_anew_are_followed_again():
     slow = DeviceClock(7000.0)
     for k in range(60_000):
         t = 5.0 + k * 1e-3
@@ -221,13 +216,6 @@ def test_clocks_that_drift_apart_leap_or_begin_anew_are_followed_again():
         late.append(t - leapt.take(t, 7 * k)[1])
     assert max(late) <= 0.1 + 1e-9 and max(late[8500:]) < 1e-6
     assert leapt.take(40.0, 1)[1] == 40.0
-
-
-def test_status_words():
-    assert faults(0x80020000) == ("transducer saturated or converter error",)
-    assert SATURATED == 0x20000 and not broken(0x80020000) and not broken(0x80010000)
-    assert broken(0x80000000) and broken(0x80020004) and not broken(0)
-    assert faults(0x80008004) == ("temperature error", "unknown bits 0x00008000")
 
 
 @pytest.mark.parametrize(

@@ -140,7 +140,7 @@ def test_beyond_its_time_a_move_must_come_nearer_by_a_millimetre_in_three_second
             assert not error
 
 
-def test_a_wait_ends_with_the_move_or_its_deadline(robot):
+def test_a_wait_ends_with_the_move_its_deadline_or_its_cancelling(robot):
     motion = move(robot, seconds=10.0)
     with pytest.raises(LateError):
         motion.wait(0.5)
@@ -220,13 +220,10 @@ def test_shares_are_above_0_and_at_most_1_and_loads_above_0(name, allowed, refus
             Limits(**{name: value})
 
 
-def test_without_limits_a_robot_goes_at_half_and_tracks_at_full_speed():
+def test_loads_shares_and_workspaces_have_bounds_and_defaults():
     told = Limits()
     assert (told.speed, told.tracking) == (0.5, 1.0)
     told.check_wrench(np.full(6, 1e6))  # no limit of a load
-
-
-def test_a_workspace_has_its_upper_bounds_above():
     low = (0.0, 0.0, 0.0)
     Limits(workspace=(low, (1.0, 1.0, 1.0)))
     for high in ((1.0, 1.0, 0.0), (1.0, -1.0, 1.0)):
@@ -271,7 +268,7 @@ def test_a_trajectory_keeps_its_share_of_top_speed():
         limits.check_motion(UR5, targets, 1e-9, "trajectory")
 
 
-def test_a_streamed_target_may_be_a_twentieth_faster_as_ticks_are_uneven():
+def test_streamed_targets_are_whole_within_limits_and_hardly_faster():
     limits = Limits(tracking=0.5)
     near, far = HOME.copy(), HOME.copy()
     near[2] += 1.04 * 0.5 * TOP[2] * 0.01
@@ -282,9 +279,6 @@ def test_a_streamed_target_may_be_a_twentieth_faster_as_ticks_are_uneven():
     assert f"its limit is {0.5 * TOP[2]:.3g}" in told
     assert limits.check_step(UR5, HOME, far, 0.02) == ""
     assert "would move" in limits.check_step(UR5, HOME, near, 0.0)
-
-
-def test_a_streamed_target_is_finite_complete_and_within_limits():
     limits = Limits()
     bad = HOME.copy()
     bad[1] = np.nan
@@ -312,7 +306,7 @@ def test_a_load_is_refused_above_its_norm(wrench, told):
         limits.check_wrench(np.array(wrench))
 
 
-def test_a_move_is_straight_and_takes_what_its_fastest_joint_needs():
+def test_a_move_is_straight_of_minimum_jerk_and_as_long_as_its_fastest_joint_needs():
     end = HOME.copy()
     end[0] += 1.0
     end[5] -= 0.9
@@ -324,9 +318,6 @@ def test_a_move_is_straight_and_takes_what_its_fastest_joint_needs():
     assert duration(UR5, HOME, end) == pytest.approx(expected)
     assert duration(UR5, HOME, end, 0.1) == pytest.approx(5.0 * expected)
     assert duration(UR5, HOME, HOME) == 0.2
-
-
-def test_minimum_jerk_begins_and_ends_at_rest_and_peaks_in_the_middle():
     s = np.array([0.0, 0.25, 0.5, 1.0])
     expected = 10 * s**3 - 15 * s**4 + 6 * s**5
     assert minimum_jerk(s) == pytest.approx(expected)

@@ -36,10 +36,12 @@ def test_a_heavier_tool_is_the_one_change(fits):
     assert f"({abs(mass.sigmas):.1f} σ)" in found.sentences[0] and found.together["p"] < 1e-6
 
 
-def test_two_recordings_of_one_robot_agree(fits):
+def test_two_recordings_of_one_robot_agree_and_fits_of_the_same_rows_share_their_noise(fits):
     found = compare(fits / "a.parquet", fits / "b.parquet")
     assert not found.changed and found.kind == "recordings"
     assert found.sentences[0].startswith("no change: ") and found.together["p"] > LEVEL
+    found = compare(fits / "a.json", fits / "a.json")
+    assert any("share their noise" in s for s in found.sentences)
 
 
 def test_sigma_and_chi2_are_those_of_the_covariances(fits):
@@ -133,8 +135,3 @@ def test_the_terminal_and_json_say_the_same(fits, capsys):
     assert told["sentences"][0].split(" (")[0] in " ".join(shown.split())
     mass = next(c for c in told["changes"] if c["changed"])
     assert f"{mass['sigmas']:+.1f}" in shown and told["changed"] is True
-
-
-def test_fits_of_the_same_rows_are_said_to_share_their_noise(fits):
-    found = compare(fits / "a.json", fits / "a.json")
-    assert any("share their noise" in s for s in found.sentences)

@@ -102,13 +102,10 @@ def test_an_effect_of_the_arm_is_in_the_expected_reading():
     assert np.abs(made()(0.0, q, reading[0], True).wrench).max() > 0.05
 
 
-def test_what_needs_a_history_is_named_as_not_undone():
+def test_what_needs_a_history_or_touches_is_named_and_not_undone():
     named = ("sensor.hysteresis", "sensor.creep", "tool.leak", "timing.lowpass", "timing.delay")
     plain = ("sensor.gain", "joint.compliance", "environment.contact")
     assert set(made(*named, *plain).not_undone) == set(named)
-
-
-def test_a_contact_of_the_twin_is_shown_and_not_undone():
     pushed, plain, rows = made("environment.contact"), made(), np.arange(6.0)
     for q in ROBOT.sample(8, np.random.default_rng(3)):
         here = [c(0.0, q, rows, True).wrench for c in (pushed, plain)]

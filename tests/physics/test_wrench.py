@@ -32,9 +32,13 @@ def tool(mass=2.0, cog=(0.1, 0.0, 0.0), inertia=(0.01, 0.02, 0.03), own=0.0) -> 
     return Tool(np.array(mass), np.array(cog), np.diag(inertia), np.array(own))
 
 
-def test_at_rest_the_weight_acts_at_the_centre_of_gravity():
+def test_weight_acts_at_the_centre_of_gravity_and_only_bodies_have_inertias():
     load = wrench(np.eye(3)[None], np.zeros((1, 3)), tool(own=0.5), G)[0]
     assert np.allclose(load, [0, 0, -2.5 * 9.80665, 0, 0.1 * 2 * 9.80665, 0])
+    assert physical_inertia((1.0, 1.0, 1.9, 0, 0, 0))
+    assert physical_inertia((0, 0, 0, 0, 0, 0))
+    assert not physical_inertia((1.0, 1.0, 2.1, 0, 0, 0))
+    assert not physical_inertia((1.0, 1.0, 1.0, 2.0, 0, 0))
 
 
 @given(st.floats(0.05, 20.0), st.tuples(*[st.floats(-0.3, 0.3)] * 3), st.integers(0, 10_000))
@@ -69,7 +73,7 @@ def test_the_closed_form_is_the_weighted_least_squares_solution():
     assert np.allclose(found.bias, wanted[4:])
 
 
-def test_of_two_orientations_the_moment_is_the_shortest_that_explains_them():
+def test_one_orientation_is_refused_and_two_give_the_shortest_moment():
     rotation = matrix(np.random.default_rng(2).normal(size=(2, 4)))
     y = wrench(rotation, np.zeros((2, 3)), tool(), G)
     found = identify_from_gravity(G @ rotation, y)
@@ -78,19 +82,9 @@ def test_of_two_orientations_the_moment_is_the_shortest_that_explains_them():
     torque = np.cross(found.mass * found.cog, g) + found.bias[3:]
     assert np.allclose(torque, y[:, 3:], atol=1e-12)
     assert abs(unseen @ found.cog) < 1e-12 < abs(unseen @ tool().cog)
-
-
-def test_one_orientation_only_is_refused():
     rotation = np.repeat(np.eye(3)[None], 8, axis=0)
     with pytest.raises(CalibrationError, match="one orientation"):
         identify_from_gravity(G @ rotation, np.ones((8, 6)))
-
-
-def test_only_inertias_of_bodies_are_physical():
-    assert physical_inertia((1.0, 1.0, 1.9, 0, 0, 0))
-    assert physical_inertia((0, 0, 0, 0, 0, 0))
-    assert not physical_inertia((1.0, 1.0, 2.1, 0, 0, 0))
-    assert not physical_inertia((1.0, 1.0, 1.0, 2.0, 0, 0))
 
 
 RNG = np.random.default_rng(5)

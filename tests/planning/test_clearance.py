@@ -21,18 +21,12 @@ def clearance():
     return Clearance(UR5)
 
 
-def test_home_and_random_poses_touch_nothing(clearance):
+def test_arms_are_named_in_their_bench_and_against_themselves_alone(clearance):
     assert clearance.hit(UR5.home) == ""
     assert [clearance.hit(q) for q in UR5.sample(40, np.random.default_rng(0))] == [""] * 40
-
-
-def test_an_arm_in_its_bench_is_named(clearance):
     assert "would touch" in clearance.hit(INTO_BENCH)
     assert "what stands around it" in clearance.hit(INTO_BENCH)
-
-
-def test_a_tool_against_the_robots_own_arm_is_named(clearance):
-    """Elbow folded to 170° and wrist turned in: flange and tool lie on the upper arm."""
+    # Elbow folded to 170° and wrist turned in: flange and tool lie on the upper arm.
     folded = np.array([0.0, -1.5708, 2.8, 0.3, -1.5708, 0.0])
     hits = {clearance.hit(folded + np.array([0, 0, 0, w, 0, 0])) for w in np.linspace(-3, 3, 25)}
     assert any("upper_arm" in what and "would touch" in what for what in hits)
