@@ -1,4 +1,4 @@
-"""Campaigns on a live driver: what fails is tried again, what was stopped goes on."""
+"""Campaigns on a live driver: retried, continued, within limits that nobody had to give."""
 
 import time
 from dataclasses import dataclass, replace

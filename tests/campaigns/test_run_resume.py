@@ -1,4 +1,4 @@
-"""Going on with a stopped campaign: what is kept, what is visited again, what is refused."""
+"""Going on with a stopped campaign, and the writer that never waits for the disk."""
 
 import errno
 import shutil

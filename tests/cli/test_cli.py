@@ -1,4 +1,4 @@
-"""The command line: exit codes, one clear line a mistake, and nothing written."""
+"""The command line: usage, exit codes, one clear line a mistake, options, a terminal or none."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The command line refuses bad input in one clear line, and writes nothing."""
+"""Bad input, odd files and a lack of memory: one clear line each, and nothing is written."""
 
 import errno
 import json

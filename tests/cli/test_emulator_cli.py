@@ -1,4 +1,4 @@
-"""Effects on the command line: recorded, replayed by a twin, exported."""
+"""Effects on the command line: recorded, replayed by a twin, exported, learnt and weighed."""
 
 import json
 from dataclasses import replace

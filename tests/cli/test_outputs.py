@@ -1,4 +1,4 @@
-"""What an output may replace: results of its kind, recordings only with --force, nothing else."""
+"""What an output may replace, and what names and texts of others may do to it: nothing."""
 
 import fcntl
 import json

@@ -1,4 +1,4 @@
-"""`record` on the command line: dry runs, limits, and what a driver does not take."""
+"""`record` on the command line: dry runs, limits, the first move of a real robot, refusals."""
 
 import io
 import json

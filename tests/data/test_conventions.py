@@ -1,4 +1,4 @@
-"""One recording written in every convention comes back as the same recording."""
+"""One recording in every convention and under any joint names comes back as the same one."""
 
 import json
 

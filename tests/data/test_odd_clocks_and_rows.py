@@ -1,4 +1,4 @@
-"""Logs as programs write them: stamps of time, lines of units, holes; one load in all of them."""
+"""Logs and text tables as programs write them: stamps, lines of units, holes, separators."""
 
 import json
 from datetime import datetime, timedelta

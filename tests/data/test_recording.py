@@ -1,4 +1,4 @@
-"""Recordings: what is written returns bit for bit, and what is wrong is named by file and row."""
+"""Recordings return bit for bit; what is wrong in them or in JSON is named by file and field."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Continuous logs, made by MuJoCo in motion, are split into holds and moves by themselves."""
+"""Continuous logs are split into holds and moves; an accelerometer at rest is an orientation."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Closed-form joint torques against MuJoCo's inverse dynamics and constraint forces."""
+"""Joint torques in closed form against MuJoCo, and the motions that tell most of them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Rows of a scene, the stages of the chain, effects by their names: what each is by definition."""
+"""Rows of a scene, the stages of the chain, effects by name, channels one by one."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""In which ways an effect may show: what is free, where shapes begin, what counts how much."""
+"""In which ways an effect may show: what is free, where shapes begin, forms without a formula."""
 
 import json
 from dataclasses import replace

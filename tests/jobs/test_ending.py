@@ -1,4 +1,4 @@
-"""Worker processes end with the process that started them, also where it was killed."""
+"""Workers end with the process that started them; parts of a job are finished once."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The rigid tool by hand."""
+"""The rigid tool by hand, in motion by Newton and Euler, and jets of time derivatives."""
 
 import numpy as np
 import pytest

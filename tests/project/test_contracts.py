@@ -1,4 +1,4 @@
-"""docs/contracts.md holds to the letter: what it lists is what the program writes and takes."""
+"""docs/contracts.md and the public names hold: what is listed is what is written and taken."""
 
 import ast
 import importlib

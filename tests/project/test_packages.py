@@ -1,4 +1,4 @@
-"""Wheel and source distribution, each built once: what travels inside, and that it works there."""
+"""Wheel and source distribution: what travels inside and works there; locks and licences."""
 
 import hashlib
 import os

@@ -1,4 +1,4 @@
-"""Figures as data: nothing large is lost, colours can be read, and a cause shows its own law."""
+"""Figures as data: nothing large is lost, colours and numbers can be read, causes show."""
 
 import json
 import math

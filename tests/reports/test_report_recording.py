@@ -1,4 +1,4 @@
-"""The report of a recording and its fits: right figures, and what to do next."""
+"""The report of a recording and its fits, and where the numbers of results come from."""
 
 import hashlib
 import json

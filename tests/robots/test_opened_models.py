@@ -1,4 +1,4 @@
-"""Models as a viewer opens them: nothing leaps, loops stay closed, tools touch the world."""
+"""Models as a viewer opens them, endless ones, and those of the Menagerie by their names."""
 
 import mujoco
 import numpy as np

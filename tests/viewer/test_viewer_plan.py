@@ -1,4 +1,4 @@
-"""A plan's picture, read back from its file: the way that a campaign would take, and its poses."""
+"""A plan's picture, read back from its file, and `view` on the command line."""
 
 import json
 import socket

@@ -1,4 +1,4 @@
-"""A recording's picture, read back from its file: is everything there, and where it belongs?"""
+"""Pictures of recordings and diagnoses, read back from their files: all is where it belongs."""
 
 import json
 import subprocess
