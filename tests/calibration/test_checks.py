@@ -1,4 +1,4 @@
-"""Broken recordings are refused by their true reason and remedy, or intervals hold the truth."""
+"""Broken recordings: each is refused by its true reason, or its intervals hold the truth."""
 
 import numpy as np
 import pytest

@@ -1,10 +1,14 @@
-"""Models as a viewer opens them, endless ones, and those of the Menagerie by their names."""
+"""Models as a viewer opens them, and robots of the Menagerie by their names."""
+
+import sys
 
 import mujoco
 import numpy as np
 import pytest
 
+from servo_arm import JOINTS, Servos
 from wrenchbed import registry
+from wrenchbed.cli import main
 from wrenchbed.robots.base import models
 from wrenchbed.robots.described import describe
 from wrenchbed.robots.ur5 import ur_arm
@@ -121,3 +125,49 @@ def test_an_exported_model_stays_as_it_opens(make, tmp_path):
     at = [int(run.model.joint(j.name).qposadr[0]) for j in robot.joints]
     assert np.abs(run.start[at] - robot.home).max() < 1e-5  # MuJoCo writes six digits
     assert run.fastest < STILL and run.gap < CLOSED
+
+
+NAME = "universal_robots_ur5e"
+
+
+def by_name(folder, name=NAME):
+    return main(["robot", name, "--frame", "tip", "--out", str(folder / "my.toml")])
+
+
+@pytest.fixture
+def menagerie(tmp_path, monkeypatch):
+    """The installed package with an empty cache, and no network."""
+    package = pytest.importorskip("mujoco_menagerie")
+    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("MENAGERIE_BASE_URL", (tmp_path / "nowhere").as_uri())
+    return package
+
+
+def test_a_robot_of_the_cache_is_described_by_its_name(menagerie, tmp_path, monkeypatch, capsys):
+    robot = menagerie.get(NAME)
+    folder = menagerie.Cache().model_path(robot)
+    folder.mkdir(parents=True)
+    (folder / robot.entry(robot.default_model).file).write_text(Servos().xml(), encoding="utf-8")
+    (folder / ".complete").write_text("{}", encoding="utf-8")
+    assert by_name(tmp_path) == 0
+    assert registry.load("robots", str(tmp_path / "my.toml")).joint_names == JOINTS
+
+
+def test_without_a_network_one_line_says_so(menagerie, tmp_path, capsys):
+    assert by_name(tmp_path) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "network" in error and NAME in error
+
+
+def test_a_name_that_nobody_knows_is_corrected(menagerie, tmp_path, capsys):
+    assert by_name(tmp_path, "universal_robots_ur5") == 1
+    assert f"did you mean '{NAME}'" in capsys.readouterr().err
+
+
+def test_without_the_extra_its_name_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)
+    assert by_name(tmp_path) == 1
+    error = capsys.readouterr().err
+    assert "menagerie]" in error and "is no file" in error and error.count("\n") == 1
+    assert by_name(tmp_path, "arm.xml") == 1
+    assert "menagerie" not in capsys.readouterr().err
