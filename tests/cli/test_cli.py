@@ -303,3 +303,35 @@ def test_the_drivers_for_hardware_can_be_told_what_is_theirs():
     assert console.typed(wb.load("drivers", "rtde").options, {"power_on": "on"}, ()) == {
         "power_on": True
     }
+
+
+SWALLOWED = """
+import signal, sys, time
+from wrenchbed import cli
+class Deleted:
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+def verb(words):
+    Deleted()
+    time.sleep(20.0)
+    return 0
+cli._run, sys.argv = verb, ["wrenchbed", "list"]
+cli.run()
+"""
+IN_AN_IMPORT = """
+import sys
+from wrenchbed import cli
+def verb(*_):
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt as cause:
+        raise ImportError("initialization failed") from cause
+cli._call, sys.argv = verb, ["wrenchbed", "list"]
+cli.run()
+"""
+
+
+@pytest.mark.parametrize("code", [SWALLOWED, IN_AN_IMPORT])
+def test_no_interrupt_is_lost_or_printed_as_an_error(code):
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "wrenchbed: stopped\n")

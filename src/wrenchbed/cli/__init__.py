@@ -16,6 +16,7 @@ import shutil
 import signal
 import sys
 import textwrap
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
@@ -77,6 +78,8 @@ cores."""
 _LEAST_DRAWN = 4.5e9
 """The same for verbs that load rerun, which reserves much and uses little [bytes]."""
 _DRAWN = ("diagnose", "view")
+_AGAIN_S = 0.05
+"""Time after which a swallowed interrupt comes again [s]: the callback that met it has ended."""
 _LEAST_COLUMNS = 40
 """The narrowest output; below, tyro's layout of help does not end (tyro 1.0)."""
 
@@ -84,8 +87,17 @@ _LEAST_COLUMNS = 40
 def run() -> None:
     """Entry point of the console script; SIGTERM ends it like Ctrl-C."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    sys.unraisablehook = _raise_again
     prepare()
     sys.exit(main())
+
+
+def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
+    """An interrupt that met a callback of the interpreter, which swallows it, comes again."""
+    if unraisable.exc_type is KeyboardInterrupt:
+        threading.Timer(_AGAIN_S, signal.raise_signal, (signal.SIGINT,)).start()
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -93,7 +105,11 @@ def main(arguments: list[str] | None = None) -> int:
     verbs with verdicts return further codes."""
     words = sys.argv[1:] if arguments is None else arguments
     if words and words[0] in _VERBS:
-        return _run(words)
+        try:
+            return _run(words)
+        except KeyboardInterrupt:
+            print(f"wrenchbed: stopped{_WHEN_STOPPED.get(words[0], '')}", file=sys.stderr)
+            return 130
     match words:
         case ["-h" | "--help", *_]:
             print(_usage())
@@ -204,14 +220,24 @@ def _run(words: Sequence[str]) -> int:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)
         return 1
     except (OSError, MemoryError, ImportError) as error:
+        _check_interrupt(error)
         what = _in_words(error)
         if not what:
             raise
         stderr.print(f"wrenchbed: error: {one_line(what)}", style="red", markup=False)
         return 1
-    except KeyboardInterrupt:
-        stderr.print(f"wrenchbed: stopped{_WHEN_STOPPED.get(words[0], '')}", markup=False)
-        return 130
+
+
+def _check_interrupt(error: BaseException | None) -> None:
+    """Raise the interrupt that a library's import turned into another error, if it was one.
+
+    Raises:
+        KeyboardInterrupt: it is among the error's causes.
+    """
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            raise error
+        error = error.__cause__ or error.__context__
 
 
 def _in_words(error: OSError | MemoryError | ImportError) -> str:
