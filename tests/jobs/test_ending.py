@@ -62,28 +62,30 @@ def descendants(process: subprocess.Popen, least: int) -> list[psutil.Process]:
     raise AssertionError("they did not start")
 
 
-def killed(process: subprocess.Popen, least: int) -> float:
-    """Seconds from SIGKILL until all descendants are gone and the pipe is at its end."""
+def killed(process: subprocess.Popen, least: int, how: int = signal.SIGKILL) -> float:
+    """Seconds from a signal until all descendants are gone and the pipe is at its end."""
     children = descendants(process, least)
     begun = time.monotonic()
-    process.kill()
+    process.send_signal(how)
     assert not alive_after(children, 5.0)
     with process:
         process.stdout.read()  # ends when nobody holds the pipe
     return time.monotonic() - begun
 
 
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 @pytest.mark.parametrize("busy", [False, True])
-def test_workers_end_with_a_killed_parent(busy):
+def test_workers_end_with_a_killed_or_interrupted_parent(busy, how):
     process = start("-m", "worked", "pool", busy)
     assert process.stdout.readline().strip() == b"at work"
-    assert killed(process, 2) < ENDS_S
+    assert killed(process, 2, how) < ENDS_S
 
 
-def test_a_program_of_a_worker_and_what_it_started_end_too():
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_program_of_a_worker_and_what_it_started_end_too(how):
     process = start("-m", "worked", "program")
     assert process.stdout.readline().strip() == b"at work"
-    assert killed(process, 4) < ENDS_S
+    assert killed(process, 4, how) < ENDS_S
 
 
 def test_a_program_started_by_this_process_ends_with_it():

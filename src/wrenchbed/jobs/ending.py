@@ -57,11 +57,13 @@ def end_by_kernel() -> None:
 def with_group(group: int) -> Iterator[None]:
     """While the block runs, a process group that this worker started ends with it."""
     _GROUPS.add(group)
+    before = signal.signal(signal.SIGTERM, _end_with_groups)
     _kernel_kills(0)  # the thread must kill the group before this process ends
     try:
         yield
     finally:
         _GROUPS.discard(group)
+        signal.signal(signal.SIGTERM, before)
         if not _GROUPS and _PARENT:
             _kernel_kills(signal.SIGKILL)
 
@@ -100,6 +102,10 @@ def bound(command: Sequence[str]) -> list[str]:
 def _watch(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(_LOOKS_S)
+    _end_with_groups()
+
+
+def _end_with_groups(*_: object) -> None:
     for group in list(_GROUPS):
         with suppress(ProcessLookupError):
             os.killpg(group, signal.SIGKILL)

@@ -50,7 +50,7 @@ def in_workers(
     setup: Callable[..., None] | None = None,
     *shared: Any,
 ) -> None:
-    """Work on items in worker processes; an error or an interrupt here drops the waiting ones.
+    """Work on items in worker processes; an error or an interrupt here ends all of them.
 
     Args:
         work: a module-level function of one item.
@@ -73,7 +73,7 @@ def in_workers(
 def workers(
     count: int, setup: Callable[..., None] | None = None, *shared: Any
 ) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes whose waiting work is dropped on an error or an interrupt.
+    """A pool of processes that end on an error or an interrupt.
 
     Args:
         count: processes, at least one.
@@ -99,6 +99,8 @@ def workers(
         raise WorkerError(_how(list(started.values()))) from error
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
+        for process in list(started.values()):  # else this process waits for what they began
+            process.terminate()
         raise
     else:
         pool.shutdown()
