@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import between
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, effects, families, recording
-from wrenchbed.benchmark.lookalikes.case import DRAWS
 from wrenchbed.benchmark.lookalikes.loads import in_motion
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet
@@ -139,21 +138,6 @@ def test_in_motion_the_nominal_case_is_newton_and_euler():
     pose = design.robot.sensor_pose(jet, design.theta)
     expected = wrench(*pose, design.robot.tool(design.theta), design.gravity)
     np.testing.assert_allclose(design.nominal[2:-2], expected[2:-2], atol=2e-3)
-
-
-def test_base_tilt_and_mount_rotation_have_the_robots_own_sign():
-    design = design_of("ur5 static")
-    for effect, group in (("base.tilt", "base.tilt"), ("mount.rotation", "mount")):
-        item = DRAWS[effect](design, np.random.default_rng(0), 2.0)
-        names = {f"{group}.{a}": v for a, v in item.true.items()}
-        theta = design.robot.parameters.vector(names, start=design.theta)
-        rotation, _ = design.robot.sensor_pose(design.q, theta)
-        motion = design.motion
-        if item.base is not None:
-            motion = motion.tilted(item.base * [1.0, 1.0, 0.0])
-        if item.mount is not None:
-            motion = motion.mounted(item.mount)
-        np.testing.assert_allclose(motion.rotation, rotation, atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["ur5 static", "medrue static"])

@@ -126,15 +126,6 @@ def test_a_random_convention_is_found(tmp_path, seed):
     assert named, story
 
 
-@pytest.mark.study
-def test_random_conventions_are_found(tmp_path):
-    named = []
-    for seed in range(2000, 2400):
-        (tmp_path / str(seed)).mkdir()
-        named.append(judged(tmp_path / str(seed), seed)[0])
-    assert np.mean(named) >= 0.95
-
-
 def test_conventions_that_no_data_tell_apart_are_named():
     files = [NTNU / "0-calibration_fts-accel.csv"]
     lines = "\n".join(guess(files).lines)

@@ -110,12 +110,16 @@ def test_frequency_and_amplitude_of_a_shaking_base(mode):
     assert 0.2 < told["amplitude.fx"]["value"] / (mass * 0.06) < 1.1
 
 
-def test_a_mains_line_is_noise_not_a_shaking_base():
+def test_a_mains_line_is_noise_and_repeats_are_of_one_device():
     rec = quiet("static")
     line = 2.0 * STD * np.eye(6)[2] * np.sin(2 * np.pi * 31.0 * rec.t)[:, None]
     (found,) = row_effects(with_added(rec, line))
     assert found.effect == "sensor.noise" and found.channels == ("fz",)
     assert "electrical" in found.sentence and " Hz" in found.sentence
+    wrench = rec.wrench + 1e-3 * noise(rec, 2)
+    wrench[:, 3:] = wrench[stale_rows(rec, 0.2), 3:]
+    (found,) = row_effects(with_wrench(rec, wrench))
+    assert found.effect == "timing.stale" and found.channels == CHANNELS[3:]
 
 
 @pytest.mark.parametrize("mode", DESIGNS)
@@ -138,10 +142,13 @@ def test_a_coarse_count_is_measured_even_when_printed_with_few_digits(mode):
     assert named(row_effects(without_noise_stated(coarse))) == {"sensor.quantization"}
 
 
-def test_a_clipped_channel_or_a_fine_count_is_no_coarse_one():
+def test_clipped_fine_or_single_rows_are_no_finding():
     wrench = np.round(quiet("static").wrench, 6)
     wrench[:, 1] = np.clip(wrench[:, 1], -8.0, 3.0)
     assert row_effects(with_wrench(quiet("static"), wrench)) == ()
+    assert row_effects(with_rows(quiet("static"), slice(None, None, 60))) == ()
+    assert RowFinding("timing.stale", 0.9, 0.1, ("fx",), {}, "").active(None) is None
+    assert module.find_row_effects([1, 2], None) == ((), None)
 
 
 @pytest.mark.parametrize("mode", DESIGNS)
@@ -153,28 +160,13 @@ def test_repeated_rows_are_counted(mode):
     assert told["value"] == pytest.approx(0.1, abs=4 * told["std"] + 0.005)
 
 
-def test_repeats_of_one_device_channel():
-    rec = quiet("static")
-    wrench = rec.wrench + 1e-3 * noise(rec, 2)
-    wrench[:, 3:] = wrench[stale_rows(rec, 0.2), 3:]
-    (found,) = row_effects(with_wrench(rec, wrench))
-    assert found.effect == "timing.stale" and found.channels == CHANNELS[3:]
-
-
-def test_noise_and_a_shaking_base_together():
+def test_noise_beside_shaking_and_without_a_statement():
     rec = shaken(quiet("static"), 0.06, 12.0)
     noisy = with_added(rec, 2.0 * noise(rec, 5) * np.eye(6)[5])
     assert named(row_effects(noisy)) == {"sensor.noise", "base.vibration"}
-
-
-def test_without_a_stated_noise_only_its_pattern_can_be_judged():
     rec = quiet("static")
     assert row_effects(without_noise_stated(with_added(rec, 3.0 * noise(rec)))) == ()
     assert named(row_effects(without_noise_stated(shaken(rec, 0.08, 12.0)))) == {"base.vibration"}
-
-
-def test_single_rows_a_pose_say_nothing():
-    assert row_effects(with_rows(quiet("static"), slice(None, None, 60))) == ()
 
 
 # ---- a robot whose torques are quieter than its forces are ---------------------------------------
@@ -340,8 +332,3 @@ def test_a_line_has_a_frequency_and_without_a_stated_noise_the_rest_is_the_measu
     assert "at 12.30 Hz" in found.sentence
     most = module._vibration(scatter(stated=False), shaking(rise, 2.0))
     assert most.rise == pytest.approx(0.4 / 0.05)
-
-
-def test_few_rows_say_nothing_and_repeats_of_some_channels_are_no_effect_of_the_twin():
-    assert RowFinding("timing.stale", 0.9, 0.1, ("fx",), {}, "").active(None) is None
-    assert module.find_row_effects([1, 2], None) == ((), None)

@@ -19,7 +19,6 @@ from wrenchbed.diagnosis.decision.decide import (
     size,
     small,
     surely,
-    withdrawn,
 )
 from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
@@ -96,12 +95,16 @@ def test_every_part_that_counts_is_a_cause_with_rivals_of_its_own():
     assert (alone.word, names(alone)) == ("identified", [(TILT,), (PULL,), (GAIN,)])
 
 
-def test_an_explanation_that_says_more_is_no_rival_and_adds_to_what_leads_it():
+def test_an_explanation_that_says_more_or_a_twin_is_a_rival_by_its_evidence_alone():
     verdict = decided(explanation(0.6, TILT), explanation(0.4, PULL, GAIN))
     assert names(verdict) == [(TILT,)]
     assert verdict.probabilities[PULL] == pytest.approx(0.4)
     both = decided(explanation(0.4, TILT), explanation(0.3, TILT, GAIN), explanation(0.3))
     assert both.probabilities[TILT] == pytest.approx(0.7)
+    verdict = decided(explanation(1.0, TILT, PULL, twins=(GAIN, PULL)))
+    assert (verdict.word, names(verdict)) == ("ambiguous", [(TILT, GAIN), (PULL,)])
+    options = [explanation(0.6, TILT), explanation(0.4, PULL)]
+    assert names(decided(*options, without={"rivals"})) == [(TILT,)]
 
 
 @pytest.mark.parametrize(
@@ -141,16 +144,6 @@ def test_what_leaves_too_much_competes_with_something_unknown():
 def test_more_than_four_rivals_are_no_answer(rivals, verdict):
     told = [explanation(0.5, TILT), *(explanation(0.05, f"a.{k}") for k in range(rivals))]
     assert decided(*told).word == verdict
-
-
-def test_without_its_rule_a_claim_has_no_rivals():
-    options = [explanation(0.6, TILT), explanation(0.4, PULL)]
-    assert names(decided(*options, without={"rivals"})) == [(TILT,)]
-
-
-def test_a_twin_is_a_rival_whatever_its_evidence():
-    verdict = decided(explanation(1.0, TILT, PULL, twins=(GAIN, PULL)))
-    assert (verdict.word, names(verdict)) == ("ambiguous", [(TILT, GAIN), (PULL,)])
 
 
 def test_the_most_probable_of_none_unknown_and_claims_is_the_verdict():
@@ -270,7 +263,7 @@ def test_a_claim_stays_if_held_out_rows_show_it(members, closed, kept, verdict):
         assert told.probabilities["unknown"] == pytest.approx(0.1 + (1.0 - WITHDRAWN) * 0.9)
 
 
-def test_a_claim_where_there_is_hardly_a_gap_becomes_none():
+def test_a_claim_with_hardly_a_gap_or_few_poses_is_none_or_doubtful():
     assert surely(Interval(0.5, 0.01, 2.0)) and surely(about(3.0))
     assert not surely(Interval(0.5, 0.0, 2.0)) and not surely(Interval(0.49, 0.4, 0.6))
     assert not surely(None)
@@ -278,18 +271,6 @@ def test_a_claim_where_there_is_hardly_a_gap_becomes_none():
     assert (told.word, told.causes) == ("none", ())
     assert told.probabilities["none"] == pytest.approx((1.0 - WITHDRAWN) * 0.9)
     assert told.probabilities["unknown"] == pytest.approx(0.1)
-
-
-def test_only_what_is_refuted_goes_and_all_together_must_close_something():
-    told = upheld(claimed(TILT, GAIN), gap({TILT: 4.0, GAIN: Interval(0.4, -1.0, 3.0)}, 0.7))
-    assert told.word == "identified" and leads(told) == [TILT]
-    assert told.probabilities == claimed(TILT, GAIN).probabilities
-    # each stands in for the other: without one nothing is lost, and both close nothing
-    both = upheld(claimed(TILT, GAIN), gap({TILT: 5.0, GAIN: 5.0}, Interval(0.2, -0.1, 0.4)))
-    assert (both.word, both.causes) == ("unknown", ())
-
-
-def test_a_cause_that_few_poses_show_is_doubtful_beside_a_sure_one():
     told = upheld(claimed(TILT, GAIN), gap({TILT: 4.0, GAIN: FEW}, 0.7))
     assert [c.probability for c in told.causes] == [0.9, DOUBTFUL]
     rare = upheld(claimed(TILT, GAIN, lead=0.3), gap({TILT: 4.0, GAIN: FEW}, 0.7))
@@ -299,7 +280,13 @@ def test_a_cause_that_few_poses_show_is_doubtful_beside_a_sure_one():
     assert upheld(claimed(GAIN), gap({GAIN: FEW}, 0.7)).word == "unknown"
 
 
-def test_where_a_cause_goes_the_next_one_leads_with_its_rivals():
+def test_only_what_is_refuted_goes_and_the_next_one_leads_with_its_rivals():
+    told = upheld(claimed(TILT, GAIN), gap({TILT: 4.0, GAIN: Interval(0.4, -1.0, 3.0)}, 0.7))
+    assert told.word == "identified" and leads(told) == [TILT]
+    assert told.probabilities == claimed(TILT, GAIN).probabilities
+    # each stands in for the other: without one nothing is lost, and both close nothing
+    both = upheld(claimed(TILT, GAIN), gap({TILT: 5.0, GAIN: 5.0}, Interval(0.2, -0.1, 0.4)))
+    assert (both.word, both.causes) == ("unknown", ())
     verdict = claimed(TILT, GAIN_OR_MASS, verdict="ambiguous", **{GAIN: 0.0})
     told = upheld(verdict, gap({TILT: 0.1, GAIN: 4.0}, 0.7))
     assert told.word == "ambiguous" and leads(told) == [GAIN]
@@ -309,13 +296,20 @@ def test_where_a_cause_goes_the_next_one_leads_with_its_rivals():
     assert other.word == "identified" and leads(other) == [TILT]
 
 
-def test_what_another_channel_shows_stays_but_explains_no_gap_of_the_wrench():
+def test_what_other_channels_show_or_only_a_number_explains_closes_no_gap():
     told = upheld(claimed(TILT), gap({TILT: 2.0}, -0.2, in_all=0.6))
     assert told.word == "partial" and leads(told) == [TILT]
     assert upheld(claimed(TILT), gap({TILT: 2.0}, -0.2, in_all=-0.2)).word == "unknown"
     assert upheld(claimed(GAIN), gap({GAIN: -0.3}, -0.2, in_all=0.6)).word == "unknown"
     both = upheld(claimed(GAIN, TILT), gap({GAIN: FEW, TILT: 2.0}, -0.2, in_all=0.6))
     assert leads(both) == [TILT]
+    # Any fit of mass takes a wrong mass, so the calibrated gap does not show it.
+    mass = claimed("tool.mass")
+    mass = replace(mass, causes=(replace(mass.causes[0], part=Part("tool.mass", 9.0)),))
+    nothing = Interval(-0.1, -0.3, 0.1)
+    assert leads(upheld(mass, gap({"tool.mass": 9.0}, nothing))) == ["tool.mass"]
+    assert leads(upheld(claimed(TILT), gap({TILT: 9.0}, nothing))) == []
+    assert leads(upheld(mass, gap({"tool.mass": about(9.0, 9.5)}, 0.1))) == []
 
 
 SOME, NEUTRAL = Interval(0.1, 0.05, 0.2), Interval(0.0, -0.1, 0.1)
@@ -380,22 +374,6 @@ def test_none_needs_a_small_gap_and_unknown_a_gap(said, none, calibrated, floor,
 )
 def test_a_small_gap_is_one_at_most_beyond_the_noise(calibrated, floor, channels, is_small):
     assert small(gap(calibrated=calibrated, floor=floor, channels=channels)) is is_small
-
-
-def test_what_is_withdrawn_leaves_a_little_of_each_name():
-    verdict = claimed(TILT, lead=0.6, **{GAIN: 0.2, "none": 0.1, "unknown": 0.1})
-    told = withdrawn(verdict, "unknown").probabilities
-    assert told == pytest.approx({TILT: 0.03, GAIN: 0.01, "none": 0.005, "unknown": 0.955})
-
-
-def test_a_wrong_number_closes_nothing_after_the_fit_and_stays_by_its_own_gap():
-    """Any fit of mass takes a wrong mass, so the calibrated gap does not show it."""
-    mass = claimed("tool.mass")
-    mass = replace(mass, causes=(replace(mass.causes[0], part=Part("tool.mass", 9.0)),))
-    nothing = Interval(-0.1, -0.3, 0.1)
-    assert leads(upheld(mass, gap({"tool.mass": 9.0}, nothing))) == ["tool.mass"]
-    assert leads(upheld(claimed(TILT), gap({TILT: 9.0}, nothing))) == []
-    assert leads(upheld(mass, gap({"tool.mass": about(9.0, 9.5)}, 0.1))) == []
 
 
 PROBABILITY = st.floats(0.001, 1.0)

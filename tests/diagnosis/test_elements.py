@@ -167,16 +167,13 @@ def stiffness(entry):
     return entry["parameters"]["stiffness"]
 
 
-def test_a_small_cause_is_detected_below_what_counts(answer):
+def test_small_causes_are_detected_and_listed_below_what_counts(answer, findings):
     assert answer["verdict"] == "none" and answer["format"] == 2
     (small,) = [m for m in answer["minor"] if m["effect"] == "joint.compliance"]
     assert small["probability"] > 0.9 and 0.1 < small["gap"] < 0.75
     value = stiffness(small)
     assert abs(value["value"] - STIFFNESS) < 3 * value["std"] < 0.5 * STIFFNESS
-
-
-def test_it_is_listed_beside_a_gap_that_the_evidence_does_not_see(findings):
-    """Noise that channels share can make a gap larger than evidence, which leaves that out."""
+    # Noise that channels share can make a gap larger than evidence, which leaves that out.
     (small,) = minor(findings.analysis, withdrawn(findings.verdict, UNKNOWN), 1.0)
     assert small["effect"] == "joint.compliance" and small["probability"] > 0.9
 
@@ -231,14 +228,11 @@ def test_what_counts_decides_whether_it_is_a_cause(spring):
     assert abs(value["value"] - STIFFNESS) < 3 * value["std"]
 
 
-def test_every_fit_says_what_it_took_up(spring, answer):
+def test_fits_say_what_they_took_up_and_leave_residuals_in_newtons(spring, answer):
     fitted = {f["name"]: f for f in answer["fitted"]}
     assert len(fitted) == 10 and fitted["tool.mass"]["stated"] == spring.metadata.tool.mass
     assert abs(fitted["tool.mass"]["value"] - 1.35) < 3 * fitted["tool.mass"]["std"]
     assert fitted["sensor.bias.tz"]["unit"] == "N·m"
-
-
-def test_residuals_are_given_in_newtons(answer):
     gap = answer["gap"]
     for channel, rms in gap["rms"].items():
         square = gap["per_channel"][channel]["before"] * gap["unit"][channel] ** 2

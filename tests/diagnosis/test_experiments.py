@@ -77,32 +77,24 @@ def shown(design):
     return {s.effect: s for s in showings(design)}
 
 
-def test_mass_hides_in_a_gain_of_forces_and_cog_in_a_shifted_origin(wide):
+def test_a_design_at_rest_shows_no_timing_and_nothing_below_what_is_ordinary(wide):
     ways = shown(wide[1])
     assert "sensor.crosstalk" in ways["tool.cog"].rivals
     assert "sensor.gain" in ways["tool.mass"].rivals
     assert "tool.mass" not in ways["joint.offset"].rivals
-
-
-def test_timing_cannot_show_at_rest(wide):
-    ways = shown(wide[1])
     for name in TIMING | {"tool.inertia", "tool.self_weight"}:
         assert ways[name].smallest is None and not ways[name].detectable
-
-
-def test_no_effect_shows_below_what_a_healthy_robot_has_of_it(wide):
     sizes = [way.smallest for way in shown(wide[1]).values() if way.smallest is not None]
     assert len(sizes) > 20 and min(sizes) >= ORDINARY
 
 
-def test_without_turning_joint_one_a_tilt_looks_like_an_offset(still, wide):
+def test_without_turning_joint_one_a_tilt_looks_like_an_offset_and_a_motion_shows_timing(
+    still, wide
+):
     for (_, design), alike in ((still, True), (wide, False)):
         place = {(w.name, w.variant.label): w for w in design.signatures}
         rivals = design.rivals(place["joint.offset", "joint 2"])
         assert ("base.tilt" in rivals) is alike
-
-
-def test_a_motion_shows_timing():
     d = dictionary(multisine(UR5, 6.0, 50.0, 1))
     delay = shown(Design(Searcher(d), RUNG))["timing.delay"]
     assert delay.detectable and delay.size["delay"][1] == "s"

@@ -50,7 +50,7 @@ def observed(y=ZERO[:4], scatter=ZERO[:4], averaged=False, noise=ONES, count=(1,
     return alone
 
 
-def test_a_gap_is_the_mean_square_over_noise_less_one():
+def test_a_gap_is_the_mean_square_over_noise_less_one_and_rows_that_scatter_add_to_it():
     reading, y = ZERO.copy(), ZERO[:4].copy()
     y[1], y[3] = 3.0 * STD, 1.0 * STD
     held_out = HeldOut(observed(y))
@@ -60,18 +60,12 @@ def test_a_gap_is_the_mean_square_over_noise_less_one():
     assert held_out.channels(reading) == pytest.approx([8.0 * 4 / 14] * 6)
     reading[1], reading[4] = y[1], -y[3]  # of the judged poses; the last held row is the fifth
     assert held_out.of(reading) == pytest.approx([-1.0, 3.0])
-
-
-def test_rows_that_scatter_about_their_mean_add_to_the_gap():
     scatter = ZERO[:4].copy()
     scatter[1], scatter[3, 0] = STD**2, 3.0 * STD[0] ** 2  # the first: each row's own noise
     held_out = HeldOut(observed(scatter=scatter))
     assert held_out.of(ZERO) == pytest.approx([0.0, 0.5 - 1.0])
     assert held_out.channels(ZERO)[0] == pytest.approx((0.0 * 4 + 2.0 * 10) / 14)
     assert held_out.channels(ZERO)[1] == pytest.approx((0.0 * 4 - 1.0 * 10) / 14)
-
-
-def test_correlated_channels_are_whitened_together():
     p = observed()
     p.covariance, p.sigma = np.eye(6), np.ones(6)
     p.covariance[0, 1] = p.covariance[1, 0] = 0.6
@@ -115,7 +109,7 @@ def test_means_weigh_rows_and_ratios_are_of_sums_and_intervals_draw_blocks():
     assert (ratio.low, ratio.high) == pytest.approx((16 / 24, 1.0))
 
 
-def test_rows_of_one_block_are_drawn_together():
+def test_intervals_draw_blocks_of_rows_together():
     """Four blocks of 25 equal rows know as much as four rows."""
     gain = np.repeat([0.0, 1.0, 2.0, 3.0], 25)
     together, single = drawn(ones(100), np.arange(100) // 25), drawn(ones(100), np.arange(100))
@@ -126,16 +120,10 @@ def test_rows_of_one_block_are_drawn_together():
     # drawn from a few blocks at one end they would be alike
     half = drawn(ones(40), np.arange(40)).mean(np.repeat([0.0, 1.0], 20))
     assert 0.3 < half.low < 0.42 and 0.58 < half.high < 0.7  # 0.5 ∓ 1.96 · 0.5/√40
-
-
-def test_rows_of_two_recordings_count_alike_and_their_blocks_are_not_one():
     few, many = ((np.arange(10), np.full(10, k)) for k in (1, 3))
     told = Bootstrap([few, many], 0).mean(np.repeat([1.0, 0.0], 10))
     assert told.value == 0.25
     assert told.low < 0.2 < 0.3 < told.high  # ten blocks alone would have no spread
-
-
-def test_nothing_is_closed_where_nothing_is_above_the_floor():
     blocks = drawn([1, 1], [0, 1])
     assert blocks.ratio(np.ones(2), np.zeros(2)) is None
     told = blocks.ratio(np.array([2.0, -1.0]), np.array([2.0, -1.0]))
@@ -159,9 +147,6 @@ def test_the_closed_share_is_split_by_what_comes_back_without_each():
     assert closure_of(made, None).shares == pytest.approx(dict.fromkeys(made, 0.0))
     assert closure_of({}, None).excess == pytest.approx(5.5)
     assert closure_of({}, None, floor=-0.2).excess == pytest.approx(6.0)  # no noise is below none
-
-
-def test_what_leaves_a_gap_that_counts_may_only_be_like_the_truth():
     of = closure_of({"tool.slide": 4.0}, 0.65, floor=0.2)
     surely, perhaps = Interval(3.3, 1.3, 4.9), Interval(3.3, 1.1, 4.9)
     assert replace(of, with_effects=surely).closed_beside(1.0) == 0.65

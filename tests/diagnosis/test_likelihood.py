@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 
 from linear_case import EFFECTS, KERNELS, Named, dictionary, named, readings
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import LADDER, BackgroundLevel, gains, ladder, log_sum
+from wrenchbed.diagnosis.evidence.likelihood import LADDER, BackgroundLevel, gains, ladder
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.effects.base import Variant
 
@@ -63,11 +63,6 @@ def test_a_level_of_some_rows_is_its_dense_matrix(rows, columns):
         assert changed.products(y[seen]) == pytest.approx(y[seen].T @ np.linalg.inv(K) @ y[seen])
 
 
-def test_logarithms_of_tiny_numbers_add_up():
-    logs = np.array([[-2000.0, -2000.0], [3.0, -5.0]])
-    assert log_sum(logs) == pytest.approx(logsumexp(logs, axis=1))
-
-
 @SIZES
 def test_a_gain_is_what_widening_some_columns_adds(rows, columns):
     level, K, rng = case(rows, columns)
@@ -87,7 +82,7 @@ def test_a_gain_is_what_widening_some_columns_adds(rows, columns):
     assert each == pytest.approx(told)
 
 
-def test_backgrounds_add_the_gaps_that_they_state():
+def test_backgrounds_add_the_gaps_that_they_state_and_unstated_numbers_are_not_endless():
     d = dictionary(tolerance=0.3)
     rungs = ladder(d)
     assert [r.gap for r in rungs] == [0.02, 0.08, 0.3, 1.2, 5.0, 20.0] == list(LADDER)
@@ -104,9 +99,6 @@ def test_backgrounds_add_the_gaps_that_they_state():
         assert r.level.V[d.stated] == pytest.approx(0.09)
     one = d.of_effect("joint.offset")
     assert rungs[-1].level.V[one] == pytest.approx(0.04)  # a fifth of the typical size at most
-
-
-def test_a_number_that_nobody_states_may_be_anything_but_not_endless():
     d = dictionary(tolerance=np.inf)
     assert ladder(d)[0].level.V[d.stated] == pytest.approx(1e4)
 
@@ -125,7 +117,7 @@ def hypothesis(d, name, typical=4.0, weight=1.0):
     return Hypothesis(Named(name), variant, own.columns, typical)
 
 
-def test_effects_share_their_prior_and_variants_that_of_an_effect():
+def test_priors_are_shared_and_sizes_double():
     d = dictionary()
     count = len(EFFECTS) + 3  # and the stated numbers
     s = Searcher(d)
@@ -134,6 +126,15 @@ def test_effects_share_their_prior_and_variants_that_of_an_effect():
     more = (hypothesis(d, "cable.pull", weight=3.0),)
     wide = Searcher(replace(d, hypotheses=d.hypotheses + more))
     assert wide.prior(more[0]) == pytest.approx(np.log(0.45 / count * 0.75))
+    assert s.scales(hypothesis(d, "cable.pull", 4.0)) == pytest.approx(
+        [0.5, 1.0, 2.0, 4.0, 8.0, 8.0, 8.0]
+    )
+    assert s.scales(hypothesis(d, "cable.pull", 1e4))[0] == pytest.approx(0.06)
+    assert s.scales(hypothesis(d, "cable.pull", 0.01)) == pytest.approx([10.0] * 7)
+    none = np.exp(s.rung_prior(readings(d, {})))
+    assert none == pytest.approx([1 / 3, 1 / 3, 1 / 3, 1e-5, 1e-5, 1e-5])
+    some = np.exp(s.rung_prior(readings(d, {"base.tilt": 100.0})))  # 2 % of it is 2
+    assert some == pytest.approx([1 / 3, 1 / 3, 1 / 3, 0.1, 1e-5, 1e-5])
 
 
 @pytest.mark.parametrize(("typical", "rare"), [(0.01, 0.2), (0.2, 0.894427), (1.0, 1.0)])
@@ -141,25 +142,6 @@ def test_what_must_exceed_its_typical_size_is_rarer(typical, rare):
     d = dictionary()
     told = Searcher(d).prior(hypothesis(d, "cable.pull", typical))
     assert told == pytest.approx(np.log(0.45 / (len(EFFECTS) + 3) * rare), abs=1e-6)
-
-
-def test_sizes_double_from_the_one_that_adds_a_gap_of_one():
-    d = dictionary()
-    s = Searcher(d)
-    assert s.scales(hypothesis(d, "cable.pull", 4.0)) == pytest.approx(
-        [0.5, 1.0, 2.0, 4.0, 8.0, 8.0, 8.0]
-    )
-    assert s.scales(hypothesis(d, "cable.pull", 1e4))[0] == pytest.approx(0.06)
-    assert s.scales(hypothesis(d, "cable.pull", 0.01)) == pytest.approx([10.0] * 7)
-
-
-def test_large_backgrounds_are_believed_only_beside_a_gap_that_dwarfs_them():
-    d = dictionary()
-    s = Searcher(d)
-    none = np.exp(s.rung_prior(readings(d, {})))
-    assert none == pytest.approx([1 / 3, 1 / 3, 1 / 3, 1e-5, 1e-5, 1e-5])
-    some = np.exp(s.rung_prior(readings(d, {"base.tilt": 100.0})))  # 2 % of it is 2
-    assert some == pytest.approx([1 / 3, 1 / 3, 1 / 3, 0.1, 1e-5, 1e-5])
 
 
 def marginal(d, level, y, wide, sizes):

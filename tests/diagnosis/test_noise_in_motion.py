@@ -47,11 +47,17 @@ def remembering(seed=0):
     return lfilter([0.8], [1.0, -0.6], kicks, axis=0)
 
 
-def test_white_noise_and_noise_with_memory_are_measured():
+def test_noise_is_measured_and_what_moves_slowly_or_jumps_is_none():
     for x, near in ((white(), 0.1), (2.0 * white(1), 0.1), (remembering(), 0.25)):
         row, mean = noise_in_motion(x, PERIOD, STRIDE)
         assert row == pytest.approx(x.var(axis=0), rel=near)
         assert mean == pytest.approx(averages(x), rel=0.4)
+    # A gap of 0.7 Hz, reversals every 3 s and a jump.
+    slow = 6.0 * np.sin(2 * np.pi * 0.7 * T) + 3.0 * (T > 31.0)
+    back = 2.0 * np.sign(np.sin(2 * np.pi * T / 6.0))
+    row, mean = noise_in_motion(white() + (slow + back)[:, None], PERIOD, STRIDE)
+    assert row == pytest.approx(np.ones(6), rel=0.15)
+    assert mean == pytest.approx(np.ones(6), rel=0.35)
 
 
 @pytest.mark.parametrize("frequency", [7.3, 12.3, 31.0])
@@ -60,15 +66,6 @@ def test_a_line_counts_as_what_is_left_of_it_in_the_averages(frequency):
     row, mean = noise_in_motion(x, PERIOD, STRIDE)
     assert row == pytest.approx(x.var(axis=0), rel=0.15)
     assert mean == pytest.approx(averages(x), rel=0.4)
-
-
-def test_what_moves_slowly_or_jumps_is_no_noise():
-    """A gap of 0.7 Hz, reversals every 3 s and a jump."""
-    slow = 6.0 * np.sin(2 * np.pi * 0.7 * T) + 3.0 * (T > 31.0)
-    back = 2.0 * np.sign(np.sin(2 * np.pi * T / 6.0))
-    row, mean = noise_in_motion(white() + (slow + back)[:, None], PERIOD, STRIDE)
-    assert row == pytest.approx(np.ones(6), rel=0.15)
-    assert mean == pytest.approx(np.ones(6), rel=0.35)
 
 
 @cache
@@ -116,16 +113,13 @@ def test_a_clipped_channel_is_no_repeat(channel):
     assert "timing.stale" not in {f.effect for f in row_effects(clipped)}
 
 
-def test_a_row_effect_says_that_it_lies_between_rows():
+def test_what_shows_between_rows_says_so_and_becomes_part_of_the_twin():
     (entry,) = where.entries((), (), [("base.vibration", "fx, tx", 0.68, 1e-3)])
     assert entry["subsystem"] == "base" and entry["share"] == 0.68
     assert "of the gap" not in entry["sentence"]
     assert "68 % of a row's variance" in entry["sentence"]
     stale = where.entries((), (), [("timing.stale", "fx", 0.0, 1e-3)])[0]["sentence"]
     assert stale == "timing.stale acts on single rows of fx, not on their means."
-
-
-def test_what_shows_between_rows_becomes_part_of_the_twin():
     told = {"std.fx": {"value": 0.2, "std": 0.01, "unit": "N"}}
     noisy = RowFinding("sensor.noise", 0.99, 4.0, ("fx",), told, "fx scatters.")
     active = noisy.active(ROBOT)
@@ -185,14 +179,6 @@ def test_an_effect_acts_on_pieces_as_on_the_rows(late, effect, values):
     wanted, found = added(whole, effect, **values), added(pieces, effect, **values)
     assert found.shape == wanted.shape
     assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.03 * np.sqrt(np.mean(wanted**2))
-
-
-def test_stretches_and_averages_begin_at_the_same_rows(late):
-    whole = prepare(late)
-    begins = np.flatnonzero(np.diff(whole.block)) + 1
-    assert len(begins) == 23
-    assert not (begins % whole.stride).any()
-    assert np.array_equal(whole.coarse.block_rows, whole.block_rows)
 
 
 @pytest.mark.slow

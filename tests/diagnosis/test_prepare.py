@@ -17,7 +17,7 @@ from wrenchbed.diagnosis.prepare import prepare_recording as module
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.noise import correlation_time
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.diagnosis.prepare.prepared import Prepared, inner_stride, split
+from wrenchbed.diagnosis.prepare.prepared import Prepared, split
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
@@ -123,7 +123,7 @@ def test_a_motion_has_24_blocks_of_whole_strides():
     assert set(short) == {0}
 
 
-def test_what_is_set_aside_is_neither_fitted_nor_judged():
+def test_what_is_set_aside_takes_no_part_also_in_averages():
     away = np.arange(16) == 6
     p = replace(prepared(), held_out=None).aside(away)
     assert (p.judged == ~away).all() and (p.fitted == ~away).all()
@@ -132,9 +132,6 @@ def test_what_is_set_aside_is_neither_fitted_nor_judged():
     assert not p.without(2).fitted[[6, 8]].any()
     again = p.aside(np.arange(16) < 4)
     assert again.folds == (1, 2, 3) and not again.judged[:4].any() and not again.judged[6]
-
-
-def test_an_average_with_a_row_set_aside_is_set_aside():
     p = replace(prepared(16, stride=8, moving=True), held_out=None, block=np.zeros(16, dtype=int))
     held, load = np.ones(16, dtype=bool), np.zeros((16, 6))
     q = Jet(load, load, load)
@@ -142,11 +139,6 @@ def test_an_average_with_a_row_set_aside_is_set_aside():
     p = replace(p, scene=scene, fold=np.where(np.arange(16) == 5, -1, 2))
     assert p.coarse.fold.tolist() == [2, 2, -1, 2, 2, 2, 2, 2]
     assert p.coarse.stride == 4
-
-
-@pytest.mark.parametrize(("stride", "inner"), [(1, 1), (3, 1), (4, 1), (8, 2), (13, 3)])
-def test_an_average_is_of_at_least_four_pieces(stride, inner):
-    assert inner_stride(stride) == inner
 
 
 @pytest.mark.parametrize(("time", "expected"), [(1.0, 0.125), (4.0, 0.5), (20.0, 1.0)])
@@ -207,29 +199,20 @@ def sigma(prepared):
     return np.sqrt(np.diagonal(prepared.covariance))
 
 
-def test_ordinary_noise_is_measured_and_needs_no_note():
+def test_noise_is_measured_where_joints_move_and_rows_are_noise():
     prepared = prepare(recorded())
     assert (prepared.source, prepared.noise_note) == ("repeats", "")
     assert sigma(prepared) == pytest.approx(WHITE, rel=0.1)
-
-
-def test_joints_that_freeze_do_not_raise_the_noise():
     prepared = prepare(frozen(recorded()))
     assert prepared.source == "stated"
     assert sigma(prepared) == pytest.approx(WHITE, rel=0.01)
     note = prepared.noise_note
     assert "is stated" in note and "freeze" in note and note in prepared.notes
-
-
-def test_a_beat_of_one_frequency_is_no_noise():
     prepared = prepare(shaken(recorded(), 6.0 * WHITE[0]))
     assert prepared.source == "stated"
     measured = np.sqrt(WHITE[0] ** 2 * (1.0 + 18.0))  # a sine has half its amplitude's square
     assert f"rows of fx within a pose scatter by {measured:.2g}" in prepared.noise_note
     assert f"{WHITE[0]:.3g} N is stated" in prepared.noise_note
-
-
-def test_noise_that_is_stated_too_small_is_measured_with_a_note():
     rec = recorded()
     louder = 3.0 * WHITE * np.random.default_rng(5).standard_normal((len(rec), 6))
     prepared = prepare(with_added(rec, louder))

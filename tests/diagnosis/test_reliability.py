@@ -23,7 +23,6 @@ from wrenchbed.diagnosis.explain.reliability import (
     learnt,
     lessons,
     shipped,
-    tempered,
 )
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.planning import choose
@@ -75,12 +74,6 @@ def test_too_few_cases_make_a_set_of_everything_possible():
     assert conformal([0.5] * 29, [1.0] * 29) == 0.5
     assert conformal([0.5] * 50, [1.0, *[1e-3] * 49]) == 1.0  # weighs as much as one case
     assert set(credible(CLAIM, 1.0)) == set(CLAIM)
-
-
-def test_what_is_taken_from_an_answer_goes_to_unknown():
-    after = tempered(CLAIM, "joint.offset", 0.8)
-    assert after == pytest.approx({"joint.offset": 0.72, "none": 0.04, "unknown": 0.24})
-    assert sum(tempered(CLAIM, "unknown", 0.5).values()) == pytest.approx(1.0)
 
 
 # ---- what looks like those that taught ----------------------------------------------------------

@@ -96,7 +96,7 @@ def test_the_evidence_of_two_recordings_is_that_of_both_stacked():
     assert told == pytest.approx(exact + 12.0 * np.log(2.0 * np.pi))
 
 
-def test_what_belongs_to_the_robot_is_one_set_of_numbers_and_to_a_recording_one_for_each():
+def test_numbers_of_the_robot_are_shared_and_those_of_a_recording_its_own():
     d = dictionary()
     parts = named(d, TILT, "sensor.bias", LOOSE)
     cases = [refitter(d, noise(d, k)) for k in range(2)]
@@ -111,14 +111,34 @@ def test_what_belongs_to_the_robot_is_one_set_of_numbers_and_to_a_recording_one_
     assert second == pytest.approx(cases[1].response(parts, x[[0, 1, 3]]))
     assert s.merged([x[:3] + 1.0, x[[0, 1, 3]]], last=1).tolist() == [1.0, 2.0, 4.0, 4.0]
 
+    def fitted(name, *amplitudes):
+        return fit(joint(*((d, signal(d, name, a) + noise(d, k)) for k, a in amplitudes)), name)
 
-def test_one_recording_is_the_least_of_several():
+    agree, contradict = (fitted(TILT, (0, 1.0), (1, a)) for a in (1.0, -1.0))
+    for f in (agree, contradict):
+        assert f.each[0].x.tolist() == f.each[1].x.tolist()
+    assert contradict.log_posterior < agree.log_posterior - 50.0
+    own = fitted(LOOSE, (0, 1.0), (1, -1.0))
+    assert [float(v.x[0]) for v in own.each] == pytest.approx([1.0, -1.0], abs=0.1)
+    same = fitted(LOOSE, (0, 1.0), (1, 1.0))
+    assert own.log_posterior == pytest.approx(same.log_posterior, abs=1.0)
+
+
+def test_one_recording_is_the_least_of_several_and_a_fold_of_each_is_held_out():
     d = dictionary()
     alone = refitter(d, signal(d, LOOSE, 1.0) + noise(d))
     (one,) = together([alone])
     for name in (TILT, LOOSE, "sensor.bias"):
         f, g = (r.fit(named(d, name), 0) for r in (alone, one))
         assert (f.x == g.x).all() and f.log_posterior == g.log_posterior
+    j = joint((d, signal(d, TILT, 1.0) + noise(d)), (d, signal(d, TILT, 1.0) + noise(d, 1)))
+    f = fit(j, TILT)
+    less = j[0].without(1)
+    assert [len(r.y) for r in less.each] == [len(d.E) * 3 // 4] * 2
+    assert less.again(f) is less.each[1].again(f.each[1]).each[0]  # one fit to both
+    again, kept = j[1].again(f.each[1]), j[1].keeping(f.each[1], [0])
+    assert again.x == pytest.approx(f.x, abs=0.01)  # another prior
+    assert kept.names == f.names and kept.residual == pytest.approx(again.residual, abs=1e-6)
 
 
 def test_what_a_first_recording_cannot_tell_a_second_one_tells():
@@ -133,34 +153,6 @@ def test_what_a_first_recording_cannot_tell_a_second_one_tells():
     assert told.x[0] == pytest.approx(1.0, abs=0.05) and len(told.x) == 2
     for view in told.each:
         assert view.x.tolist() == told.x.tolist()
-
-
-def test_numbers_of_the_robot_are_the_same_in_both_and_those_of_the_tool_are_not():
-    d = dictionary()
-
-    def fitted(name, *amplitudes):
-        return fit(joint(*((d, signal(d, name, a) + noise(d, k)) for k, a in amplitudes)), name)
-
-    agree, contradict = (fitted(TILT, (0, 1.0), (1, a)) for a in (1.0, -1.0))
-    for f in (agree, contradict):
-        assert f.each[0].x.tolist() == f.each[1].x.tolist()
-    assert contradict.log_posterior < agree.log_posterior - 50.0
-    own = fitted(LOOSE, (0, 1.0), (1, -1.0))
-    assert [float(v.x[0]) for v in own.each] == pytest.approx([1.0, -1.0], abs=0.1)
-    same = fitted(LOOSE, (0, 1.0), (1, 1.0))
-    assert own.log_posterior == pytest.approx(same.log_posterior, abs=1.0)
-
-
-def test_a_fold_of_each_recording_is_held_out_and_the_rest_fitted_again():
-    d = dictionary()
-    j = joint((d, signal(d, TILT, 1.0) + noise(d)), (d, signal(d, TILT, 1.0) + noise(d, 1)))
-    f = fit(j, TILT)
-    less = j[0].without(1)
-    assert [len(r.y) for r in less.each] == [len(d.E) * 3 // 4] * 2
-    assert less.again(f) is less.each[1].again(f.each[1]).each[0]  # one fit to both
-    again, kept = j[1].again(f.each[1]), j[1].keeping(f.each[1], [0])
-    assert again.x == pytest.approx(f.x, abs=0.01)  # another prior
-    assert kept.names == f.names and kept.residual == pytest.approx(again.residual, abs=1e-6)
 
 
 def test_other_robots_and_the_same_rows_twice_are_refused(tmp_path):

@@ -147,14 +147,6 @@ def test_a_residual_without_noise_or_gap_breaks_nothing():
     assert not any(f.seen for f in locate(case, np.zeros_like(residual), 19))
 
 
-def test_claimed_causes_are_the_entries_in_their_order():
-    causes = [("joint.compliance", "joint 2|3|4", 0.7, 0.0), ("base.tilt", "", 0.2, 1e-4)]
-    first, second = entries(causes, [Finding("time", 0.9, 0.005, "…")])
-    assert (first["subsystem"], first["detail"], first["share"]) == ("joint", "joint 2|3|4", 0.7)
-    assert 0.0 < first["p_value"] < 1e-100 and "joint 2|3|4" in first["sentence"]
-    assert second["subsystem"] == "base"
-
-
 @pytest.mark.parametrize(
     ("variable", "subsystem"),
     [
@@ -170,7 +162,7 @@ def test_without_a_cause_what_is_seen_is_a_hint(variable, subsystem):
     assert "only a hint" in entry["sentence"] and entry["sentence"].startswith("Seen.")
 
 
-def test_hints_have_a_share_where_any_has_and_are_one_a_subsystem():
+def test_hints_are_one_a_subsystem_and_causes_entries_in_their_order():
     each = zip(("time", "speed", "load"), (0.6, 0.3, 0.0), (5e-3, 5e-3, 5e-3), strict=True)
     findings = [Finding(*f, "It is seen.") for f in each]
     assert [e["detail"] for e in entries([], findings)] == ["time", "speed"]
@@ -178,6 +170,11 @@ def test_hints_have_a_share_where_any_has_and_are_one_a_subsystem():
     assert entries([], [Finding("time", 0.0, 0.5, "Not seen.")]) == []
     both = [Finding(v, 0.2, 1e-9, f"{v} is seen.") for v in ("time", "load")]
     assert ["only a hint" in e["sentence"] for e in entries([], both)] == [True, False]
+    causes = [("joint.compliance", "joint 2|3|4", 0.7, 0.0), ("base.tilt", "", 0.2, 1e-4)]
+    first, second = entries(causes, [Finding("time", 0.9, 0.005, "…")])
+    assert (first["subsystem"], first["detail"], first["share"]) == ("joint", "joint 2|3|4", 0.7)
+    assert 0.0 < first["p_value"] < 1e-100 and "joint 2|3|4" in first["sentence"]
+    assert second["subsystem"] == "base"
 
 
 def test_what_is_seen_beside_none_is_said_to_be_small_not_absent():
@@ -221,15 +218,12 @@ def test_a_spike_is_found_at_its_joint_and_angle(seed):
     assert found.share > 0.5 > 5 * found.rows
 
 
-def test_what_is_large_at_one_time_has_no_joint():
+def test_what_is_large_at_one_time_or_noise_has_no_joint():
     prepared, rng = motion(3)
     residual = rng.normal(size=(ROWS, 6))
     residual[300:330] *= 40.0
     found = locality(prepared, residual, NOISE, 199, 0)
     assert found is None or found.p_value > 0.05
-
-
-def test_noise_has_no_joint():
     prepared, rng = motion(4)
     found = locality(prepared, rng.normal(size=(ROWS, 6)), NOISE, 199, 0)
     assert found is None or found.p_value > 0.05

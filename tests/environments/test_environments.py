@@ -52,15 +52,6 @@ def test_gymnasium_finds_nothing_to_complain_of(name):
 
 
 @pytest.mark.parametrize("name", SOME)
-def test_an_episode_follows_from_its_seed_and_stays_in_its_spaces(name):
-    env = made(name)
-    first, second, other = (played(env, seed) for seed in (4, 4, 5))
-    assert np.array_equal(first[0], second[0]) and np.array_equal(first[1], second[1])
-    assert not np.array_equal(first[0], other[0])
-    assert all(row in env.observation_space for row in first[0])
-
-
-@pytest.mark.parametrize("name", SOME)
 def test_environments_run_side_by_side(name):
     kind = SHORT["Contact" if "Contact" in name else "Calibration"]
     envs = gymnasium.make_vec(name, num_envs=2, vectorization_mode="sync", **kind)

@@ -177,7 +177,3 @@ def case(request, tmp_path_factory) -> Iterator[DriverCase]:
 @pytest.mark.parametrize("check", CHECKS, ids=lambda f: f.__name__[6:])
 def test_every_driver_keeps_the_contract(case, check, tmp_path):
     check(case, tmp_path)
-
-
-def test_every_registered_driver_has_an_entry():
-    assert sorted(DRIVERS) == sorted(registry.names("drivers"))

@@ -78,7 +78,3 @@ def make(request) -> Iterator:
 @pytest.mark.parametrize("check", CHECKS, ids=lambda f: f.__name__[6:])
 def test_every_transducer_keeps_the_contract(make, check):
     check(make)
-
-
-def test_every_registered_transducer_has_an_entry():
-    assert sorted(TRANSDUCERS) == sorted(registry.names("transducers"))

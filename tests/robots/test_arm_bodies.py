@@ -52,18 +52,6 @@ def cases(robot):
 
 
 @each_robot
-def test_the_table_of_links_is_that_of_the_mjcf(robot):
-    assert robot.gear_ratio == {"ur5": (101.0,) * 6}.get(robot.name, ())
-    model = mujoco.MjModel.from_xml_path(str(robot.mjcf))
-    moving = {model.body(b).name for b in range(model.nbody)} - {"world", "base"}
-    assert {link.body for link in robot.bodies} == moving - {"tool", "sensor_side"}
-    for link in robot.bodies:
-        body = model.body(link.body)
-        assert body.mass[0] == link.mass
-        assert np.array_equal(body.ipos, link.cog)
-
-
-@each_robot
 def test_joints_bear_what_mujoco_says(robot):
     """The slope of its potential energy; on serial arms also what holds them, joint by joint."""
     step = 1e-5

@@ -137,27 +137,6 @@ def test_parameters_of_the_load_leave_the_sensor_where_it_is(robot):
 
 
 @each_robot
-def test_every_parameter_writes_itself_into_the_spec(robot):
-    theta = robot.parameters.nominal
-    before = robot.spec(theta).to_xml()
-    for i, parameter in enumerate(robot.parameters):
-        other = theta.copy()
-        other[i] += parameter.tolerance * (0.05 if "inertia" in parameter.name else 1.0)
-        assert robot.spec(other).to_xml() != before, parameter.name
-
-
-@each_robot
-def test_the_jacobian_is_that_of_central_differences(robot):
-    model = Model.of(robot)
-    theta = model.parameters.nominal
-    q = feasible(robot, 10, robot.parameters.nominal, seed=8)
-    exact = model.jacobian(q, theta, range(len(theta)))
-    for i, step in enumerate(1e-6 * np.eye(len(theta))):
-        difference = (model.predict(q, theta + step) - model.predict(q, theta - step)) / 2e-6
-        assert np.abs(exact[:, :, i] - difference).max() < 1e-7, model.parameters[i].name
-
-
-@each_robot
 def test_the_jacobian_is_that_of_complex_steps(robot):
     """Of the pose: to rounding, at random parameters."""
     model, rng = Model.of(robot), np.random.default_rng(4)

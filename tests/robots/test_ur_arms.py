@@ -75,23 +75,6 @@ def test_each_arm_weighs_and_turns_back_as_it_should(name):
         assert np.abs(turns - rotation[0]).max() < 1e-9
 
 
-def test_a_hanging_tool_pulls_and_a_tilted_base_turns_gravity():
-    q = np.array([[0.0, -np.pi / 2, -np.pi / 2, -np.pi / 2, np.pi / 2, 0.0]])
-    theta = ROBOT.parameters.nominal
-    rotation, _ = ROBOT.sensor_pose(q, theta)
-    assert np.allclose(rotation[0, :, 2], [0, 0, -1], atol=1e-12)
-    load = Simulation(ROBOT, theta).wrench(q)[0]
-    assert np.allclose(load[:3], [0, 0, 1.35 * 9.80665], atol=1e-12)
-    weight = 1.35 * 9.80665
-    assert np.allclose(load[3:], np.cross([0.004, -0.006, 0.071], [0, 0, weight]), atol=1e-12)
-    q = np.zeros((1, 6))
-    theta = ROBOT.parameters.vector({"base.tilt.x": 0.1})
-    rotation, _ = ROBOT.sensor_pose(q, theta)
-    nominal, _ = ROBOT.sensor_pose(q, ROBOT.parameters.nominal)
-    seen = nominal[0] @ rotation[0].T @ np.array([0.0, 0.0, -1.0])  # gravity in the base
-    assert np.allclose(seen, [0.0, np.sin(0.1), -np.cos(0.1)], atol=1e-12)
-
-
 def test_what_is_out_of_reach_has_no_solution():
     assert len(ROBOT.inverse(np.eye(3), np.array([2.0, 0.0, 0.3]))) == 0
     assert len(ROBOT.inverse(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.05, 0.2]))) == 0

@@ -1,11 +1,16 @@
-"""The length of a delay is found beside ordinary columns, and a joint's encoder makes no torque."""
+"""Lags, encoders and slides: what their columns in a diagnosis of efforts are and are not."""
 
+import loop_torques as loops
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from wrenchbed.cli import main
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.efforts.columns import of_joint, rows_of
+from wrenchbed.diagnosis.efforts.configured import stated_drives
+from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.drives.signals import drive_signals
 from wrenchbed.effects.drives.lag import closest
 
@@ -44,3 +49,24 @@ def test_an_encoder_of_17_bits_makes_no_acceleration():
     plain = sosfiltfilt(butter(4, 20.0, fs=RATE, output="sos"), q)
     rough = np.gradient(np.gradient(plain, T), T)[inner] + 4.0 * true[inner]
     assert off.std() < 5e-3 < 0.2 * rough.std()  # [rad/s²]
+
+
+@pytest.fixture
+def recording():
+    """Ten seconds of all joints."""
+    t, q = loops.fourier(np.random.default_rng(1), 10.0)
+    effort = loops.torques(q, loops.MASS, loops.MEDRUE.gravity)
+    return loops.recording(t, q, effort, configured=loops.DRIVES)
+
+
+def test_a_slide_has_no_spring_that_turns(recording):
+    scene = effort_scene(recording, stated_drives(recording))
+    effects = [{b.effect for b in of_joint(scene, rows_of(scene, j))[1]} for j in range(2)]
+    assert effects[1] - effects[0] == {"link.spring"} and not effects[0] - effects[1]
+
+
+def test_the_verb_answers_nothing_that_does_not_hold_over_the_wire(recording, tmp_path, capsys):
+    recording.write(tmp_path / "rec.parquet")
+    assert main(["diagnose", str(tmp_path / "rec.parquet"), "--out", str(tmp_path / "out")]) == 1
+    assert "has closed loops" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""A load that nobody states is named with its mass, or what was fitted of it is said."""
+"""A load, or a wrong torque sensor in motion, is named with its value, or is said to be fitted."""
 
 from dataclasses import replace
 
@@ -93,3 +93,21 @@ def test_a_load_that_was_fitted_is_not_drawn_as_friction():
     fast = np.abs(measured.x) > 0.1
     expected = np.sign(measured.x) * level + VISCOUS[1] * measured.x
     assert np.abs(measured.y - expected)[fast].max() < 0.15 * level
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    ("seed", "joint", "gain", "zero"),
+    [(2, 4, 0.0, 1.2), (3, 3, 0.1, 0.0), (1, 2, 0.0, 6.0), (4, 1, 0.0, -4.0), (6, 2, -0.15, 0.0),
+     (7, 5, 0.0, 0.8)],
+)  # fmt: skip
+def test_a_wrong_sensor_is_named_with_its_value(seed, joint, gain, zero):
+    rec, name = case(seed=seed, links=True), f"tau{joint}"
+    read = (1.0 + gain) * rec.columns[name] + zero
+    (only,) = diagnose_efforts(
+        replace(rec, columns=dict(rec.columns) | {name: read})
+    ).diagnosis.which
+    assert only["effect"] == ("drive.constant" if gain else "drive.offset")
+    assert only["parameters"]["joint"]["value"] == joint and not only["rivals"]
+    number = only["parameters"]["gain" if gain else "offset"]
+    assert abs(number["value"] - (gain or zero)) < 3.0 * number["std"] < abs(gain or zero)
