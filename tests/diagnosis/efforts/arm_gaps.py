@@ -82,7 +82,14 @@ def clipped(m, size):
     return np.clip(m.effort, -most, most) - m.effort
 
 
+def late(m, size):
+    """A report that is late by so many seconds."""
+    t = np.arange(len(m.q)) * m.step
+    return np.interp(t - size, t, m.effort) - m.effort
+
+
 ADDED = {
+    "drive.delay": late,
     "drive.constant": lambda m, s: m.scaled(m.effort, s),
     "drive.cogging": lambda m, s: m.scaled(np.sin(63.0 * m.q + 0.4), s),
     "gear hysteresis": gear_hysteresis,

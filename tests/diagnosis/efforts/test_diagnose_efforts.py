@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +19,7 @@ from wrenchbed.diagnosis.efforts.search import Evidence
 from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
 from wrenchbed.diagnosis.efforts.sizes import shows_from
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
-from wrenchbed.diagnosis.gap.gaps import Interval
+from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.effects.drives.base import Block
@@ -56,6 +57,18 @@ def test_a_cause_is_named_in_its_joint(effect, joint, size):
     assert d.verdict in ("identified", "ambiguous")
     assert d.which[0]["effect"] == effect and d.which[0]["parameters"]["joint"]["value"] == joint
     assert d.gap.closed.value > 0.6
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_a_delay_beyond_the_rows_at_rest_is_one_cause(seed):
+    """Friction turns where the speed is zero, while the joint counts as moving when that arrives
+    late: no filter and no stiction makes that."""
+    found = diagnose_efforts(case(Gap("drive.delay", 2, 0.08), seed=seed, seconds=30.0)).diagnosis
+    (cause,) = found.which
+    assert "drive.delay" in named_by(cause) and cause["parameters"]["joint"]["value"] == 2
+    name = "delay" if cause["effect"] == "drive.delay" else "time"
+    assert cause["parameters"][name]["value"] == pytest.approx(0.08, rel=0.15)
 
 
 @pytest.mark.slow
@@ -157,16 +170,20 @@ def test_a_hit_once_a_turn_is_unknown_and_says_when():
 
 
 @pytest.mark.parametrize(
-    ("closed", "after", "right"), [(0.9, 0.1, 1.0), (0.5, 0.1, 0.85), (0.9, 3.0, 0.85)]
+    ("closed", "least", "after", "right"),
+    [(0.9, 0.2, 0.1, 1.0), (0.5, 1.5, 0.1, 0.5), (0.9, 0.2, 3.0, 0.85), (0.6, 1.5, 3.0, 0.51)],
 )
-def test_a_cause_that_leaves_much_or_a_gap_in_its_joint_is_less_sure(closed, after, right):
+def test_a_cause_that_leaves_what_counts_is_less_sure(closed, least, after, right):
     cause = Cause((("drive.load", 2),), 1.0, Part("drive.load", 6.0, index=1, joint=2))
     verdict = Verdict("identified", (cause,), (), {"drive.load": 1.0})
     channels = {"tau1": {"before": 9.0, "after": 5.0}, "tau2": {"before": 9.0, "after": after}}
     share = Interval(closed, closed - 0.1, closed + 0.1)
-    gap = SimpleNamespace(closed=share, per_channel=channels)
+    gap = SimpleNamespace(
+        closed=share, per_channel=channels, with_effects=Interval(2.0, least, 3.0), floor=0.0
+    )
+    gap.closed_beside = partial(Closure.closed_beside, gap)
     facts = facts_of(SimpleNamespace(d=SimpleNamespace(blocks=[])), (), 0)
-    assert facts.right(verdict, gap) == right
+    assert facts.right(verdict, gap) == pytest.approx(right)
     assert facts.right(replace(verdict, word="none", causes=()), gap) == 0.85
 
 

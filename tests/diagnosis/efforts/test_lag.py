@@ -31,7 +31,7 @@ def test_a_delay_between_those_tried_is_found(late):
 
     y = torque(T - late) - torque(T) + 0.05 * SPEED + 0.2 * rng.normal(size=len(T))
     beside = np.column_stack([SPEED, np.ones_like(T)])
-    found = closest(change, lambda x: x, y, np.linalg.qr(beside)[0])
+    found = closest(lambda time: [change(time)], y, np.linalg.qr(beside)[0])
     assert found == pytest.approx(late, abs=1.5e-3)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
+from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, PARTIAL, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.search import Structure
@@ -25,8 +25,6 @@ noises, which ordinary errors make."""
 BELIEVED = 0.85
 """Share of right answers where ordinary errors may imitate a cause, or causes leave a gap that
 counts: 79 % of `none` were right on the development seeds, half of all arms having a cause."""
-_MOSTLY = 2.0 / 3.0
-"""Share of the gap that causes close at least that are surer than that: clearly more than half."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,11 +105,11 @@ def facts_of(s: Simulators, every: Sequence[Weighed], seed: int) -> Facts[Struct
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
     """Fraction of answers like this one that are right: less where ordinary errors may imitate a
-    cause, or where much of the gap, or a gap of the cause's joint that counts, is left."""
+    cause, or where a gap that counts is left, in all joints or in the cause's."""
     if not verdict.causes:
         return BELIEVED if verdict.word == NONE else 1.0
     joint = verdict.causes[0].part.joint
     of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
-    little = gap.closed is None or gap.closed.value < _MOSTLY
     much = bool(of_joint) and of_joint[0].get("after", 0.0) > LARGEST_NONE
-    return BELIEVED if little or much else 1.0
+    closed = 1.0 if verdict.word == PARTIAL else gap.closed_beside(LARGEST_NONE)
+    return closed * (BELIEVED if much else 1.0)

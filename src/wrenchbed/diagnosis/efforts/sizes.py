@@ -16,7 +16,6 @@ from wrenchbed.diagnosis.efforts.names import known, place
 from wrenchbed.diagnosis.efforts.search import AMPLITUDE, Evidence
 from wrenchbed.diagnosis.efforts.simulator import Simulator, added
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot, reported_from
-from wrenchbed.effects.drives.lag import Lag
 from wrenchbed.effects.drives.wave import Wave
 
 ABSURD = 30.0
@@ -64,10 +63,7 @@ def unit_of(d: Dictionary, block: int) -> str:
 
 def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
     """Size of a cause over the amplitudes of its columns, at amplitudes x (P,) of all."""
-    b = d.blocks[block]
-    if b.effect == "tool.cog":  # moments
-        return 1.0 / _mass_of_tool(d, x)
-    return b.value if isinstance(known()[b.effect], Lag) else 1.0
+    return 1.0 / _mass_of_tool(d, x) if d.blocks[block].effect == "tool.cog" else 1.0  # moments
 
 
 def _mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
@@ -147,8 +143,8 @@ def shows_from(evidence: Evidence, block: int) -> float:
     odds = np.array([evidence.prior((block,)) - evidence.prior(())])
     gap = np.array([max(added(d, one, block), 1e-300)])
     times = float(reported_from(information[None], np.array([[AMPLITUDE]]), odds, gap)[0])
-    length = len(some) ** 0.5 if known()[d.blocks[block].effect].size.vector else 1.0
-    return abs(_scale(d, block, np.zeros(len(one)))) * unit * times * length
+    whole = len(some) ** (0.5 if known()[d.blocks[block].effect].size.vector else 1.0)
+    return abs(_scale(d, block, np.zeros(len(one)))) * unit * times * whole
 
 
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:

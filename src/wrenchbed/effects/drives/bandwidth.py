@@ -15,7 +15,8 @@ class DriveBandwidth(Lag):
 
     name = "drive.bandwidth"
     title = "the effort of joint {joint} is low-pass filtered"
-    size = Size("time", "s", 0.1, absolute=True)  # with more the arm hardly runs: estimate
+    size = Size("time", "s", 0.1, absolute=True, columns=("drive.",))
+    # with more the arm hardly runs: estimate
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def scan(
@@ -24,8 +25,8 @@ class DriveBandwidth(Lag):
         """None of commands: below their cutoff a filter is as good as a delay, which is named."""
         return super().scan(rows, residual) if rows.command is None else None
 
-    def change(self, rows: DriveRows, time: float) -> np.ndarray:
-        return slow(rows.lagging, rows.rate, time)
+    def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:
+        return slow(torque, rows.rate, time)
 
 
 EFFECT = DriveBandwidth()

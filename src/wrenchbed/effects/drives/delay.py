@@ -19,14 +19,16 @@ class DriveDelay(Lag):
 
     name = "drive.delay"
     title = "the effort of joint {joint} is reported late"
-    size = Size("delay", "s", 0.1, absolute=True)  # with more the arm hardly runs: estimate
+    size = Size("delay", "s", 0.1, absolute=True, columns=("drive.", "late"))
+    # with more the arm hardly runs: estimate
+    beside = ("late",)
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        return (rows.column("late", late(rows.lagging, rows.t, LATE), 1.0),)
+        return (rows.column("late", late(rows.lagging, rows.t, LATE) / LATE, LATE),)
 
-    def change(self, rows: DriveRows, time: float) -> np.ndarray:
-        return late(rows.lagging, rows.t, time)
+    def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:
+        return late(torque, rows.t, time)
 
 
 EFFECT = DriveDelay()

@@ -18,9 +18,10 @@ _LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
 """Largest input of `play` that is kept [B], and how many: with their paths 64 MiB."""
 
 
-def direction(speed: np.ndarray) -> np.ndarray:
-    """Sign of a speed (N,), that of before while a joint is at rest."""
-    moves = np.abs(speed) > REST * np.abs(speed).max()
+def direction(speed: np.ndarray, rest: float = REST) -> np.ndarray:
+    """Sign of a speed (N,), that of before while a joint is at rest: below a share of its largest
+    speed."""
+    moves = np.abs(speed) > rest * np.abs(speed).max()
     last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), 0))
     return np.asarray(np.sign(speed[last]))
 

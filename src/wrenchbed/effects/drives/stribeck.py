@@ -3,13 +3,16 @@
 import numpy as np
 
 from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
+from wrenchbed.effects.drives.operators import REST
 
 SPEEDS = (0.02, 0.06, 0.15)
 """Speeds over which friction falls [rad/s, m/s]: UR joints fall within 0.02 to 0.1."""
 
 
 class DriveStribeck(DriveEffect):
-    """τ + Σ a sign q̇ exp(−|q̇|/v): Stribeck's curve over several speeds v.
+    """τ + Σ a sign q̇ exp((u − |q̇|)/v): Stribeck's curve over several speeds v.
+
+    The rise is that at u, the slowest speed whose rows count: of slower ones nothing is known.
 
     Seen in: slow motion at several speeds.
     """
@@ -22,7 +25,8 @@ class DriveStribeck(DriveEffect):
 
     def shapes(self, rows: DriveRows) -> dict[str, np.ndarray]:
         size = np.abs(rows.speed)
-        return {f"stribeck{k}": rows.sign * np.exp(-size / v) for k, v in enumerate(SPEEDS)}
+        above = np.maximum(size - REST * size.max(), 0.0)
+        return {f"stribeck{k}": rows.sign * np.exp(-above / v) for k, v in enumerate(SPEEDS)}
 
 
 EFFECT = DriveStribeck()
