@@ -97,9 +97,12 @@ ADDED = {
     "clipped": clipped,
 }
 """Torque that a cause adds (N,), of its size."""
+DIP = 0.05
+"""Speed [rad/s] over which friction falls by half; Hess and Soom 1990, doi 10.1115/1.2920240."""
 LEVELS = {
     "drive.coulomb": lambda m, s: np.full_like(m.q, s * m.std),
     "drive.load": lambda m, s: m.scaled(np.abs(m.body), s),
+    "drive.stribeck": lambda m, s: s * m.std / (1.0 + (m.qd / DIP) ** 2),
 }
 """What a cause adds to the level of friction (N,)."""
 

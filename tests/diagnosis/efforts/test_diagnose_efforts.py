@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from arm_gaps import Gap, case
+from arm_gaps import DIP, Gap, case
 from arm_torques import COG, COULOMB, MASS, NOISE, SWING, UR5, fourier
 
 from altered import with_columns
@@ -23,6 +23,7 @@ from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.effects.drives.base import Block
+from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.effort_answer import EffortAnswer
@@ -69,6 +70,18 @@ def test_a_delay_beyond_the_rows_at_rest_is_one_cause(seed):
     assert "drive.delay" in named_by(cause) and cause["parameters"]["joint"]["value"] == 2
     name = "delay" if cause["effect"] == "drive.delay" else "time"
     assert cause["parameters"][name]["value"] == pytest.approx(0.08, rel=0.15)
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("seed", [41, 42])
+def test_the_rise_of_friction_is_that_at_the_slowest_speed_that_counts(seed):
+    rows = case(Gap("drive.stribeck", 2, 8.0), seed=seed, seconds=30.0)
+    (cause,) = diagnose_efforts(rows).diagnosis.which
+    assert cause["effect"] == "drive.stribeck"
+    slowest = REST * np.abs(np.gradient(rows.columns["q2"], rows.t)).max()
+    expected = 8.0 * NOISE[1] / (1.0 + (slowest / DIP) ** 2)
+    rise = cause["parameters"]["rise"]
+    assert abs(rise["value"] - expected) < 2.5 * rise["std"] < 0.7 * expected
 
 
 @pytest.mark.slow
