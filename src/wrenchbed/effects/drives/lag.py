@@ -61,7 +61,9 @@ class Lag(DriveEffect):
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
         turn = direction(rows.speed, TURNS) - rows.sign
-        late = [rows.lagging] if rows.command is not None else [rows.total + rows.level * turn, turn]
+        late = (
+            [rows.lagging] if rows.command is not None else [rows.total + rows.level * turn, turn]
+        )
 
         def changes(time: float) -> list[np.ndarray]:
             return [residual.thin(self.change(rows, x, time))[residual.use] for x in late]
