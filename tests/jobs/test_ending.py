@@ -1,6 +1,7 @@
 """Workers end with the process that started them; parts of a job are finished once."""
 
 import json
+import errno
 import os
 import signal
 import subprocess
@@ -189,3 +190,12 @@ def test_folders_of_another_run_are_refused(tmp_path):
     settings.write_text("[]")
     with pytest.raises(BenchmarkError, match="is broken"):
         parts.check_folders(settings, {"seed": 1}, folders, BenchmarkError)
+
+
+def test_a_machine_without_shared_memory_is_named(monkeypatch):
+    def refused(*_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("wrenchbed.jobs.workers.ProcessPoolExecutor", refused)
+    with pytest.raises(ShortageError, match="Read-only.*: make /dev/shm writable"), workers(1):
+        pass

@@ -80,14 +80,20 @@ def workers(
         setup: called once in each process with ``shared``.
 
     Raises:
-        ShortageError: this process may open too few files.
+        ShortageError: this process may open too few files, or share no memory.
         WorkerError: a process was killed, crashed or could not start; says how.
     """
     _check_files(max(1, count))
     before = {k: os.environ.get(k) for k in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # read when a worker loads numpy
     given = (os.getpid(), setup, shared)
-    pool = ProcessPoolExecutor(max(1, count), get_context("spawn"), _initialise, given)
+    try:
+        pool = ProcessPoolExecutor(max(1, count), get_context("spawn"), _initialise, given)
+    except OSError as cause:  # semaphores of multiprocessing lie in /dev/shm
+        raise ShortageError(
+            f"worker processes share memory, which fails here ({cause.strerror}): make /dev/shm "
+            "writable"
+        ) from cause
     started = pool._processes  # kept: the pool forgets them when it is shut down
     # All processes start before the pool watches them: the death of one that is started later is
     # noticed only when another one ends its item (CPython 3.11 to 3.13).
