@@ -1,7 +1,7 @@
 """Workers end with the process that started them; parts of a job are finished once."""
 
-import json
 import errno
+import json
 import os
 import signal
 import subprocess
