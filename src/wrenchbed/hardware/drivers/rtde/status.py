@@ -152,19 +152,28 @@ def request(host: str, command: str, timeout: float = 1.0) -> str:
         LinkError: none came in time [s].
     """
     try:
-        with (
-            socket.create_connection((host, PORT), timeout) as link,
-            link.makefile("rb") as lines,
-        ):
-            lines.readline(_LONGEST)  # its welcome
+        with socket.create_connection((host, PORT), timeout) as link:
+            _line(link, time.monotonic() + timeout)  # its welcome
             link.sendall(command.encode() + b"\n")
-            answer = lines.readline(_LONGEST)
-        if not answer.endswith(b"\n"):
-            raise ConnectionResetError("the connection was closed")
+            answer = _line(link, time.monotonic() + timeout)
     except OSError as error:
         why = error.strerror or str(error)
         raise LinkError(f"dashboard of {host}: no answer to {command!r}: {why}") from error
     return answer.decode(errors="replace").strip()
+
+
+def _line(link: socket.socket, end: float) -> bytes:
+    """The next line, complete by ``end`` (`time.monotonic`, [s])."""
+    line = b""
+    while not line.endswith(b"\n"):
+        link.settimeout(max(end - time.monotonic(), 1e-3))
+        part = link.recv(_LONGEST)
+        if not part or len(line) > _LONGEST:
+            raise ConnectionResetError("the connection was closed, or sends no line")
+        line += part
+        if time.monotonic() > end:
+            raise TimeoutError("timed out")
+    return line
 
 
 def _done(host: str, command: str, done: Callable[[], bool], seconds: float, trouble: str) -> None:
