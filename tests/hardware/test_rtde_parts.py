@@ -199,6 +199,7 @@ def test_the_dashboard_answers_within_a_deadline():
 
     with server(status.PORT, serve):
         assert status.request(HOST, "stop") == "Stopped"
+
     def trickle(link):
         for _ in range(40):
             link.sendall(b"a")
