@@ -11,6 +11,7 @@ import ntnu
 import wrenchbed as wb
 from altered import by_name, in_degrees, opposite, with_columns, with_metadata, with_rows
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, driven, static
+from sound import good
 from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate, check_mass
@@ -349,3 +350,13 @@ def test_counts_of_an_encoder_at_a_high_rate_take_a_wider_window(tmp_path, count
     loud = {n: x + noise for n, x in q.items()}
     with pytest.raises(CalibrationError, match="is rough"):
         calibrate(Recording(moved.metadata, {**moved.columns, **loud}, moved.name))
+
+
+def test_a_motion_with_gaps_is_fitted_by_its_pieces():
+    sound = good("motion", 3)
+    t = sound.recording.t
+    cut = with_rows(sound.recording, ((t < 3.0) | (t > 3.4)) & ((t < 7.0) | (t > 7.05)))
+    fit = calibrate(cut)
+    assert fit.rows > 0.8 * len(t)
+    for value in fit.identified:
+        assert abs(value.value - sound.truth.get(value.name, value.nominal)) < 4.0 * value.std

@@ -12,11 +12,14 @@ from plain_ur5 import PlainUr5
 from wrenchbed.cli import main
 from wrenchbed.data import text_table
 from wrenchbed.data.clock import evened
+from wrenchbed.data.column_map import read
+from wrenchbed.data.import_files import import_files
 from wrenchbed.data.recording import Recording
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 
 NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "fx", "fy", "fz", "tx", "ty", "tz")
+TXYZ = NAMES[9:]
 MIDNIGHT = datetime(2025, 3, 1, 23, 59, 30)
 
 
@@ -184,6 +187,7 @@ def test_short_gaps_are_filled_along_the_joints_path_where_it_is_known():
     (even, sentence) = evened(data)
     assert "1 gaps of 0.502 s in all kept" in sentence[0]
     assert len(even["t"]) == len(t) - 250
+    assert np.abs(even["q1"] - np.sin(4.0 * even["t"])).max() < 1e-6
 
 
 def test_a_joint_that_passes_half_a_turn_is_unwrapped(tmp_path, capsys):
@@ -200,6 +204,29 @@ def test_a_joint_that_passes_half_a_turn_is_unwrapped(tmp_path, capsys):
     assert main(["import", str(path), "--map", str(tmp_path / "map.json"), "--out", str(out)]) == 0
     assert "q1 passes ±180°: unwrapped" in capsys.readouterr().out
     assert np.ptp(Recording.read(out).q, axis=0).max() < 1.1
+
+
+def test_joints_of_another_clock_are_unwrapped_before_they_are_laid_beside_a_wrench(tmp_path):
+    """A motion of 100 Hz with a gap of 1 s beside a wrench of 250 Hz, whose rows there are left."""
+    moving, sensed = np.arange(2000) / 100.0, np.arange(5000) / 250.0
+    moving = moving[(moving < 9.0) | (moving > 10.0)]
+    path = lambda t: np.stack([3.0 + 0.5 * np.sin(1.3 * t + k) for k in range(6)], axis=1)  # noqa: E731
+    wrapped = (path(moving) + np.pi) % (2 * np.pi) - np.pi
+    load = np.random.default_rng(0).normal(size=(5000, 6))
+    files = ((NAMES[6:], sensed, load, "wrench.csv"), (NAMES[:6], moving, wrapped, "joints.csv"))
+    raw: dict = {"recording": {"robot": "ur5", "mode": "dynamic"}, "file": []}
+    for names, clock, values, name in files:
+        write(tmp_path / name, [",".join(("t", *names))], map(repr, clock.tolist()), values)
+        unit = {"t": "s", "q": "rad", "f": "N"}
+        columns = {n: {"column": n, "unit": unit[n[0]]} for n in ("t", *names) if n not in TXYZ}
+        columns |= {n: {"column": n, "unit": "N·m"} for n in names if n in TXYZ}
+        raw["file"].append({"match": name, "columns": columns})
+    (tmp_path / "map.json").write_text(json.dumps(raw))
+    found = import_files([tmp_path / f[3] for f in files], read(tmp_path / "map.json"))
+    q, t = found.recording.q, found.recording.t
+    turns = 2 * np.pi * np.round((q - path(t)) / (2 * np.pi))
+    assert (turns == turns[0]).all() and np.abs(q - turns - path(t)).max() < 1e-4
+    assert 240 < found.left_out < 270
 
 
 def test_poses_far_apart_with_a_pause_between_are_no_turns(tmp_path, capsys):
@@ -322,3 +349,17 @@ def test_a_file_longer_than_what_its_layout_is_read_from(tmp_path, mark, monkeyp
         stream.write(mark.join(["1", "x", "2"]) + "\n")
     with pytest.raises(MapError, match=r"column 'b', row 400: 'x' is no number \(line 403\)"):
         read_text(path).numbers("b")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_arrival_later_than_the_next_frame_and_lost_rows_are_told_apart(seed):
+    """Even reads that arrive late by 0.8 ms on average of 2 ms, in turn, 2 % of which are lost."""
+    rng = np.random.default_rng(seed)
+    t, path, _ = motion(0.0)
+    late = np.maximum.accumulate(t + rng.exponential(0.8e-3, len(t))) + 1e-9 * np.arange(len(t))
+    keep = np.append(True, rng.random(len(t) - 1) > 0.02)
+    columns = {name: np.round(q, 5)[keep] for name, q in path.items()}
+    even, sentence = evened({"t": late[keep], **columns})
+    assert "their own clock restored" in sentence[0] and "dropped frames" in sentence[1]
+    off = np.abs(even["q1"] - np.sin(4.0 * (even["t"] - even["t"][0])))
+    assert np.quantile(off, 0.995) < 2e-4 and off.max() < 0.009  # a frame's way is 0.008

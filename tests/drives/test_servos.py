@@ -138,7 +138,7 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(arm, moved):
     log, targets, q = moved
     for changed, why in (
         (recording(targets, targets, robot=arm, counts=False), "echo"),
-        (recording(q[:90], targets[:90], robot=arm), "100 rows follow each other"),
+        (recording(q[:90], targets[:90], robot=arm), "100 rows"),
         (recording(q, targets, robot=arm, mode="static"), "at rest"),
         (recording(q, targets[::-1], robot=arm), "explains nothing"),
         (recording(q, 2.0 * q - targets, robot=arm), "negative"),

@@ -1,5 +1,6 @@
 """What a calibration fits: one row a pose at rest, or one row a sample in motion."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.calibration.checks.rows import frozen_joints, usable
+from wrenchbed.data.clock import JITTER, pieces
 from wrenchbed.data.holds import about_means, gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
@@ -20,7 +22,6 @@ _WIDER, _BENT = (1, 2, 4), 1.25
 noise, as a window shows it, from which it bends the path itself: white noise shows alike in all."""
 _LEVER = 1.0
 """Joint accelerations are taken to act over this length [m]."""
-_JITTER = 0.02
 _BETWEEN = 0.2
 """Mean distance from the nearest count, in counts, from which values stand anywhere between them:
 0.25 if all places are alike, 0 on counts."""
@@ -102,45 +103,65 @@ def _rows(recording: Recording, keep: np.ndarray) -> Observations:
 
 
 def _motion(recording: Recording, keep: np.ndarray) -> Observations:
-    step = np.diff(recording.t)
-    h = float(np.mean(step)) if len(step) else 1.0
-    window = window_of(recording)
-    if len(step) < 4 * window or np.abs(step - h).max() > _JITTER * h:
+    step, window = np.diff(recording.t), window_of(recording)
+    h, parts = _step(recording), _long(recording, window)
+    inside = [np.diff(recording.t[part]) for part in parts]
+    if sum(map(len, inside)) < 4 * window or any(
+        np.abs(steps - h).max() > JITTER * h for steps in inside
+    ):
         raise CalibrationError(
             f"{recording.name}: motion needs at least {4 * window} rows on an even clock "
             f"(steps {step.min(initial=h):.4g} … {step.max(initial=h):.4g} s)"
         )
-    from scipy.signal import savgol_filter  # slow to load: only when it is used
-
-    q = recording.q
-    smooth, qd, qdd = (
-        savgol_filter(q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp") for k in range(3)
-    )
-    _check_smooth(recording, _force_of_noise(q - smooth, window, h), q - smooth)
+    smooth, qd, qdd = (_smoothed(recording, parts, window, k) for k in range(3))
+    rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
+    rough = recording.q[rows] - smooth
+    _check_smooth(recording, _force_of_noise(rough, window, h), rough)
     edge = window // 2
-    use = keep.copy()
-    use[:edge] = use[-edge:] = False
+    inner = np.concatenate([np.arange(part.start + edge, part.stop - edge) for part in parts])
+    inner = inner[keep[inner]]
+    at = np.searchsorted(rows, inner)
     covariance, dof, source = _stated(recording)
     return Observations(
-        Jet(smooth[use], qd[use], qdd[use]), recording.wrench[use],
-        np.ones(int(use.sum()), dtype=int),
-        floored(covariance, recording), dof, source, recording.t[use], keep,
+        Jet(smooth[at], qd[at], qdd[at]), recording.wrench[inner],
+        np.ones(len(inner), dtype=int),
+        floored(covariance, recording), dof, source, recording.t[inner], keep,
     )  # fmt: skip
+
+
+def _step(recording: Recording) -> float:
+    """Time from row to row [s]."""
+    return float(np.median(np.diff(recording.t))) if len(recording) > 1 else 1.0
+
+
+def _long(recording: Recording, window: int) -> list[slice]:
+    """Pieces of a motion that are long enough for a window."""
+    return [p for p in pieces(recording.columns) if p.stop - p.start >= 2 * window]
+
+
+def _smoothed(recording: Recording, parts: Sequence[slice], window: int, deriv: int) -> np.ndarray:
+    """Joint values (N, J) of pieces, or their derivatives, smoothed over a window."""
+    from scipy.signal import savgol_filter  # slow to load: only when it is used
+
+    h, q = _step(recording), recording.q.astype(float)
+    each = (savgol_filter(q[p], window, _ORDER, deriv=deriv, delta=h, axis=0) for p in parts)
+    return np.concatenate(list(each))
 
 
 def window_of(recording: Recording) -> int:
     """Rows over which joint values of a motion are smoothed: a wider window where their noise would
     outweigh the sensor's, if it does not bend their path."""
-    from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+    from scipy.signal import savgol_coeffs  # slow to load: only when it is used
 
-    q, step = recording.q.astype(float), np.diff(recording.t)
-    h = float(np.mean(step)) if len(step) else 1.0
+    h = _step(recording)
     windows = [max(_LEAST_WINDOW, 2 * round(_WINDOW_S * k / h / 2) + 1) for k in _WIDER]
     first: np.ndarray | None = None
     for window in windows:
-        if len(q) < 4 * window:
+        parts = _long(recording, window)
+        if sum(p.stop - p.start for p in parts) < 4 * window:
             break
-        rough = q - savgol_filter(q, window, _ORDER, axis=0, mode="interp")
+        rough = np.concatenate([recording.q[p] for p in parts])
+        rough = rough - _smoothed(recording, parts, window, 0)
         if _force_of_noise(rough, window, h).sum() <= _allowed(recording) ** 2:
             return window
         std = rough.std(axis=0) / np.sqrt(1.0 - savgol_coeffs(window, _ORDER).max())

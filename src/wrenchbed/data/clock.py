@@ -5,8 +5,9 @@ seconds would lose the last of them.
 """
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from datetime import UTC, datetime, time, timedelta
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -28,10 +29,15 @@ without a gap on which it is tried first."""
 _LONGEST_S = 0.05
 """Longest gap that may be filled [s]: of all but the joints straight lines fill it, which are off
 by 5 % of the amplitude of what repeats every half second, 1 − cos(π g / T)."""
-_LOST, _SMOOTHER = 1.7, 0.5
-"""Step over the mean one from which a row was lost in between; and the ratio of squared bends of
-the joints' path, by rows over by stamps, below which the rows were read evenly: either is larger
-where its clock is not the true one."""
+_PARTED = 1.5
+"""Step over the usual one from which rows do not follow each other."""
+_SMOOTHER = 0.5
+"""Ratio of squared bends of the joints' path, by frames over by stamps, below which the rows were
+read evenly: either is larger where its clock is not the true one."""
+_FIRST, _MOST, _RATES, _BINS = 64, 4000, 81, 50
+"""Rows by which the search for a clock's rate begins, which then doubles them; most rows that tell
+it; rates that are tried within a cycle more or less; and parts of a frame in which stamps are
+counted."""
 _FASTEST = 10.0
 """Top speed of arms' joints [rad/s]: a faster step is a report that passed from π to −π."""
 _LATEST_S = 9e9
@@ -135,17 +141,20 @@ def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | 
 
 
 def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns, ``t`` among them, interpolated to times (M,): linearly, orientations along the
-    shortest rotation, whole numbers from the nearest row."""
+    """Columns, ``t`` among them, interpolated to times (M,): linearly, joint values along
+    cubics, orientations along the shortest rotation, whole numbers from the nearest row."""
     old = data["t"]
     columns: dict[str, np.ndarray] = {}
     if QUATERNION[0] in data:
         q = Rotation.from_quat(np.stack([data[c] for c in QUATERNION], axis=-1), scalar_first=True)
         turned = Slerp(old, q)(np.clip(t, old[0], old[-1]))
         columns |= quaternion_columns(turned)
+    if joints := [name for name in data if name[0] == "q" and name[1:].isdecimal()]:
+        path = along(old, np.stack([data[name] for name in joints], axis=1), t)
+        columns |= dict(zip(joints, path.T, strict=True))
     nearest = np.searchsorted((old[1:] + old[:-1]) / 2.0, t, side="right")
     for name, values in data.items():
-        if name not in ("t", *QUATERNION):
+        if name not in ("t", *QUATERNION, *joints):
             whole = name in ("segment", "status") or values.dtype.kind in "iu"
             columns[name] = values[nearest] if whole else np.interp(t, old, values)
     return columns
@@ -158,15 +167,15 @@ def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
 
 
 def unwrapped(
-    data: dict[str, np.ndarray], joints: Collection[str]
+    data: dict[str, np.ndarray], angles: Collection[str]
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """A motion whose joints turn on where their reports pass from π to −π, and which these are."""
     turned_on = dict[str, np.ndarray]()
-    for name in joints:
+    for name in set(data) & set(angles):
         steps = np.diff(data[name])
         turns = np.round(steps / (2.0 * np.pi))
-        turns[np.abs(steps) < _FASTEST * np.diff(data["t"])] = 0.0  # the joint may have gone there
-        if turns.any():
+        # the joint may have gone there
+        if (turns[np.abs(steps) > _FASTEST * np.diff(data["t"])] != 0.0).any():
             turned_on[name] = data[name] - 2.0 * np.pi * np.append(0.0, np.cumsum(turns))
     notes = [f"{name} passes ±180°: unwrapped" for name in sorted(turned_on)]
     return data | turned_on, tuple(notes)
@@ -177,32 +186,95 @@ def evened(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[st
     joints = joint_columns(data)
     if not joints or len(data["t"]) < 2:
         return data, ()
-    t, steps = data["t"], np.diff(data["t"])
+    data, notes = own_clock(data)
     q = np.stack([data[name] for name in joints], axis=1)
-    clock = even_clock(t, _longest_known(t, q))
+    clock = even_clock(data["t"], _longest_known(data["t"], q))
     if clock is None:
-        return data, ()
-    if steps.max() < _LOST * steps.mean() and _read_evenly(data, joints):
-        even = t[0] + np.arange(len(t)) * steps.mean()
-        late = 1e3 * float(np.abs(t - even).max())
-        words = f"stamps are late by up to {late:.2g} ms, the joints move by even steps of "
-        words += f"{1e3 * steps.mean():.6g} ms: their own clock restored"
-        return data | {"t": even}, (words,)
+        return data, notes
     t, sentence = clock
     path = _bridged(data["t"], q, t)
-    return {"t": t} | at_times(data, t) | dict(zip(joints, path.T, strict=True)), (sentence,)
+    columns = at_times(data, t) | dict(zip(joints, path.T, strict=True))
+    return {"t": t} | columns, (*notes, sentence)
 
 
-def _read_evenly(data: Mapping[str, np.ndarray], joints: Sequence[str]) -> bool:
-    """Whether joints bend much less from row to row than by their stamps: these then are of the
-    rows' arrival."""
-    step = np.diff(data["t"])
-    by_row = by_stamp = 0.0
-    for name in joints:
-        way = np.diff(data[name])
-        by_row += float((np.diff(way) ** 2).sum())
-        by_stamp += float((np.diff(way / step * step.mean()) ** 2).sum())
-    return by_row < _SMOOTHER * by_stamp
+def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """A motion on the clock by which its joints were read, where its stamps are of the rows'
+    arrival: joints bend much less from frame to frame than by their stamps; and what was done."""
+    t, joints = data["t"], joint_columns(data)
+    if not joints or even_clock(t) is None or (frames := _frames(t)) is None:
+        return data, ()
+    (frame, first, step_s), bends = frames, []
+    q = np.stack([data[name] for name in joints], axis=1)
+    frame = _one_earlier(frame, q)
+    for clock in (frame, t):
+        step = np.diff(clock)[:, None]
+        speed, near = np.diff(q, axis=0) / step, np.diff(frame) < _GAP
+        bend = np.diff(speed, axis=0)[near[1:] & near[:-1]] * step.mean()
+        bends.append(float((bend**2).sum()))
+    if bends[0] >= _SMOOTHER * bends[1]:
+        return data, ()
+    own = first + step_s * frame
+    words = f"stamps are late by up to {1e3 * (t - own).max():.2g} ms, the joints move by even "
+    words += f"steps of {1e3 * step_s:.6g} ms: their own clock restored"
+    return data | {"t": own}, (words,)
+
+
+def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Frames (N,), of rows behind a lost one that one earlier where joints (N, J) say that these
+    were only late."""
+    row = 1 + np.flatnonzero(np.diff(frame)[:-1] >= 2)
+    before, behind = q[row - 1], q[row + 1]
+    misses = []
+    for at in (frame[row], frame[row] - 1):
+        share = (at - frame[row - 1]) / (frame[row + 1] - frame[row - 1])
+        expected = before + share[:, None] * (behind - before)
+        misses.append(((q[row] - expected) ** 2).sum(axis=1))
+    frame[row[misses[1] < _SMOOTHER * misses[0]]] -= 1
+    return frame
+
+
+def _frames(t: np.ndarray) -> tuple[np.ndarray, float, float] | None:
+    """Frames (N,) of an even clock that stamps (N,) are late of, the time of the first one and of a
+    frame [s]; None where steps are all too different.
+
+    Its rate is the strongest line in the stamps' spectrum; a frame begins where stamps set in.
+    """
+    since, step = t - t[0], np.diff(t)
+    near = np.abs(step / np.median(step) - 1.0) < 0.5
+    rows = min(_FIRST, len(t))
+    if np.count_nonzero(near) < rows // 2:
+        return None
+    rate = 1.0 / float(step[near].mean())
+    while True:
+        some = since[np.linspace(0, rows - 1, min(rows, _MOST)).astype(int)]
+        tried = rate + np.linspace(-1.0, 1.0, _RATES) / some[-1]
+        rate = float(tried[np.abs(np.exp(2j * np.pi * np.outer(tried, some)).sum(axis=1)).argmax()])
+        if rows == len(t):
+            break
+        rows = min(2 * rows, len(t))
+    count = np.histogram(since * rate % 1.0, _BINS, (0.0, 1.0))[0]
+    after = np.sum([np.roll(count, -k) for k in range(_BINS // 10)], axis=0)
+    begin = float(np.argmax(after - np.roll(after, _BINS // 10))) / _BINS
+    frame = np.floor(since * rate - begin + 2.0 / _BINS)
+    place = np.arange(len(t))  # what comes later than the next frame is still of its own
+    frame = np.minimum.accumulate((frame - place)[::-1])[::-1] + place
+    return frame - frame[0], float(t[0] + (frame[0] + begin) / rate), 1.0 / rate
+
+
+def in_gap(old: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Which times (M,) lie in gaps of a clock (N,), boolean."""
+    wide = np.append(np.diff(old) > _GAP * np.median(np.diff(old)), False)
+    return np.asarray(wide[np.searchsorted(old[:-1], t, side="right") - 1])
+
+
+def pieces(columns: Mapping[str, np.ndarray]) -> list[slice]:
+    """Rows of a motion that follow each other: between gaps of its clock and between segments."""
+    step = np.diff(columns["t"])
+    parted = step > _PARTED * float(np.median(step)) if len(step) else step > 0.0
+    if "segment" in columns:
+        parted |= np.diff(columns["segment"]) != 0
+    ends = [0, *(np.flatnonzero(parted) + 1).tolist(), len(columns["t"])]
+    return [slice(a, b) for a, b in pairwise(ends)]
 
 
 def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
@@ -237,12 +309,23 @@ def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.polynomial.polynomial.polyvander((at - middle) / half, _DEGREE) @ slopes
 
 
+def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Joint values (M, J) at times (M,) on cubics through those (N, J) at times (N,): straight
+    lines would bend at every row."""
+    slope = np.gradient(q, old, axis=0)
+    k = np.clip(np.searchsorted(old, t, side="right") - 1, 0, len(old) - 2)
+    h = (old[k + 1] - old[k])[:, None]
+    x = np.clip((t - old[k])[:, None] / h, 0.0, 1.0)
+    by_ends = q[k] + x**2 * (3.0 - 2.0 * x) * (q[k + 1] - q[k])
+    return np.asarray(by_ends + x * (1.0 - x) * h * ((1.0 - x) * slope[k] - x * slope[k + 1]))
+
+
 def _bridged(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Joint values (N, J) of times (N,) at times (M,), in gaps by a polynomial through the rows on
     both sides."""
     step = np.diff(old)
-    result = np.stack([np.interp(t, old, x) for x in q.T], axis=1)
-    for k in np.flatnonzero(step > _GAP * np.median(step)):
+    result = along(old, q, t)
+    for k in np.flatnonzero((step > _GAP * np.median(step)) & (step < _LONGEST_S)):
         inside = (t > old[k]) & (t < old[k + 1])
         near = (old > old[k] - step[k]) & (old < old[k + 1] + step[k])
         if inside.any() and near.sum() > 2 * _DEGREE:

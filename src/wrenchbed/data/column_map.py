@@ -142,6 +142,12 @@ class ColumnMap:
     mode: str = "static"
 
     @property
+    def angles(self) -> set[str]:
+        """Joints whose values are angles."""
+        every = (c for f in self.files for c in f.columns if UNITS[c.unit][0] == "angle")
+        return {c.target for c in every if c.target[1:].isdecimal()}
+
+    @property
     def by_accelerometer(self) -> bool:
         """Whether an accelerometer is all that says how the sensor is turned."""
         targets = {c.target for f in self.files for c in f.columns}

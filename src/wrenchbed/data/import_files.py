@@ -19,7 +19,9 @@ from wrenchbed.data.clock import (
     PER_S,
     at_times,
     evened,
+    in_gap,
     nanoseconds,
+    own_clock,
     quaternion_columns,
     unwrapped,
 )
@@ -28,7 +30,6 @@ from wrenchbed.data.column_map import (
     ANGLES,
     AUTO,
     ROTATION,
-    UNITS,
     ColumnMap,
     FileMap,
     Source,
@@ -85,9 +86,6 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
         recording = _recording(data, replace(metadata, mode="static"), name)
         check_at_rest(recording)
         return Imported(recording, left_out, skipped)
-    angles = {c.target for f in column_map.files for c in f.columns if UNITS[c.unit][0] == "angle"}
-    data, turned_on = unwrapped(data, angles & set(joint_columns(data)))
-    skipped += turned_on
     if column_map.mode != AUTO:
         data, notes = evened(data)
         recording = with_noise(_recording(data, metadata, name))
@@ -124,6 +122,7 @@ def merged(
         raise MapError(f"{unused[0]}: no [[file]] of {column_map.name} matches this file")
     tables = [_table(p, m) for p, m in zip(names, column_map.files, strict=True)]
     first, *others = (_columns(t, m) for (t, _), m in zip(tables, column_map.files, strict=True))
+    notes: tuple[str, ...] = ()
     rows, start = len(next(iter(first.values()))), 0
     if "t" in first:
         start = first["t"][0]
@@ -133,11 +132,15 @@ def merged(
     else:
         t = np.arange(rows) / (column_map.rate_hz or _POSES_PER_SECOND)
     data, inside = {"t": t} | first, np.ones(rows, dtype=bool)
+    if column_map.mode != "static":
+        data, turned_on = unwrapped(data, column_map.angles)
+        data, notes = own_clock(data)
+        t, notes = data["t"], turned_on + notes
     for part, path in zip(others, names[1:], strict=True):
         if "t" in part:
-            times = (part["t"] - start) / PER_S
-            inside &= (t >= times[0]) & (t <= times[-1])
-            data |= at_times(part | {"t": times}, t)
+            part |= {"t": (part["t"] - start) / PER_S}
+            part, there, more = _beside(part, t, column_map)
+            data, inside, notes = data | part, inside & there, notes + more
             continue
         if (count := len(next(iter(part.values())))) != rows:
             raise MapError(
@@ -148,7 +151,7 @@ def merged(
     if not inside.any():
         raise MapError(f"{column_map.name}: the files' times do not overlap")
     data = {k: v[inside] for k, v in data.items()}
-    notes = tuple(
+    notes += tuple(
         f"{path.name}: {skipped} rows without a value left out"
         for path, (_, skipped) in zip(names, tables, strict=True) if skipped
     )  # fmt: skip
@@ -157,6 +160,21 @@ def merged(
         notes += (sentence,)
     data = _in_sensor_axes(data, column_map, names[0])
     return data, int((~inside).sum()), str(names[0]), notes
+
+
+def _beside(
+    part: dict[str, np.ndarray], t: np.ndarray, column_map: ColumnMap
+) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[str, ...]]:
+    """Columns of a further file at the first one's times (N,), which of these lie in its time and
+    not in a gap of a motion (N,), and what was done to its clock."""
+    notes: tuple[str, ...] = ()
+    gap = np.zeros(len(t), dtype=bool)
+    if column_map.mode != "static":
+        part, turned_on = unwrapped(part, column_map.angles)
+        part, more = evened(part)
+        gap, notes = in_gap(part["t"], t), turned_on + more
+    there = (t >= part["t"][0]) & (t <= part["t"][-1]) & ~gap
+    return at_times(part, t), there, notes
 
 
 def _by_accelerometer(

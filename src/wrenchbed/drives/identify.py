@@ -17,7 +17,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.drives.at_rest import calibrate_at_rest
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.fit import DriveFit, JointError, impossible, joint_errors
-from wrenchbed.drives.signals import DriveSignals, as_torques, drive_signals
+from wrenchbed.drives.signals import DriveSignals, as_torques, efforts_of, signals_of_pieces
 from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual, solve, start
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
@@ -89,33 +89,33 @@ def calibrate_efforts(
 def _calibrate_in_motion(
     recording: Recording, free: Sequence[str], constants: Sequence[float] | None
 ) -> DriveFit:
-    signals = drive_signals(recording)
+    prefix, effort = efforts_of(recording)
+    dead = np.flatnonzero(np.ptp(effort, axis=0) == 0.0)
+    column = f"{prefix}{dead[0] + 1}" if dead.size else ""
     if constants is not None:
-        known = as_torques(signals.effort, signals.prefix, constants, recording.name)
-        signals = replace(signals, effort=known, prefix="tau")
-    problem, starts = problem_of(recording, signals, _groups(free, signals))
+        effort, prefix = as_torques(effort, prefix, constants, recording.name), "tau"
+    signals = signals_of_pieces(recording, effort, prefix)
+    problem, starts = problem_of(recording, signals, _groups(free, prefix))
     check_moves(recording.name, problem)
-    dead = np.flatnonzero(np.ptp(signals.effort, axis=0) == 0.0)
-    if dead.size:
-        column = f"{signals.prefix}{dead[0] + 1}"
+    if column:
         raise CalibrationError(f"{recording.name}: column {column!r} never changes")
     solution, joints = solve(problem), arm_of(recording).joints
     covariance = jackknife(np.array([published(problem, x, starts) for x in solution.folds]))
     identified = values_of(problem, solution, starts, joints, covariance)
-    errors = errors_of(problem, solution, [joint.own(signals.unit) for joint in joints])
+    errors = errors_of(problem, solution, [joint.own(signals[0].unit) for joint in joints])
     return DriveFit(
-        recording.name, recording.metadata.robot, signals.unit, identified, errors,
-        covariance, signals.cutoff, float(signals.t[-1] - signals.t[0]), len(problem.use),
+        recording.name, recording.metadata.robot, signals[0].unit, identified, errors, covariance,
+        signals[0].cutoff, sum(float(np.ptp(s.t)) for s in signals), len(problem.use),
         refutation(errors, identified),
     )  # fmt: skip
 
 
-def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
+def _groups(free: Sequence[str], prefix: str) -> tuple[str, ...]:
     for name in free:
         if name not in (*GROUPS, "drive"):
             raise ParameterError(f"--free {name}: is none of drive, {', '.join(GROUPS)}")
     named = {g for f in free for g in ((*FRICTION, CONSTANT) if f == "drive" else (f,))}
-    currents = signals.prefix == "i"
+    currents = prefix == "i"
     wanted = named or {*FRICTION, "tool", *((CONSTANT,) if currents else ())}
     if currents and CONSTANT not in wanted:
         raise ParameterError(f"--free: currents need {CONSTANT}, or --constants that are known")
@@ -125,9 +125,23 @@ def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
 
 
 def problem_of(
+    recording: Recording, signals: Sequence[DriveSignals], groups: tuple[str, ...]
+) -> tuple[Problem, dict[str, float]]:
+    """Columns of `GROUPS` for the signals of an arm's pieces of motion, one after the other, and
+    the nominal values of what is free."""
+    parts, starts = zip(*(_of_piece(recording, s, groups) for s in signals), strict=True)
+    y, nominal, loads, own, use = (
+        np.concatenate([getattr(p, name) for p in parts])
+        for name in ("y", "nominal", "loads", "own", "use")
+    )
+    fold = np.arange(len(y)) * FOLDS // len(y)
+    whole = replace(parts[0], y=y, nominal=nominal, loads=loads, own=own, use=use, fold=fold)
+    return whole, starts[0]
+
+
+def _of_piece(
     recording: Recording, signals: DriveSignals, groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
-    """Columns of `GROUPS` for the signals of an arm, and the nominal values of what is free."""
     robot = arm_of(recording)
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
@@ -158,7 +172,7 @@ def problem_of(
     problem = Problem(
         signals.filtered(signals.effort), signals.filtered(nominal, coarse),
         signals.filtered(loads, coarse), changes, signals.filtered(friction), kinds, use,
-        np.arange(len(use)) * FOLDS // len(use), CONSTANT in groups, spread,
+        np.zeros(len(use), dtype=int), CONSTANT in groups, spread,
     )  # fmt: skip
     return problem, starts
 

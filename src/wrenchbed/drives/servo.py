@@ -8,7 +8,6 @@ told. Pieces between gaps and episodes are filtered apart.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -30,8 +29,13 @@ from wrenchbed.drives.identify import (
     refutation,
     values_of,
 )
-from wrenchbed.drives.signals import DriveSignals, cutoff_of, encoder_noise, motion_signals
-from wrenchbed.drives.solution import FOLDS, Problem, Solution, solve
+from wrenchbed.drives.signals import (
+    DriveSignals,
+    encoder_noise,
+    motion_signals,
+    signals_of_pieces,
+)
+from wrenchbed.drives.solution import Problem, Solution, solve
 from wrenchbed.errors import CalibrationError, ParameterError
 from wrenchbed.robots.base import Joint
 
@@ -48,13 +52,9 @@ _PER_ROW = 4.0
 """Delays a row's time at which the search begins."""
 _STEPS, _CLOSE = 20, 1e-5
 """Steps towards the delays at most, and the change [s] that ends them."""
-_LEAST_ROWS = 100
-"""Fewest rows of a piece between gaps: its filter takes dozens at both ends."""
 _REST = 0.25
 """Share of the correction for encoders' noise that may be wrong: of counts of 1.5, 3 and 6 mrad it
 left 0.2 to 0.4 of what they moved damping and inertia by (`tests/drives/test_servos.py`)."""
-_GAP = 1.5
-"""Step over the usual one from which rows do not follow each other."""
 _NOTHING = 1e-6
 """Largest tracking error [rad or m] that is none: an echo of the command."""
 
@@ -122,14 +122,15 @@ def calibrate_servos(
         )
     pieces = pieces_of(recording)
     groups = (*FRICTION, CONSTANT, *(() if free and TOOL not in free else (TOOL,)))
-    problem, starts = _problem(recording, pieces, groups)
+    problem, starts = problem_of(recording, [p.signals for p in pieces], groups)
     check_moves(recording.name, problem)
     about, solution, delay = _solved(problem, pieces)
     noise = [p.noise(np.random.default_rng(k)) for k, p in enumerate(pieces)]
 
     def with_more(size: float) -> Solution:
         shaken = [p.shaken(size * n) for p, n in zip(pieces, noise, strict=True)]
-        return solve(_about(_problem(recording, shaken, groups)[0], shaken, delay))
+        problem, _ = problem_of(recording, [p.signals for p in shaken], groups)
+        return solve(_about(problem, shaken, delay))
 
     once, twice = ([with_more(s), with_more(-s)] for s in (1.0, float(np.sqrt(2.0))))
     better = _extrapolated(solution, once, twice)
@@ -175,44 +176,18 @@ def pieces_of(recording: Recording) -> list[Piece]:
         raise CalibrationError(
             f"{name}: q_target1… are q1…: the targets only echo what was reached"
         )
-    step = np.diff(t)
-    parted = step > _GAP * float(np.median(step))
-    if (segment := recording.columns.get("segment")) is not None:
-        parted |= np.diff(segment) != 0
-    ends = [0, *(np.flatnonzero(parted) + 1).tolist(), len(t)]
-    parts = [slice(a, b) for a, b in pairwise(ends)]
-    long = [part for part in parts if part.stop - part.start >= _LEAST_ROWS]
-    if not long:
-        raise CalibrationError(
-            f"{name}: no {_LEAST_ROWS} rows follow each other evenly: record longer pieces"
-        )
-    rate = 1.0 / float(np.median(step))
-    cutoff = float(np.median([cutoff_of(q[part], rate) for part in long]))
-    return [_piece(name, t[part], q[part], target[part], cutoff) for part in long]
+    signals = signals_of_pieces(recording, q, "q")
+    return [_piece(s, target[np.searchsorted(t, s.t)]) for s in signals]
 
 
-def _piece(name: str, t: np.ndarray, q: np.ndarray, target: np.ndarray, cutoff: float) -> Piece:
-    signals = motion_signals(name, t, q, q, "q", cutoff)
+def _piece(signals: DriveSignals, target: np.ndarray) -> Piece:
+    t = signals.t
     period = 1.0 / signals.rate
     before = int(LATEST / period) + 3  # rows for which the first target stood
     rows = np.arange(-before, len(t) + 3)
     course = target[np.clip(rows, 0, len(t) - 1)]
     splines = [make_interp_spline(t[0] + rows * period, x, k=3) for x in course.T]
     return Piece(signals, tuple(spline.antiderivative() for spline in splines))
-
-
-def _problem(
-    recording: Recording, pieces: Sequence[Piece], groups: tuple[str, ...]
-) -> tuple[Problem, dict[str, float]]:
-    """Columns of all pieces, and nominal values."""
-    parts, starts = zip(*(problem_of(recording, p.signals, groups) for p in pieces), strict=True)
-    y, nominal, loads, own, use = (
-        np.concatenate([getattr(p, name) for p in parts])
-        for name in ("y", "nominal", "loads", "own", "use")
-    )
-    fold = np.arange(len(y)) * FOLDS // len(y)
-    whole = replace(parts[0], y=y, nominal=nominal, loads=loads, own=own, use=use, fold=fold)
-    return whole, starts[0]
 
 
 def _solved(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solution, np.ndarray]:

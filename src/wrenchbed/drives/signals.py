@@ -12,7 +12,7 @@ import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 from scipy.interpolate import make_interp_spline
 
-from wrenchbed.data.clock import JITTER
+from wrenchbed.data.clock import JITTER, pieces
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
@@ -171,6 +171,31 @@ def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSig
     """
     prefix, effort = efforts_of(recording)
     return motion_signals(recording.name, recording.t, recording.q, effort, prefix, cutoff)
+
+
+def signals_of_pieces(recording: Recording, effort: np.ndarray, prefix: str) -> list[DriveSignals]:
+    """Speeds and accelerations of each piece of a motion between gaps of its clock and between its
+    segments, beside what drives report (N, J), all with one cutoff.
+
+    Raises:
+        CalibrationError: no piece is long enough, or nothing moves.
+    """
+    name, t, q = recording.name, recording.t, recording.q.astype(float)
+    parts = pieces(recording.columns)
+    if len(parts) == 1:
+        return [motion_signals(name, t, q, effort, prefix)]
+    long = [
+        part for part in parts
+        if part.stop - part.start >= _LEAST_ROWS and np.ptp(q[part], axis=0).any()
+    ]  # fmt: skip
+    if not long:
+        raise CalibrationError(
+            f"{name}: no {_LEAST_ROWS} rows of a motion follow each other evenly: record longer "
+            "pieces"
+        )
+    rate = 1.0 / float(np.median(np.diff(t)))
+    cutoff = float(np.median([cutoff_of(q[part], rate) for part in long]))
+    return [motion_signals(name, t[p], q[p], effort[p], prefix, cutoff) for p in long]
 
 
 def motion_signals(
