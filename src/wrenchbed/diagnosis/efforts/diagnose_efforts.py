@@ -23,6 +23,7 @@ from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.result import Diagnosis, plain
 from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.diagnosis.prepare.scenes import notes, stretch
 from wrenchbed.drives.identify import arm_of
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.files import write_json
@@ -100,9 +101,11 @@ def diagnose_efforts(
         )
     known = stated_drives(recording, drives)
     recording = with_tool(recording, known)
+    given = recording
     if recording.only_commanded:
         recording, known, counts = as_efforts(recording, known)
         material = material or counts
+    recording = stretch(recording)
     scene = effort_scene(recording, known, wrench=wrench)
     progress("effects and noise")
     d = dictionary(scene, material)
@@ -122,7 +125,8 @@ def diagnose_efforts(
         recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
         answer.where(d, final, gap, seen), answer.which(simulators, final, gap),
         dict(final.probabilities), answer.cannot_tell(final), answer.next_steps(final), twin,
-        time.perf_counter() - begun, answer.notes(d, final, gap, seen, unnamed),
+        time.perf_counter() - begun,
+        (*notes(given, recording, recording), *answer.notes(d, final, gap, seen, unnamed)),
         set90=set90(final, UNLEARNT),
         minor=answer.minor(simulators, likely, final),
         fitted=fitted(fit),

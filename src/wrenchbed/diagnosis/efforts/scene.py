@@ -199,8 +199,8 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
     step = max(1, int(signals.rate / enough + 0.5), -(-rows // MOST_ROWS))
     if rows < step * _LEAST_ROWS:
         raise DiagnosisError(
-            f"{recording.name}: {rows} rows: a diagnosis of joint efforts needs "
-            f"{step * _LEAST_ROWS} rows or more of a motion"
+            f"{recording.name}: {rows} rows follow each other: a diagnosis of joint efforts needs "
+            f"{step * _LEAST_ROWS} rows or more of one motion; calibrate takes shorter pieces"
         )
     currents = signals.prefix == "i"
     if currents:

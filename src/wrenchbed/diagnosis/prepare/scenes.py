@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed.calibration.observations import Observations
+from wrenchbed.data.clock import pieces
 from wrenchbed.data.holds import gather, runs
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
@@ -66,9 +67,15 @@ def of_recording(recording: Recording, configuration: Configuration, data: Obser
 
 
 def stretch(recording: Recording) -> Recording:
-    """The recording, or the middle of a longer motion with joints: `MOTION` rows."""
+    """The recording, or of a motion with joints the longest piece without a gap, of a longer one
+    its middle: `MOTION` rows."""
+    if recording.metadata.mode != "dynamic" or not recording.joints:
+        return recording
+    parts = pieces(recording.columns)
+    if len(parts) > 1:
+        recording = _rows(recording, max(parts, key=lambda part: part.stop - part.start))
     spare = len(recording) - MOTION
-    if recording.metadata.mode != "dynamic" or not recording.joints or spare <= 0:
+    if spare <= 0:
         return recording
     return _rows(recording, slice(spare // 2, spare // 2 + MOTION))
 
