@@ -312,7 +312,7 @@ def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
 def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Joint values (M, J) at times (M,) on cubics through those (N, J) at times (N,): straight
     lines would bend at every row."""
-    slope = np.gradient(q, old, axis=0)
+    slope = np.gradient(q, old, axis=0, edge_order=2 if len(old) > 2 else 1)
     k = np.clip(np.searchsorted(old, t, side="right") - 1, 0, len(old) - 2)
     h = (old[k + 1] - old[k])[:, None]
     x = np.clip((t - old[k])[:, None] / h, 0.0, 1.0)
