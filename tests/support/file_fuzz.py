@@ -445,6 +445,15 @@ def robot_toml() -> FileTarget:
                       beside=[{"a.urdf": urdf}])  # fmt: skip
 
 
+def robot_model() -> FileTarget:
+    """A user's robot as MJCF and as URDF, without its meshes."""
+    from wrenchbed.robots.model_file import read_arm
+
+    robots = Path(__file__).parents[1] / "data" / "robots"
+    seeds = [(robots / name).read_bytes() for name in ("ur5e.xml", "ur10.urdf")]
+    return FileTarget(lambda p: read_arm(p, "wrist_3_link") is None, seeds, "arm.xml")
+
+
 LOGS: dict[str, Callable[[], FileTarget]] = {
     "mcap": mcap, "mcap-no-crc": mcap_without_checksums, "bag1": bag1,
     "bag2": lambda: _of_bag2("log.db3"), "bag2-metadata": lambda: _of_bag2("metadata.yaml"),
@@ -454,4 +463,5 @@ SETTINGS: dict[str, Callable[[], FileTarget]] = {
     "recording": recording, "recording-metadata": recording_metadata, "plan": plan,
     "journal": journal, "points": points, "twin": twin_json, "fit": fit_json,
     "sealed": sealed_json, "map": map_toml, "robot-toml": robot_toml,
+    "robot-model": robot_model,
 }  # fmt: skip
