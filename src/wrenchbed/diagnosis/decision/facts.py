@@ -41,9 +41,6 @@ class Facts(Generic[S]):
         unknown: probability of something that no effect of the library makes.
         measure: gaps on held-out rows with the causes of a verdict.
         right: fraction of such verdicts that are right.
-        doubt: factor by which the evidence overstates log odds.
-        rival: share of a class from which another effect is a rival: below, the evidence does not
-            resolve it.
         least: probability that every cause needs: more where few rows are left to tell causes
             apart.
         ordinary_fitted: whether the calibrated simulator has all stated values free within their
@@ -55,8 +52,6 @@ class Facts(Generic[S]):
     unknown: float
     measure: Callable[[Verdict[S]], Closure]
     right: Callable[[Verdict[S], Closure], float]
-    doubt: float
-    rival: float
     least: float = 0.0
     ordinary_fitted: bool = False
     own_rest: bool = False

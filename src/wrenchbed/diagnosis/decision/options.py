@@ -8,7 +8,6 @@ from scipy.special import logsumexp
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.explain.claims import Explanation, complete
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
-from wrenchbed.diagnosis.explain.elements import DOUBT, RIVAL
 from wrenchbed.diagnosis.explain.structures import Ranking
 from wrenchbed.diagnosis.explain.verdict import Option, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
@@ -37,6 +36,4 @@ def facts_of(
     weight = weights(ranking)
     both = zip(weight[1:], ranking.explanations, strict=True)
     options = tuple(Option(e, float(w), e.parts) for w, e in both)
-    return Facts(
-        options, float(weight[0]), measure, right, DOUBT, RIVAL, least=least, own_rest=own_rest
-    )
+    return Facts(options, float(weight[0]), measure, right, least=least, own_rest=own_rest)

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from wrenchbed.diagnosis.answer import notes as of_gap
+from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import known, place, title
-from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks
+from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks, facts_of
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.simulator import Simulators
@@ -28,18 +29,23 @@ _OF_COMMANDS = (
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
     """Entries of ``which`` of the diagnosis: the claimed causes with sizes and probabilities."""
-    fit, result = s.of(blocks(v.causes)), list[dict[str, Any]]()
+    result = list[dict[str, Any]]()
     for c in v.causes:
-        assert c.part.index is not None
-        numbers, (effect, joint) = parameters(fit, c.part.index), c.part.key
-        alike = [key for key in c.keys if key[0] == effect]
-        if joint is not None and alike[1:]:
-            numbers["joint"] = {"value": joint, "rivals": [k for _, k in alike[1:]]}
-        rivals = _rivals(s, c, blocks([x for x in v.causes if x is not c]))
-        share, elements = gap.shares[c.part.label], [place(key)[1] for key in alike]
-        entry = cause(effect, c.probability, numbers, rivals, share, elements)
-        result.append(entry | {"channels": families(gap)})
+        entry = _entry(s, c, blocks([x for x in v.causes if x is not c]), c.probability)
+        share = {"closed_share": gap.shares[c.part.label], "channels": families(gap)}
+        result.append(entry | share)
     return result
+
+
+def _entry(s: Simulators, c: Cause, beside: Sequence[int], probability: float) -> dict[str, Any]:
+    """A cause with its size beside other causes' blocks, its joints and its rivals."""
+    assert c.part.index is not None
+    numbers, (effect, joint) = parameters(s.of((*beside, c.part.index)), c.part.index), c.part.key
+    alike = [key for key in c.keys if key[0] == effect]
+    if joint is not None and alike[1:]:
+        numbers["joint"] = {"value": joint, "rivals": [k for _, k in alike[1:]]}
+    elements = [place(key)[1] for key in alike]
+    return cause(effect, probability, numbers, _rivals(s, c, beside), 0.0, elements)
 
 
 def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
@@ -60,23 +66,15 @@ def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, An
 
 
 def minor(s: Simulators, every: Sequence[Weighed], v: Verdict[Structure]) -> list[dict[str, Any]]:
-    """Entries of ``minor``: causes that are there and add less than what counts."""
-    present: dict[int, float] = {}
-    gaps: dict[int, float] = {}
-    for w in every:
-        for block, gap in w.gaps.items():
-            if LEAST_MINOR <= gap < CLAIMABLE and not s.d.blocks[block].outside:
-                present[block] = present.get(block, 0.0) + w.probability
-                gaps.setdefault(block, gap)
+    """Entries of ``minor``: causes, with their rivals, that are there and add less than what
+    counts."""
     claimed = {key for c in v.causes for key in c.keys}
     result = []
-    for block, p in present.items():
-        key = s.d.blocks[block].key
-        if v.word != UNKNOWN and p >= DETECTED and key not in claimed:
-            numbers = parameters(s.of((*blocks(v.causes), block)), block)
-            entry = cause(key[0], min(p, BELIEVED), numbers, elements=[place(key)[1]])
+    for c in leading(facts_of(s, every, 0, LEAST_MINOR)).causes if v.word != UNKNOWN else ():
+        if c.part.share < CLAIMABLE and c.probability >= DETECTED and not claimed & {*c.keys}:
+            entry = _entry(s, c, blocks(v.causes), min(c.probability, BELIEVED))
             del entry["closed_share"], entry["channels"]
-            result.append(entry | {"gap": gaps[block]})
+            result.append(entry | {"gap": c.part.share})
     return sorted(result, key=lambda entry: -entry["gap"])
 
 

@@ -19,12 +19,13 @@ _SMALL = 1e-3
 _BESIDE = 0.25
 """Gap of causes without a name over that of named ones, from which nothing is named: the unnamed
 are then no small part."""
-_RIVAL = 0.1
-"""Share of a class from which another cause is a rival: odds of ten to one are those of two
-noises, which ordinary errors make."""
 BELIEVED = 0.85
 """Share of right answers where ordinary errors may imitate a cause, or causes leave a gap that
 counts: 79 % of `none` were right on the development seeds, half of all arms having a cause."""
+
+
+_MOSTLY = 2.0 / 3.0
+"""Share of the gap that causes close at least that are surer than that: clearly more than half."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +62,16 @@ def outside(d: Dictionary, best: Weighed) -> str:
     return f"{most.effect} of {d.scene.channels[(most.joint or 1) - 1]}"
 
 
-def options(d: Dictionary, every: Sequence[Weighed]) -> tuple[tuple[Option[Structure], ...], float]:
-    """Structures that name what they say, and the probability of those that do not."""
+def options(
+    d: Dictionary, every: Sequence[Weighed], least: float = CLAIMABLE
+) -> tuple[tuple[Option[Structure], ...], float]:
+    """Structures that name what they say, and the probability of those that do not; a cause adds at
+    least a gap."""
     result, unknown = list[Option[Structure]](), 0.0
     for w in every:
-        named = {b: g for b, g in w.counting.items() if not d.blocks[b].outside}
-        if sum(w.counting.values()) > (1.0 + _BESIDE) * sum(named.values()):
+        named = {b: g for b, g in w.gaps.items() if g >= least and not d.blocks[b].outside}
+        counts = sum(g for g in named.values() if g >= CLAIMABLE)
+        if sum(w.counting.values()) > (1.0 + _BESIDE) * counts:
             unknown += w.probability
             continue
         in_order = sorted(named, key=lambda b: -named[b])
@@ -82,10 +87,14 @@ def blocks(causes: Sequence[Cause]) -> tuple[int, ...]:
     return tuple(sorted(c.part.index for c in causes if c.part.index is not None))
 
 
-def facts_of(s: Simulators, every: Sequence[Weighed], seed: int) -> Facts[Structure]:
-    """What a decision on joint efforts rests on, of probable structures, best first; see
-    `Facts`."""
-    some, unknown = options(s.d, every)
+def facts_of(
+    s: Simulators, every: Sequence[Weighed], seed: int, least: float = CLAIMABLE
+) -> Facts[Structure]:
+    """What a decision on joint efforts rests on, of probable structures, best first; see `Facts`.
+
+    A cause adds at least a gap.
+    """
+    some, unknown = options(s.d, every, least)
 
     @cache
     def measured(causes: tuple[int, ...]) -> Closure:
@@ -98,18 +107,22 @@ def facts_of(s: Simulators, every: Sequence[Weighed], seed: int) -> Facts[Struct
         return closure(each, names, BLOCKS, seed, stated=True)
 
     return Facts(
-        some, unknown, lambda verdict: measured(blocks(verdict.causes)), _right,
-        doubt=1.0, rival=_RIVAL, ordinary_fitted=True,
-    )  # fmt: skip
+        some,
+        unknown,
+        lambda verdict: measured(blocks(verdict.causes)),
+        _right,
+        ordinary_fitted=True,
+    )
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
     """Fraction of answers like this one that are right: less where ordinary errors may imitate a
-    cause, or where a gap that counts is left, in all joints or in the cause's."""
+    cause, or where much of the gap or one that counts is left, in all joints or in the cause's."""
     if not verdict.causes:
         return BELIEVED if verdict.word == NONE else 1.0
     joint = verdict.causes[0].part.joint
     of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
+    little = gap.closed is None or gap.closed.value < _MOSTLY
     much = bool(of_joint) and of_joint[0].get("after", 0.0) > LARGEST_NONE
     closed = 1.0 if verdict.word == PARTIAL else gap.closed_beside(LARGEST_NONE)
-    return closed * (BELIEVED if much else 1.0)
+    return closed * (BELIEVED if little or much else 1.0)

@@ -2,11 +2,15 @@
 
 import numpy as np
 
-from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
+from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveRows, Size
 from wrenchbed.effects.drives.operators import REST
 
 SPEEDS = (0.02, 0.06, 0.15)
 """Speeds over which friction falls [rad/s, m/s]: UR joints fall within 0.02 to 0.1."""
+
+ORDINARY = 0.05
+"""Ordinary rise over each of these speeds, one standard deviation, over Coulomb friction: without
+it a healthy arm whose friction falls by a tenth has a cause."""
 
 
 class DriveStribeck(DriveEffect):
@@ -27,6 +31,13 @@ class DriveStribeck(DriveEffect):
         size = np.abs(rows.speed)
         above = np.maximum(size - REST * size.max(), 0.0)
         return {f"stribeck{k}": rows.sign * np.exp(-above / v) for k, v in enumerate(SPEEDS)}
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        std = ORDINARY * rows.level
+        return tuple(rows.column(word, shape, std) for word, shape in self.shapes(rows).items())
+
+    def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
+        return self.cause(rows, tuple(c.name for c in columns))
 
 
 EFFECT = DriveStribeck()
