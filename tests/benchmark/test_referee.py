@@ -96,7 +96,7 @@ def test_the_library_does_not_know_the_referee():
 # ---- laws of the sensor --------------------------------------------------------------------------
 
 
-def test_bouc_wen_agrees_with_a_general_integrator():
+def test_bouc_wen_and_lags_agree_with_a_general_integrator():
     t = np.linspace(0.0, 3.0, 301)
     x = 1.4 * np.sin(4.0 * t) * np.exp(-0.2 * t)
     shape = 0.7
@@ -110,9 +110,6 @@ def test_bouc_wen_agrees_with_a_general_integrator():
         0
     ]
     assert bouc_wen(x[:, None], shape)[:, 0] == pytest.approx(wanted, abs=2e-3)
-
-
-def test_lags_of_a_ramp_are_their_time_constants():
     t = np.arange(0.0, 4.0, 0.004)
     ramp = np.stack([t, 2.0 * t], axis=1)
     for late in (after(t, ramp, 0.3), lowpass(ramp, 0.004, 0.3, 2)):
@@ -194,7 +191,7 @@ def test_every_effect_on_means_has_a_signature(small, mode):
     assert on_means - set(STATED) <= set(bench(setting, world.way).columns)
 
 
-def test_effects_of_motion_are_for_motions():
+def test_effects_of_motion_and_temperature_are_drawn_where_they_can_show(world):
     robot = registry.load("robots", "ur5")
     rng = np.random.default_rng(1)
     still, moving = (settings.draw(robot, m, rng) for m in ("static", "dynamic"))
@@ -202,9 +199,6 @@ def test_effects_of_motion_are_for_motions():
     assert {"timing.delay", "tool.inertia"} < set(possible(moving))
     assert "link.length" not in possible(moving)
     assert moving.path.moving and not still.path.moving
-
-
-def test_a_temperature_is_a_cause_only_where_it_is_recorded(world):
     cold = replace(world.setting, temperature=None)
     warm = replace(cold, temperature=np.linspace(20.0, 25.0, len(cold.path.t)))
     assert "sensor.temperature" in possible(warm)
@@ -212,7 +206,7 @@ def test_a_temperature_is_a_cause_only_where_it_is_recorded(world):
     assert "sensor.temperature" not in bench(cold, world.way).columns
 
 
-def test_a_turned_last_joint_is_a_turned_sensor(world):
+def test_a_turned_last_joint_and_a_wrong_mass_are_what_they_look_like(world):
     found = world.measured(DRAWS["joint.offset"](world.setting, np.random.default_rng(1), 4.0, 5))
     signatures = bench(world.setting, world.way)
     left = signatures.imitated(found.signature, configured=False)
@@ -221,17 +215,11 @@ def test_a_turned_last_joint_is_a_turned_sensor(world):
     assert left["sensor.drift"] > 0.5 * found.gap
     assert "mount.rotation" in signatures.alike("joint.offset", found.signature)
     assert left["mount.rotation"] <= SAME
-
-
-def test_a_wrong_mass_is_a_gain_of_everything(world):
     found = world.measured(DRAWS["tool.mass"](world.setting, np.random.default_rng(1), 1.0))
     signatures = bench(world.setting, world.way)
     assert "sensor.gain" in signatures.alike("tool.mass", found.signature)
     assert signatures.shows(found.signature, found.signature, configured=True)
     assert not signatures.shows(-found.signature, found.signature, configured=True)
-
-
-def test_the_usual_fit_takes_out_bias_mass_and_cog(world):
     setting = world.setting
     theta = setting.robot.theta_of_tool(setting.theta, setting.mass + 0.1, setting.cog.tolist())
     other = setting.stated(theta) - setting.nominal + np.linspace(1.0, 2.0, 6)

@@ -72,7 +72,7 @@ def test_a_gear_with_play_rests_where_the_weight_pulls():
     assert np.abs(found[:, :3] - force).max() < 5e-3
 
 
-def test_a_hose_pulls_with_its_stiffness_once_it_is_taut():
+def test_hoses_and_pads_push_and_pull_with_their_stiffness():
     robot, poses, path, truth = scene("ur5")
     hook, point = np.array([0.2, 0.1, 1.6]), np.array([0.0, 0.01, 0.05])
     rotation, position = robot.sensor_pose(poses, truth.theta)
@@ -86,6 +86,17 @@ def test_a_hose_pulls_with_its_stiffness_once_it_is_taut():
     assert (length < slack).any()
     assert np.abs(difference[:, :3] - force).max() < 2e-3
     assert np.abs(difference[:, 3:] - np.cross(point, force)).max() < 2e-4
+    tip, radius, k = np.array([0.0, 0.0, 0.14]), 0.01, 400.0
+    height = (position + rotation @ tip)[:, 2]
+    level = float(np.sort(height)[2])
+    pad = Pad(np.array([0.0, 0.0, level - radius]), np.array([0.0, 0.0, 1.0]), k, 0.0, tip, radius)
+    difference = held(
+        path, ride(robot, replace(truth, devices=(pad,)), path).load - ride(robot, truth, path).load
+    )
+    up = np.einsum("nij,nj->ni", rotation, difference[:, :3])[:, 2]
+    deep = np.maximum(level - height, 0.0)
+    assert up[deep > 0.01] == pytest.approx(k * deep[deep > 0.01], rel=0.05)
+    assert np.abs(up[deep == 0.0]).max() < 0.02
 
 
 def test_a_loose_part_lies_at_the_stop_that_is_below():
@@ -101,22 +112,6 @@ def test_a_loose_part_lies_at_the_stop_that_is_below():
     assert clear.sum() > 2
     wanted = np.cross(shift, mass * felt)
     assert np.abs(difference[clear, 3:] - wanted[clear]).max() < 2e-4
-
-
-def test_a_pad_pushes_as_far_as_its_spring_is_pressed():
-    robot, poses, path, truth = scene("ur5")
-    rotation, position = robot.sensor_pose(poses, truth.theta)
-    tip, radius, k = np.array([0.0, 0.0, 0.14]), 0.01, 400.0
-    height = (position + rotation @ tip)[:, 2]
-    level = float(np.sort(height)[2])
-    pad = Pad(np.array([0.0, 0.0, level - radius]), np.array([0.0, 0.0, 1.0]), k, 0.0, tip, radius)
-    difference = held(
-        path, ride(robot, replace(truth, devices=(pad,)), path).load - ride(robot, truth, path).load
-    )
-    up = np.einsum("nij,nj->ni", rotation, difference[:, :3])[:, 2]
-    deep = np.maximum(level - height, 0.0)
-    assert up[deep > 0.01] == pytest.approx(k * deep[deep > 0.01], rel=0.05)
-    assert np.abs(up[deep == 0.0]).max() < 0.02
 
 
 def daily_wave(setting, rng, size):

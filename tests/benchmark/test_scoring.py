@@ -60,51 +60,41 @@ def value(key, rows=ROWS):
     return figure(METRICS[key], rows, draws=50).value
 
 
-def test_shares_are_counted_over_their_own_kind():
+def test_shares_are_counted_over_their_own_kind_and_from_three_sigma():
     assert value("isolation") == pytest.approx(2 / 3)
     assert value("false_alarm") == value("unknown") == value("misnamed") == 0.5
     # a, b right, g wrong, h right in its first class; e is not sure
     assert value("sure") == pytest.approx(3 / 4)
     # base; joint is the first choice of a class that holds the truth; base is not sensor; tool
     assert value("where") == pytest.approx(3 / 4)
-
-
-def test_effects_below_three_sigma_do_not_count():
     weak = row("single", NONE, "sensor.gain", gap=2.9**2 / 6 / 60)
     assert figure(METRICS["isolation"], [weak]) is None
     assert value("isolation", [*ROWS, weak]) == pytest.approx(2 / 3)
+    healthy, outside = ROWS[3].truth, ROWS[5].truth
+    assert right(healthy, NONE) and not right(healthy, UNKNOWN)
+    assert right(outside, UNKNOWN) and not right(outside, NONE)
+    assert not right(TILT.truth, Claim())
 
 
-def test_calibration_error_by_hand():
-    # stated 0.95, 0.95, 0.95, 0.99 | 0.9 (none) twice: all in the last bin: 5.64 stated, right
-    # are a, b, h, d; 0.7 wrong in its bin; 0.8 right in its bin
+def test_calibration_error_and_log_score_by_hand():
     stated = 3 * 0.95 + 0.99 + 2 * 0.9
     expected = (abs(stated - 4) + 0.7 + abs(0.8 - 1)) / 8
     assert value("ece") == pytest.approx(expected)
-
-
-def test_log_score_by_hand():
     told = [0.95, 0.95, 1e-4, 0.9, 0.3, 0.8, 1e-4, 0.95]
     assert [probability(r.truth, r.claims[OURS]) for r in (ROWS[0], ROWS[4])] == [0.95, 1 - 0.7]
     assert value("log_score") == pytest.approx(-sum(map(math.log, told)) / 8)
 
 
-def test_two_effects_by_hand():
+def test_two_effects_coverage_and_closure_by_hand():
     assert matched(ROWS[-1].truth, TWO) == (1, 1, 1)
     assert value("pairs") == pytest.approx(0.5)
     both = row("pair", named(("x.y", "base.tilt"), ("tool.mass",)), "base.tilt", "tool.mass")
     assert value("pairs", [ROWS[-1], both]) == pytest.approx(2 * 3 / (2 * 3 + 1 + 1))
-
-
-def test_coverage_counts_parameters():
     x, y = ({"value": 1.0, "std": 0.1} for _ in range(2))
     both, one = (replace(NONE, parameters={"base.tilt": p}) for p in ({"x": x, "y": y}, {"y": y}))
     true = {"x": 1.16, "y": 1.17}  # inside, outside
     told = [row("single", claim, "base.tilt", true=true) for claim in (both, one)]
     assert value("coverage", told) == pytest.approx(1 / 3)
-
-
-def test_closure_against_the_oracle():
     gaps = {"calibrated": 1.1, "floor": 0.1}
     told = [
         row("single", replace(TILT.claims[OURS], gap=gaps | {"with_effects": after}), "base.tilt",
@@ -112,13 +102,6 @@ def test_closure_against_the_oracle():
         for after, oracle in ((0.2, 1.0), (6.1, 0.8), (0.1, None))
     ]  # fmt: skip
     assert value("of_oracle", told) == pytest.approx(-0.1 / 1.8)
-
-
-def test_only_none_is_right_where_nothing_is_wrong():
-    healthy, outside = ROWS[3].truth, ROWS[5].truth
-    assert right(healthy, NONE) and not right(healthy, UNKNOWN)
-    assert right(outside, UNKNOWN) and not right(outside, NONE)
-    assert not right(TILT.truth, Claim())
 
 
 def test_intervals_hold_the_value_and_shrink():
@@ -169,13 +152,10 @@ def tilted():
     return recording(design, draw(design, 1, "single", "base.tilt", 4.0))
 
 
-def test_one_large_effect_is_named_first_and_alone(tilted):
+def test_one_large_effect_is_named_first_and_none_never_claims(tilted):
     claim = BASELINES["bic"](tilted)
     assert claim.verdict == "identified" and claim.causes == (("base.tilt",),)
     assert claim.sure > 0.99 and min(claim.probabilities.values()) >= 0.0
     assert sum(claim.probabilities.values()) == pytest.approx(1.0)
     assert BASELINES["bic"](tilted) == claim
-
-
-def test_none_never_claims(tilted):
     assert BASELINES["none"](tilted) == Claim("none", (), {"none": 1.0})

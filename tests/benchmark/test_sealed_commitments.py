@@ -118,21 +118,18 @@ def test_all_files_together_cannot_be_changed_behind_what_was_published(copied, 
         score.score(cases, tmp_path / "claims", answers, published=root)
 
 
-def test_a_case_cannot_be_called_a_path(copied):
+def test_paths_as_names_and_missing_answers_are_refused(copied, tmp_path):
+    cases, answers = copied
+    truthful(cases, answers, tmp_path / "claims" / "me")
+    commitments.answer_of(answers, "0005").unlink()
+    with pytest.raises(BenchmarkError, match=r"0005\.json: is missing"):
+        score.score(cases, tmp_path / "claims", answers)
     cases, _ = copied
     told = json.loads((cases / commitments.COMMITMENTS).read_bytes())
     told["cases"]["../../x"] = told["cases"]["0001"]
     (cases / commitments.COMMITMENTS).write_text(json.dumps(told))
     with pytest.raises(BenchmarkError, match="no name of a case"):
         commitments.read(cases)
-
-
-def test_a_missing_answer_is_refused(copied, tmp_path):
-    cases, answers = copied
-    truthful(cases, answers, tmp_path / "claims" / "me")
-    commitments.answer_of(answers, "0005").unlink()
-    with pytest.raises(BenchmarkError, match=r"0005\.json: is missing"):
-        score.score(cases, tmp_path / "claims", answers)
 
 
 def test_answers_are_for_their_owner_alone(family):

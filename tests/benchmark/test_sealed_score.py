@@ -94,7 +94,7 @@ def test_a_made_family_goes_on_where_it_was_stopped(family, tmp_path):
     assert told == [COUNT]
 
 
-def test_probabilities_beside_how_often_they_hold(family, tmp_path):
+def test_probabilities_and_targets_stand_on_the_first_screen(family, tmp_path):
     cases, answers, _ = family
     truthful(cases, answers, tmp_path / "claims" / "me")
     found = report.page(score.score(cases, tmp_path / "claims", answers))
@@ -108,6 +108,12 @@ def test_probabilities_beside_how_often_they_hold(family, tmp_path):
     text = re.sub(r"<script.*?</script>|<svg.*?</svg>", "", html, flags=re.DOTALL)
     assert "`" not in text and "<code>unknown</code>" in text
     assert "<p>None.</p>" in text and "<tbody>\n</tbody>" not in text
+    page = report.page(score.score(cases, tmp_path / "claims", answers))
+    (targets,) = page.cards
+    marks = [row[1] for row in page.sections[0].parts[0].rows]
+    met = sum("✓" in m for m in marks)
+    assert targets.figure == f"{met} of {met + sum('✗' in m for m in marks)} met"
+    assert f"For {sum('(' in m for m in marks)} of them" in targets.text
 
 
 def test_a_score_names_the_commitments_but_not_the_seed(family, tmp_path, monkeypatch):
@@ -139,17 +145,6 @@ def test_a_mark_stands_in_brackets_where_the_interval_allows_both(target, ends, 
     value = {"(✓)": 0.97 if "≥" in target else 0.9, "(✗)": 0.9}.get(mark, sum(ends) / 2)
     value = 0.0 if target == "0 %" else value
     assert report.marked(metric, ScoredMetric(value, *ends, 20)) == mark
-
-
-def test_the_first_screen_counts_targets_and_cases(family, tmp_path):
-    cases, answers, _ = family
-    truthful(cases, answers, tmp_path / "claims" / "me")
-    page = report.page(score.score(cases, tmp_path / "claims", answers))
-    (targets,) = page.cards
-    marks = [row[1] for row in page.sections[0].parts[0].rows]
-    met = sum("✓" in m for m in marks)
-    assert targets.figure == f"{met} of {met + sum('✗' in m for m in marks)} met"
-    assert f"For {sum('(' in m for m in marks)} of them" in targets.text
 
 
 @pytest.mark.parametrize(

@@ -54,14 +54,11 @@ def test_a_file_is_short(channel):
     assert file.read_text(encoding="utf-8").count("\n") <= 150
 
 
-def test_it_says_what_it_is(channel):
+def test_channels_say_what_they_are_and_share_no_columns(channel):
     assert channel.name in NAMES and channel.title and "\n" not in channel.title
     assert channel.columns and set(channel.columns.values()) <= set(UNITS)
     assert PLACING & channel.stages and channel.stages <= set(STAGES)
     assert channel.modes and set(channel.modes) <= {"static", "dynamic"}
-
-
-def test_columns_belong_to_one_channel():
     every = [c for name in NAMES for c in registry.load("channels", name).columns]
     assert len(every) == len(set(every))
 

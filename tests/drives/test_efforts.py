@@ -197,22 +197,6 @@ def test_base_parameters_explain_all_torques_and_are_independent(robot, count):
     assert np.abs(found - base.grouping @ phi).max() < 1e-8
 
 
-def test_the_opposite_sign_is_refused_and_forced(clean):
-    wrong = clean.recording(-clean.noisy(8) / CONSTANT, "i")
-    with pytest.raises(CalibrationError, match=r"drive\.constant\.1 .* opposite sign"):
-        calibrate_efforts(wrong)
-    assert "opposite sign" in calibrate_efforts(wrong, force=True).refuted
-
-
-def test_an_inertia_that_no_body_has_is_refused_and_forced():
-    """Motors without the rotors that the model has: five seconds give their inertia to the tool."""
-    t, q = fourier(np.random.default_rng(3), seconds=5.0)
-    bare = arm.recording(t, q.v, torques(q, armature=0.0) + COULOMB * np.sign(q.d), "tau")
-    with pytest.raises(CalibrationError, match=r"tool\.inertia\.\w+ .* free drive\.inertia"):
-        calibrate_efforts(bare, ("drive.coulomb", "tool"))
-    assert calibrate_efforts(bare, ("drive.coulomb", "tool"), force=True).refuted
-
-
 @pytest.mark.parametrize(
     ("change", "error", "words"),
     [
@@ -238,11 +222,21 @@ def test_the_pieces_between_gaps_and_segments_are_fitted_together(clean):
         assert abs(fit[value.name].value - value.value) < 3.0 * std
 
 
-def test_groups_are_checked(clean):
+def test_groups_are_checked_and_odd_signs_and_inertias_refused_or_forced(clean):
     with pytest.raises(ParameterError, match=r"drive\.colomb: is none of"):
         calibrate_efforts(clean.recording(), ["drive.colomb"])
     with pytest.raises(ParameterError, match=r"currents need drive\.constant"):
         calibrate_efforts(clean.recording(prefix="i"), ["tool"])
+    wrong = clean.recording(-clean.noisy(8) / CONSTANT, "i")
+    with pytest.raises(CalibrationError, match=r"drive\.constant\.1 .* opposite sign"):
+        calibrate_efforts(wrong)
+    assert "opposite sign" in calibrate_efforts(wrong, force=True).refuted
+    # Motors without the rotors that the model has: five seconds give their inertia to the tool.
+    t, q = fourier(np.random.default_rng(3), seconds=5.0)
+    bare = arm.recording(t, q.v, torques(q, armature=0.0) + COULOMB * np.sign(q.d), "tau")
+    with pytest.raises(CalibrationError, match=r"tool\.inertia\.\w+ .* free drive\.inertia"):
+        calibrate_efforts(bare, ("drive.coulomb", "tool"))
+    assert calibrate_efforts(bare, ("drive.coulomb", "tool"), force=True).refuted
 
 
 def test_known_constants_make_currents_torques(clean, tmp_path):

@@ -82,11 +82,20 @@ def test_torques_of_closed_loops_are_those_of_mujocos_constraint_forces(name, wa
         assert np.abs(closed_form(robot, theta, q) - theirs).max() < 1e-9
 
 
-def test_a_robot_without_links_has_no_torques(monkeypatch):
+def test_robots_without_links_have_no_torques_and_no_dynamics_to_excite(
+    monkeypatch, tmp_path, capsys
+):
     robot = registry.load("robots", "ur5")
     monkeypatch.setattr(SerialChain, "link_frames", SimulatedRobot.link_frames)
     with pytest.raises(NotFoundError, match="no frames of links"):
         link_inertias(robot, robot.parameters.nominal)
+    with pytest.raises(PlanError, match="no serial arm"):
+        excite(registry.load("robots", "medrue"), 30.0, 125.0, 0)
+    with pytest.raises(PlanError, match="at least 5 s"):
+        excite(UR5, 3.0, 125.0, 0)
+    out = str(tmp_path / "p.parquet")
+    assert main(["plan", "ur5", "--motion", "excite", "--out", out]) == 1
+    assert "--for dynamics" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["ur5", "medrue"])
@@ -137,13 +146,3 @@ def test_its_standard_errors_are_smaller_than_a_multisines(plan, tmp_path):
         stds.append({p.name: p.std for p in fit.identified if p.std is not None})
     ratio = [stds[1][n] / stds[0][n] for n in stds[0] if n in stds[1]]
     assert np.median(ratio) > 1.5
-
-
-def test_refusals(tmp_path, capsys):
-    with pytest.raises(PlanError, match="no serial arm"):
-        excite(registry.load("robots", "medrue"), 30.0, 125.0, 0)
-    with pytest.raises(PlanError, match="at least 5 s"):
-        excite(UR5, 3.0, 125.0, 0)
-    out = str(tmp_path / "p.parquet")
-    assert main(["plan", "ur5", "--motion", "excite", "--out", out]) == 1
-    assert "--for dynamics" in capsys.readouterr().err

@@ -41,7 +41,7 @@ def chart_of(page, name: str) -> Chart:
     return next(f.chart for f in page.figures if f.chart.name == name)
 
 
-def test_one_spike_in_a_million_rows_is_drawn_and_the_figure_says_what_is_not():
+def test_one_spike_in_a_million_rows_is_drawn_and_gaps_are_no_extremes():
     y = np.zeros(1_000_000)
     y[123_456], y[654_321] = 7.0, -5.0
     series = Series("measured", "line", np.arange(len(y)) * 1e-3, y)
@@ -51,12 +51,11 @@ def test_one_spike_in_a_million_rows_is_drawn_and_the_figure_says_what_is_not():
     assert kept.x[0] == 0.0 and kept.x[-1] == series.x[-1]
     assert re.fullmatch(r"\d+ of 1,000,000 rows drawn: extremes kept\.", note)
     assert thinned([series.at(np.arange(300))])[1] == ""
-
-
-def test_gaps_are_no_extremes():
     y = np.full(5000, np.nan)
     y[1000], y[1001] = 3.0, -3.0
     assert {1000, 1001} <= set(extremes(y, 100).tolist())
+    with pytest.raises(ValueError, match="measured.*different lengths"):
+        Series("measured", "points", np.zeros(3), np.zeros(4))
 
 
 @pytest.mark.parametrize("scale", [NOISE, Scale("x", -3.0, 3.0, (0.0,), diverging=True)])
@@ -70,11 +69,6 @@ def test_numbers_in_cells_can_be_read_on_every_colour(scale):
 def test_colours_of_residuals_are_the_same_on_every_page():
     assert (NOISE.low, NOISE.high) == (0.1, 100.0) and 1.0 in NOISE.ticks
     assert NOISE.colour(1e6) == NOISE.colour(100.0) != NOISE.colour(10.0) != NOISE.colour(1.0)
-
-
-def test_arrays_of_different_lengths_are_refused():
-    with pytest.raises(ValueError, match="measured.*different lengths"):
-        Series("measured", "points", np.zeros(3), np.zeros(4))
 
 
 def test_still_and_interactive_have_the_same_numbers():

@@ -298,7 +298,7 @@ def test_without_its_extra_a_diagnosis_warns_and_goes_on(
     assert not (tmp_path / "d" / "report.html").exists()
 
 
-def test_poses_have_the_numbers_of_their_recording(springy):
+def test_poses_have_their_recordings_numbers_and_blind_spots_two_lines(springy):
     """As in diagnosis.json, whose outliers name the recording's segments."""
     p = springy.analysis.prepared
     own = np.unique(p.recording.columns["segment"])
@@ -307,9 +307,6 @@ def test_poses_have_the_numbers_of_their_recording(springy):
     later = dict(p.recording.columns) | {"segment": p.recording.columns["segment"] + 7}
     moved = replace(p, recording=replace(p.recording, columns=later))
     assert list(along(moved)[0]) == list(own + 7)
-
-
-def test_what_a_recording_cannot_show_fits_into_two_lines():
     spots = [BlindSpot(f"joint.{name}", "joint 1", None, "") for name in "abcdefgh"]
     spots += [BlindSpot("joint.offset", f"joint {k}", None, "") for k in (2, 3)]
     assert unseen(spots, 60) == "joint.offset of joints 2 and 3 and 8 other effects"

@@ -88,39 +88,7 @@ def stl(path, size):
     path.write_bytes(b"\0" * 80 + struct.pack("<I", len(faces)) + data)
 
 
-TWO_LINKS = """
-<mujoco model="bench">
-  <compiler angle="degree" meshdir="parts"/>
-  <option gravity="0 0 -9.7"/>
-  <asset><mesh name="long" file="long.stl"/><mesh name="gone" file="gone.stl"/></asset>
-  <worldbody>
-    <body name="rail" pos="0.1 0.2 1.5" euler="180 0 0">
-      <joint name="slide" type="slide" axis="0 1 0" range="-0.4 0.5" ref="0.1"/>
-      <inertial pos="0 0 0.1" mass="3" diaginertia="0.1 0.1 0.1"/>
-      <geom type="mesh" mesh="long"/><geom type="mesh" mesh="gone"/>
-      <body name="swing" pos="0 0 0.3" euler="0 30 0">
-        <joint name="a" axis="0.6 0 0.8" pos="0.02 0.01 0" range="-170 170" ref="20"/>
-        <joint name="b" axis="0 1 0" range="-100 100"/>
-        <inertial pos="0.01 0 0.2" mass="2" diaginertia="0.1 0.1 0.1"/>
-        <body name="between" pos="0 0 0.4" euler="90 0 0">
-          <inertial pos="0 0 0.02" mass="0.5" diaginertia="0.01 0.01 0.01"/>
-          <body name="turn" pos="0 0.1 0">
-            <joint name="c" axis="0 0 -1" range="-170 170"/>
-            <inertial pos="0 0 0.02" mass="0.7" diaginertia="0.01 0.01 0.01"/>
-            <site name="seat" pos="0 0 0.05" euler="0 0 45"/>
-            <body name="hand" pos="0 0 0.05">
-              <inertial pos="0 0.01 0.06" mass="0.9" diaginertia="0.001 0.002 0.002"/>
-              <body name="finger" pos="0 0 0.1"><joint name="grip" type="slide" range="0 0.04"/>
-                <inertial pos="0 0 0.01" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/></body>
-            </body>
-          </body>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <keyframe><key name="home" qpos="0.2 0.3 0.4 0.5 0.02"/></keyframe>
-</mujoco>
-"""
+TWO_LINKS = (DATA / "two_links.xml").read_text(encoding="utf-8")
 
 
 def bench(tmp_path):

@@ -96,13 +96,10 @@ def test_one_robots_rows_are_the_same_when_run_again(setting, chosen):
     assert max(r["max"] for r in exact) < 1e-12
 
 
-def test_cells_are_shown_with_sense():
+def test_cells_are_shown_with_sense_and_pages_escape():
     assert [render(x) for x in ("a", 40_000, 0.0, np.nan, 2.0312, 1.5e-9)] == [
         "a", "40,000", "0", "–", "2.031", "1.5·10⁻⁹",
     ]  # fmt: skip
-
-
-def test_pages_escape_what_would_break_them():
     table = Table.of("T <1>", ("a|b", "n"), [("x < y", 1)], "note & more")
     figure = Figure("f", "F <2>", Chart("", "", (Panel(Axis("x"), Axis("y")),)))
     page = Document("P", "lead", (Section("S", "text", (table, figure)),))
@@ -151,16 +148,13 @@ def as_assumed():
     return trial(SCENARIOS[0], seed=4)
 
 
-def test_known_weights_and_the_joint_fit_reach_the_floor(as_assumed):
+def test_the_joint_fit_reaches_the_floor_and_others_leave_what_they_ignore(as_assumed):
     floor = overall(as_assumed, "exact model")
     for method in ("Method 1", "joint fit"):
         found = overall(as_assumed, method)
         assert found[0] < 1.5 * floor[0]
         assert found[1] < 1.5 * floor[1]
-
-
-def test_the_other_methods_leave_what_first_principles_say(as_assumed):
-    """Method 2 ignores the bias and the sensor's own weight."""
+    # Method 2 ignores the bias and the sensor's own weight.
     scene = as_assumed.scene
     truth = scene.model.parameters.mapping(scene.theta)
     bias = np.array([truth[f"sensor.bias.f{a}"] for a in "xyz"])
@@ -171,12 +165,9 @@ def test_the_other_methods_leave_what_first_principles_say(as_assumed):
     assert np.linalg.norm(as_assumed.residual["Method 1"][:, :3], axis=1).max() < 0.05
 
 
-def test_what_no_method_models_stays_in_the_joint_fit():
+def test_models_and_masses_that_are_wrong_show():
     wrong = trial(next(s for s in SCENARIOS if "dq5" in s.true), seed=4)
     assert overall(wrong, "joint fit")[0] > 3 * overall(wrong, "exact model")[0]
-
-
-def test_a_wrong_stated_mass_spoils_all_but_the_joint_fit():
     wrong = trial(next(s for s in SCENARIOS if s.stated_mass != 1.0 and not s.cold), seed=4)
     floor = overall(wrong, "exact model")[0]
     assert overall(wrong, "Method 1")[0] > 20 * floor

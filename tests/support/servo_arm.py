@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from arm_files import DATA
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
 
@@ -20,37 +21,8 @@ JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_ro
 COUNT = 2.0 * np.pi / 4096.0
 """Step of the encoders [rad]."""
 RANGES = ((-1.9, 1.9), (-1.7, 1.7), (-1.7, 1.7), (-1.6, 1.6), (-2.7, 2.7), (-0.2, 1.7))
-XML = """
-<mujoco model="so_like">
-  <compiler angle="radian" autolimits="true"/>
-  <option timestep="0.002" integrator="implicitfast"><flag contact="disable"/></option>
-  <worldbody>
-    <body name="base"><inertial mass="0.15" pos="0 0 0.02" diaginertia="1e-4 1e-4 1e-4"/>
-    <body name="shoulder" pos="0 0 0.05">
-      <inertial mass="0.11" pos="0.01 0 0.03" diaginertia="8e-5 9e-5 6e-5"/>
-      <joint name="shoulder_pan" axis="0 0 1" {0}/>
-    <body name="upper" pos="0.03 0 0.06">
-      <inertial mass="0.14" pos="0.02 0.002 0.06" diaginertia="2.1e-4 2.2e-4 5e-5"/>
-      <joint name="shoulder_lift" axis="0 1 0" {1}/>
-    <body name="forearm" pos="0.03 0 0.115">
-      <inertial mass="0.13" pos="0.06 -0.003 0.01" diaginertia="5e-5 1.9e-4 1.8e-4"/>
-      <joint name="elbow_flex" axis="0 1 0" {2}/>
-    <body name="wrist" pos="0.135 0 0">
-      <inertial mass="0.09" pos="0.03 0.002 0" diaginertia="3e-5 5e-5 5e-5"/>
-      <joint name="wrist_flex" axis="0 1 0" {3}/>
-    <body name="hand" pos="0.061 0 0">
-      <inertial mass="0.09" pos="0.03 0.006 -0.002" diaginertia="4e-5 5e-5 5e-5"/>
-      <joint name="wrist_roll" axis="1 0 0" {4}/>
-    <body name="jaw" pos="0.02 0.02 0">
-      <inertial mass="0.015" pos="0.035 0.004 0" diaginertia="5e-6 9e-6 9e-6"/>
-      <joint name="gripper" axis="0 0 1" {5}/>
-    <body name="tip" pos="0.04 0 0">
-      <inertial mass="{load}" pos="0.03 0 0.004" diaginertia="1e-5 1e-5 1e-5"/>
-    </body></body></body></body></body></body></body></body>
-  </worldbody>
-  <actuator>{servos}</actuator>
-</mujoco>
-"""
+XML = (DATA / "servo_arm.xml").read_text(encoding="utf-8")
+"""Of six joints; `Servos.xml` fills in ranges, friction, load and actuators."""
 
 
 @dataclass(frozen=True)

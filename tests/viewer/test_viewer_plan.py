@@ -69,13 +69,15 @@ def test_the_picture_holds_poses_way_and_expected_wrenches(tmp_path):
     assert "touches nothing" in words(rrd)
 
 
-def test_a_plan_that_cannot_be_run_is_shown_with_the_reason(tmp_path):
+def test_plans_that_cannot_be_run_or_have_no_model_say_so(tmp_path):
     q = np.array([UR5.home, UR5.home])
     q[1, 1] = 0.9  # the arm through its bench
     plan_view(wb.Plan.of("ur5", q), tmp_path / "p.rrd")
     rrd = Rrd(tmp_path / "p.rrd")
     assert "cannot be run" in words(rrd) and "row 1" in words(rrd)
     assert len(rrd.values("/joints", "Scalars:scalars", "row")) == 2
+    with pytest.raises(ParameterError, match="has no model"):
+        plan_view(wb.Plan.of("oriented", np.zeros((1, 1))), tmp_path / "o.rrd")
 
 
 def test_touches_and_motions_are_shown(tmp_path):
@@ -90,11 +92,6 @@ def test_touches_and_motions_are_shown(tmp_path):
     degrees = rrd.values("/joints", "Scalars:scalars", "time")
     assert np.allclose(degrees, np.rad2deg(plan.q), rtol=1e-12)
     assert "/world/poses" not in rrd.entities()
-
-
-def test_a_plan_for_a_robot_without_a_model_is_refused(tmp_path):
-    with pytest.raises(ParameterError, match="has no model"):
-        plan_view(wb.Plan.of("oriented", np.zeros((1, 1))), tmp_path / "o.rrd")
 
 
 @pytest.fixture(scope="module")
@@ -124,9 +121,14 @@ def test_a_picture_shows_what_a_fit_leaves(folder, capsys):
     assert not list(folder.glob(".*"))
 
 
-def test_the_viewer_is_told_to_listen_to_this_machine_alone():
+def test_the_viewer_listens_to_this_machine_alone_and_tells_nobody(tmp_path, monkeypatch):
     told = show.command("x.rrd")
     assert told[told.index("--bind") + 1] == "127.0.0.1" and told[-1] == "x.rrd"
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    with show.quiet() as environment:
+        written = list(Path(environment["XDG_CONFIG_HOME"]).rglob("*.json"))
+        assert written and json.loads(written[0].read_text())["analytics_enabled"] is False
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_port_that_is_taken_is_named(monkeypatch):
@@ -135,14 +137,6 @@ def test_a_port_that_is_taken_is_named(monkeypatch):
         port = taken.getsockname()[1]
         with pytest.raises(DriverError, match=f"port {port} is taken"):
             show.show("x.rrd", port=port)
-
-
-def test_telemetry_is_off_and_the_users_settings_are_left_alone(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    with show.quiet() as environment:
-        written = list(Path(environment["XDG_CONFIG_HOME"]).rglob("*.json"))
-        assert written and json.loads(written[0].read_text())["analytics_enabled"] is False
-    assert not list(tmp_path.iterdir())
 
 
 def refused(capsys, *words):
