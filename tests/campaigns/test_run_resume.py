@@ -43,7 +43,7 @@ def kept(path, rows: np.ndarray) -> Recording:
 FIRST = np.arange(50)
 
 
-def test_a_cut_revisit_is_made_anew_and_a_whole_one_done(path, recorded):
+def test_a_cut_revisit_is_made_anew(path):
     first, arm = kept(path, FIRST < 44), Arm()
     done = run(arm, path, resume=True)
     rec = Recording.read(path)
@@ -56,6 +56,9 @@ def test_a_cut_revisit_is_made_anew_and_a_whole_one_done(path, recorded):
     mean = [rec.wrench[rec.columns["segment"] == k].mean(axis=0) for k in (0, 4)]
     assert np.allclose(done.drift.change, mean[1] - mean[0])
     assert done.drift.seconds == pytest.approx(rec.t[-1] - rec.t[9])
+
+
+def test_a_whole_revisit_is_done(recorded, path):
     first, arm = Recording.read(path), Arm()
     done = run(arm, path, resume=True)
     assert (done.visited, arm.moves, done.rows) == (0, 0, 50)

@@ -383,6 +383,12 @@ CLOSES = st.builds(
 )
 
 
+def test_what_is_withdrawn_leaves_a_little_of_each_name():
+    verdict = claimed(TILT, lead=0.6, **{GAIN: 0.2, "none": 0.1, "unknown": 0.1})
+    told = withdrawn(verdict, "unknown").probabilities
+    assert told == pytest.approx({TILT: 0.03, GAIN: 0.01, "none": 0.005, "unknown": 0.955})
+
+
 @st.composite
 def verdicts(draw):
     """A verdict of up to three causes with probabilities that sum to 1, and how far it gets."""

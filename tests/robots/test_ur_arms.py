@@ -75,6 +75,17 @@ def test_each_arm_weighs_and_turns_back_as_it_should(name):
         assert np.abs(turns - rotation[0]).max() < 1e-9
 
 
+def test_the_tool_hanging_down_pulls_with_plus_m_g():
+    q = np.array([[0.0, -np.pi / 2, -np.pi / 2, -np.pi / 2, np.pi / 2, 0.0]])
+    theta = ROBOT.parameters.nominal
+    rotation, _ = ROBOT.sensor_pose(q, theta)
+    assert np.allclose(rotation[0, :, 2], [0, 0, -1], atol=1e-12)
+    load = Simulation(ROBOT, theta).wrench(q)[0]
+    weight = 1.35 * 9.80665
+    assert np.allclose(load[:3], [0, 0, weight], atol=1e-12)
+    assert np.allclose(load[3:], np.cross([0.004, -0.006, 0.071], [0, 0, weight]), atol=1e-12)
+
+
 def test_what_is_out_of_reach_has_no_solution():
     assert len(ROBOT.inverse(np.eye(3), np.array([2.0, 0.0, 0.3]))) == 0
     assert len(ROBOT.inverse(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.05, 0.2]))) == 0
