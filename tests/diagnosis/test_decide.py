@@ -19,6 +19,7 @@ from wrenchbed.diagnosis.decision.decide import (
     size,
     small,
     surely,
+    withdrawn,
 )
 from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
