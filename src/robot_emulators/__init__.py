@@ -9,11 +9,12 @@ from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.faults import Faults, TimedFault
 from robot_emulators.errors import EmulatorError, EmulatorWarning, FaultError, SettingError
 from robot_emulators.plant import Arm, Efforts, Payload, Plant, PlantMaker, PlantRequest
-from robot_emulators.serving import EMULATORS, load, serve, ur5
+from robot_emulators.serving import EMULATORS, Device, load, medrue, netft, serve, ur5
 
 __all__ = [
     "EMULATORS",
     "Arm",
+    "Device",
     "Efforts",
     "Emulator",
     "EmulatorError",
@@ -28,6 +29,8 @@ __all__ = [
     "SettingError",
     "TimedFault",
     "load",
+    "medrue",
+    "netft",
     "serve",
     "ur5",
 ]

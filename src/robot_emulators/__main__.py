@@ -4,6 +4,7 @@ import argparse
 import signal
 import sys
 import threading
+from functools import partial
 
 from robot_emulators.base.emulator import Options
 from robot_emulators.errors import EmulatorError
@@ -18,18 +19,21 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("name", choices=sorted(EMULATORS))
     parser.add_argument("--host", default="127.0.0.1", help="127.0.0.1 … 127.255.255.254")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="setting")
-    parser.add_argument("--faults", help="TOML script of timed faults")
+    parser.add_argument("--faults", help="TOML script of timed faults; - takes JSON, a line each")
     asked = parser.parse_args(words)
+    live = asked.faults == "-"
     setting = dict(word.partition("=")[::2] for word in asked.setting)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     try:
         options = Options(asked.host, setting=setting)
-        with serve(asked.name, options=options, faults=asked.faults) as server:
+        with serve(asked.name, options=options, faults=None if live else asked.faults) as server:
             addresses = " ".join(f"{k}={v}" for k, v in server.addresses.items())
-            sys.stdout.write(f"ready {addresses}\n")
-            sys.stdout.flush()
+            say = partial(print, flush=True)
+            say("ready", addresses)
+            if live:
+                server.faults.listen(sys.stdin, say)
             while not ended.wait(_LOOK_S) and not server.failed.is_set():
                 pass
             if server.failure is not None:

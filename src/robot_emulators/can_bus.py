@@ -285,8 +285,6 @@ class Client(Connection):
             self.answer("ok")
             self.raw, self._quiet_until = True, time.monotonic() + _QUIET_S
             asyncio.get_running_loop().call_at(self._quiet_until, self.flush)
-        elif command.verb == "echo":
-            self.answer("echo")
         else:
             self.answer("error unknown command")
 

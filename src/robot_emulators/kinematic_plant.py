@@ -1,8 +1,8 @@
 """The plant that is built in: joints that are where their targets were, and a point load.
 
-It knows no inertia, no friction, no noise and no contact; what a client reads is exact. Lengths and
-top speeds of Universal Robots' arms are those of the maker's ROS description (``config/ur*/`` of
-Universal_Robots_ROS2_Description, and of ``ur_description`` for CB3).
+It knows no inertia but the load's, no friction, no noise and no contact; what a client reads is
+exact. Lengths and top speeds of Universal Robots' arms are those of the maker's ROS description
+(``config/ur*/`` of Universal_Robots_ROS2_Description, and of ``ur_description`` for CB3).
 """
 
 import time
@@ -81,12 +81,13 @@ class KinematicPlant:
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
     ) -> np.ndarray:
-        """Torques (J,) that hold the load."""
+        """Torques (J,) that hold the load and accelerate it."""
         if self._kinematics is None:
             return np.zeros(len(q))
         tool = np.concatenate([_LOAD.cog, NO_TOOL[3:]])
-        jacobian = self._kinematics.jacobian(q, tool)
-        return np.asarray(-jacobian[:3].T @ (_LOAD.mass * gravity))
+        jacobian = self._kinematics.jacobian(q, tool)[:3]
+        turning = self._kinematics.jacobian_rate(q, qd, tool)[:3] @ qd
+        return np.asarray(jacobian.T @ (_LOAD.mass * (jacobian @ qdd + turning - gravity)))
 
 
 def known_arm(name: str) -> Arm:

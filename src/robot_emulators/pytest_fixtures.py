@@ -7,11 +7,25 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot_emulators.serving import ur5
+from robot_emulators.serving import Device, medrue, netft, ur5
 
 
 @pytest.fixture
-def ur5_address() -> Iterator[str]:
-    """Address of a UR5 with its controller, as long as the test runs."""
-    with ur5(host="127.0.0.105") as address:
-        yield address
+def ur_robot() -> Iterator[Device]:
+    """A UR5 with its controller, as long as the test runs."""
+    with ur5(box="off") as robot:
+        yield robot
+
+
+@pytest.fixture
+def netft_box() -> Iterator[Device]:
+    """A Net F/T box, as long as the test runs."""
+    with netft() as box:
+        yield box
+
+
+@pytest.fixture
+def cia402_drives() -> Iterator[Device]:
+    """Six CiA 402 drives on a CAN bus, as long as the test runs."""
+    with medrue() as drives:
+        yield drives

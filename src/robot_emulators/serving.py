@@ -1,14 +1,20 @@
 """The emulators by name, and how one is served while a block runs."""
 
-from collections.abc import Iterator
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
+from ipaddress import IPv4Address
 from pathlib import Path
+from random import randrange
 
 from robot_emulators.base import faults as timed
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.real_time import given_way
-from robot_emulators.errors import SettingError
+from robot_emulators.errors import EmulatorError, FaultError, SettingError
 from robot_emulators.plant import Plant, PlantMaker
 
 EMULATORS = {
@@ -69,19 +75,76 @@ def serve(
         server.stop()
 
 
+class Device:
+    """An emulator as a test sees it: where it is, and its faults by call.
+
+    ``robot.protective_stop()`` happens now, ``robot.drop(0.2)`` lasts 0.2 s, ``robot.drop()`` for
+    ever. ``robot.stall(1.0, link="dashboard")`` names a link, else it is the first that knows the
+    fault; further values go by name. ``host`` is its address on this machine, ``addresses`` has
+    those of its links.
+    """
+
+    def __init__(
+        self, host: str, addresses: dict[str, str], order: Callable[[dict[str, object]], None]
+    ) -> None:
+        self.host, self.addresses, self._order = host, addresses, order
+
+    def __getattr__(self, kind: str) -> Callable[..., None]:
+        if kind.startswith("_"):
+            raise AttributeError(kind)
+
+        def happen(seconds: float = 0.0, **values: object) -> None:
+            self._order({"kind": kind, "seconds": seconds} | values)
+
+        return happen
+
+
 @contextmanager
-def ur5(
-    plant: Plant | PlantMaker | None = None, host: str = "127.0.0.1", **setting: str
-) -> Iterator[str]:
-    """Serve a UR5 while the block runs; the address at which clients find it.
+def device(kind: str, host: str = "", **setting: str) -> Iterator[Device]:
+    """Serve an emulator with the built-in plant while the block runs, in a process of its own:
+    client libraries may hold Python's lock while they wait.
 
     Args:
-        plant: the robot behind it, or what makes it; the built-in kinematic one if None.
-        host: address of this machine, 127.0.0.1 … 127.255.255.254.
-        setting: of the controller, as ``series="e"``.
+        kind: a name of `EMULATORS`.
+        host: address of this machine; if empty one of 16 million, so that many serve at once.
+        setting: of the emulator, as ``series="e"``.
+
+    Raises:
+        EmulatorError: it cannot be served.
     """
-    with serve("ur5", plant, Options(host, setting=setting)):
-        yield host
+    host = host or str(IPv4Address("127.1.0.1") + randrange(250 << 16))
+    words = [f"--set={name}={value}" for name, value in setting.items()]
+    command = [
+        sys.executable,
+        "-m",
+        "robot_emulators",
+        kind,
+        f"--host={host}",
+        "--faults=-",
+        *words,
+    ]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdin and process.stdout and process.stderr
+        said, asked, wrong = process.stdout, process.stdin, process.stderr
+
+        def order(raw: dict[str, object]) -> None:
+            asked.write(json.dumps(raw) + "\n")
+            asked.flush()
+            if (answer := said.readline().strip()) != "done":
+                raise FaultError(answer)
+
+        try:
+            ready, *links = said.readline().split() or [""]
+            if not ready:
+                raise EmulatorError(wrong.read().strip())
+            yield Device(host, dict(link.split("=", 1) for link in links), order)
+        finally:
+            process.terminate()
+
+
+ur5, netft, medrue = (partial(device, kind) for kind in ("ur5", "netft", "medrue"))
+"""Serve a UR5, a Net F/T box, or six CiA 402 drives with a sensor's board on a CAN bus."""
 
 
 def _maker(plant: Plant | PlantMaker | None) -> PlantMaker:

@@ -93,7 +93,7 @@ def test_the_handshake_what_is_refused_and_what_is_held_back():
             ("< rawmode >", "< error unknown command >"),
             ("< open can7 >", "< error could not open bus >"),
             ("< open can0 >", "< ok >"),
-            ("< echo >", "< echo >"),
+            ("< echo >", "< error unknown command >"),
         ):
             client.sendall(words.encode())
             assert client.recv(200) == answer.encode()
@@ -194,7 +194,7 @@ def test_a_listener_that_fails_does_not_keep_frames_from_others():
 @pytest.mark.parametrize(
     "words, named",
     [({"nope": "1"}, "port:"), ({"base": "0x99"}, "base"), ({"nodes": "1,2,3"}, "six different"),
-     ({"counts_per_turn": "0"}, "above 0")],
+     ({"counts": "-1"}, "counts")],
 )  # fmt: skip
 def test_settings_that_are_none(words, named):
     with pytest.raises(SettingError, match=named):

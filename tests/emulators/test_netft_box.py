@@ -55,10 +55,10 @@ def test_requests_start_replace_bias_and_stop_a_stream():
 
 @pytest.mark.wire
 def test_buffered_requests_fill_datagrams():
-    with boxed("127.0.3.30", rate=2000, buffer=8) as scene, plain(scene) as one:
-        one.ask(3, 20)
+    with boxed("127.0.3.30", rate=2000) as scene, plain(scene) as one:
+        one.ask(3, 25)
         sizes = [len(one.sock.recv(4096)) for _ in range(3)]
-        assert sizes == [8 * 36, 8 * 36, 4 * 36]
+        assert sizes == [10 * 36, 10 * 36, 5 * 36]
         assert one.silent()
 
 
@@ -105,7 +105,7 @@ def test_pages_report_and_take_settings():
 
 
 @pytest.mark.parametrize(
-    "bad", [{"rate": 0.0}, {"rate": 7001.0}, {"buffer": 41}, {"force_unit": "stone"},
+    "bad", [{"rate": 0.0}, {"rate": 7001.0}, {"force_unit": "stone"},
             {"counts_per_force": 0.0}, {"counts_per_torque": float("nan")}],
 )  # fmt: skip
 def test_impossible_settings_are_refused(bad):
@@ -137,7 +137,7 @@ class Desk:
     def __init__(self, **settings) -> None:
         chosen = BoxSettings(**settings)
         self.sensing = Sensing(StandIn(0.0), chosen, Faults())
-        self.pace = Pace(chosen.rate, chosen.buffer)
+        self.pace = Pace(chosen.rate)
         self.pages = Pages(chosen, self.pace, self.sensing)
 
     def ask(self, target: str) -> tuple[str, str]:

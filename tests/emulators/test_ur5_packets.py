@@ -129,7 +129,9 @@ def test_text_messages_and_series_differ_by_version():
 
 def test_what_a_client_sends_is_bounded():
     one = session()
-    long = ",".join(["timestamp"] * 300).encode()
+    every = packet("O", ",".join(outputs(CB3)).encode())  # as the maker's library asks
+    assert say(one, every) == packet("O", ",".join(outputs(CB3).values()).encode())
+    long = ",".join(["timestamp"] * 2000).encode()
     assert say(one, packet("O", long)) == packet("O", b"NOT_FOUND")
     assert say(one, packet("I", long)) == packet("I", b"\x00NOT_FOUND")
     one = session()

@@ -1,5 +1,6 @@
 """Programs on the UR emulator: what moves, what is asked over sockets, what can be loaded."""
 
+import ast
 import gzip
 import socket
 import struct
@@ -8,6 +9,8 @@ import time
 import numpy as np
 import pytest
 
+from robot_emulators.kinematic_plant import kinematic_plant
+from robot_emulators.plant import PlantRequest
 from robot_emulators.ur import messages, programs
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.modes import Runtime
@@ -123,6 +126,37 @@ def test_goals_and_functions_that_there_are_not(bench):
     assert other.faults[0].text == "compile_error_name_not_found:direct_torque:"
 
 
+def test_dynamics_are_those_of_the_point_that_the_plant_carries():
+    """By differences of where the point is, which knows no Jacobian."""
+    plant = kinematic_plant(PlantRequest("ur5", CYCLE))
+    played, load = Played("e", software="5.23.0"), plant.arm.payload
+    played.arm.plant = plant
+    q, qd = np.array([0.3, -1.2, 1.1, -0.4, 0.9, 0.2]), np.array([0.5, -0.3, 0.8, 0.2, -0.6, 1.0])
+    tool, step = [*load.cog, 0.0, 0.0, 0.0], 1e-4
+    played.play(f"q = {q_text(q)}", f"qd = {q_text(qd)}", f"tool = {p_text(tool)}",
+                "m = get_mass_matrix(q)", "textmsg(m)", "textmsg(get_jacobian(q, tool))",
+                "textmsg(get_jacobian_time_derivative(q, qd, tool))",
+                "textmsg(get_coriolis_and_centrifugal_torques(q, qd))",
+                "textmsg(m[1, 2] == m[2][1])", "m[0, 1] = 7", "textmsg(m[0][1])",
+                "textmsg(get_target_joint_accelerations())")  # fmt: skip
+
+    def place(joints):
+        return played.arm.kinematics.transform(joints, np.array(tool))[1]
+
+    def lever(joints):
+        moved = [(place(joints + step * e) - place(joints - step * e)) for e in np.eye(6)]
+        return np.transpose(moved) / (2 * step)
+
+    mass, jacobian, rate, torques = (ast.literal_eval(text) for text in played.said[:4])
+    along = lever(q)
+    turning = (place(q + step * qd) - 2 * place(q) + place(q - step * qd)) / step**2
+    assert np.array(mass) == pytest.approx(load.mass * along.T @ along, abs=2e-6)
+    assert np.array(jacobian)[:3] == pytest.approx(along, abs=2e-6)
+    assert np.array(rate)[:3] @ qd == pytest.approx(turning, abs=1e-5)
+    assert torques == pytest.approx(load.mass * along.T @ turning, abs=1e-5)
+    assert played.said[4:] == ["True", "7", "[0, 0, 0, 0, 0, 0]"]
+
+
 def test_registers_state_and_poses(bench):
     bench.write(i3=42, d5=2.5)
     bench.play(
@@ -131,7 +165,7 @@ def test_registers_state_and_poses(bench):
         "set_tcp(p[0, 0, 0.1, 0, 0, 0])",
         "a = get_actual_tcp_pose()",
         "b = pose_sub(a, get_actual_tool_flange_pose())", "textmsg(norm([b[0], b[1], b[2]]))",
-        "b = pose_trans(a, pose_inv(a))",
+        "b = pose_trans(a, p[0, 0, 0, 0, 0, 0])", "b = pose_sub(a, b)",
         "textmsg(norm([b[0], b[1], b[2], b[3], b[4], b[5]]) < 0.000001)",
         "textmsg(norm(get_inverse_kin(get_forward_kin()) - get_actual_joint_positions()) < 0.0001)",
         "set_payload(1.5, [0, 0, 0.05])", "textmsg(get_target_payload())",
@@ -332,8 +366,7 @@ def test_a_tree_of_nodes_becomes_a_program_if_it_is_in_the_folder(tmp_path):
     assert programs.load(tmp_path / "inside", "../made.urp") is None
     shown = node("Script", '<cachedContents>textmsg("3")</cachedContents>', type="File")
     wait = node("Wait", "<waitTime>0.5</waitTime>", type="Sleep")
-    folder = node("Folder", f"<children>{shown}{wait}</children>")
-    (tmp_path / "made.urp").write_bytes(gzip.compress(urp(node("Comment"), folder)))
+    (tmp_path / "made.urp").write_bytes(gzip.compress(urp(node("Comment"), shown, wait)))
     bench = Played(programs=str(tmp_path))
     assert bench.controller.load("/programs/made.urp") and bench.controller.play()
     bench.run(0.3)

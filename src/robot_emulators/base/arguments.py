@@ -74,15 +74,6 @@ def flag(default: bool | None = None) -> Argument:
     )  # fmt: skip
 
 
-def numbers(count: int, most: float) -> Argument:
-    """Rule for a list of ``count`` numbers, none beyond ± most."""
-    return Argument(
-        lambda v: isinstance(v, list) and len(v) == count
-        and all(is_number(x) and abs(x) <= most for x in v),
-        f"{count} numbers, none beyond {most:g}",
-    )  # fmt: skip
-
-
 def setting(default: Any, argument: Argument, text: str) -> Any:
     """Make a field of `Settings` from its default, the rule for its value, and words on its
     meaning."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
 from robot_emulators.base.faults import Faults
-from robot_emulators.errors import EmulatorError, SettingError
+from robot_emulators.errors import SettingError
 from robot_emulators.plant import PlantMaker
 
 
@@ -62,18 +62,13 @@ class Emulator(ABC):
         self.addresses: dict[str, str] = {}
         self.failed = threading.Event()
         self.failure: BaseException | None = None
-        self._used = False
 
     def start(self) -> dict[str, str]:
         """Serve from now on; the address of each link by its name, for instance ``host:port``.
 
         Raises:
-            EmulatorError: a port is taken or not allowed; names it and the remedy. Or this
-                emulator was started before.
+            EmulatorError: a port is taken or not allowed; names it and the remedy.
         """
-        if self._used:
-            raise EmulatorError("this emulator was started before: make a new one")
-        self._used = True
         try:
             self.addresses = self.serve()
         except BaseException:

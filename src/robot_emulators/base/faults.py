@@ -2,7 +2,7 @@
 
     [[fault]]
     at = 5.0            # seconds after the emulator was ready
-    link = "rtde"       # which of the emulator's links
+    link = "rtde"       # which of the emulator's links; absent: the first that knows the kind
     kind = "stall"      # what happens; each link lists the kinds it knows
     seconds = 1.5       # how long; 0 or absent: once, or for ever
     scale = 1.01        # further numbers or words of this kind
@@ -77,10 +77,10 @@ def parse(raw: Any, where: str) -> TimedFault:
     if not isinstance(raw, Mapping):
         raise FaultError(f"{where}: must be an object with link and kind")
     values = dict(raw)
-    link, kind = values.pop("link", None), values.pop("kind", None)
+    link, kind = values.pop("link", ""), values.pop("kind", None)
     at, seconds = values.pop("at", None) or 0.0, values.pop("seconds", None) or 0.0
     for key, word in (("link", link), ("kind", kind)):
-        if not isinstance(word, str) or not word:
+        if not isinstance(word, str) or (key == "kind" and not word):
             raise FaultError(f"{where}: {key} = {word!r} must be a name")
     for key, number in (("at", at), ("seconds", seconds)):
         if not is_number(number) or number < 0.0:
@@ -113,11 +113,6 @@ class Faults:
         """
         self._kinds[link, kind] = handler, arguments or {}
 
-    @property
-    def known(self) -> tuple[tuple[str, str], ...]:
-        """Link and kind of every fault that can happen, sorted."""
-        return tuple(sorted(self._kinds))
-
     def now(self, link: str, kind: str) -> Mapping[str, Any] | None:
         """Values of a lasting fault that is under way, else None."""
         end, values = self._active.get((link, kind), (0.0, {}))
@@ -141,10 +136,10 @@ class Faults:
         Raises:
             FaultError: lists what exists, or names the value.
         """
-        for fault in faults:
+        for fault in map(self._placed, faults):
             name = f"{fault.link} {fault.kind}"
             if (fault.link, fault.kind) not in self._kinds:
-                known = ", ".join(f"{link} {kind}" for link, kind in self.known)
+                known = ", ".join(f"{link} {kind}" for link, kind in sorted(self._kinds))
                 raise FaultError(f"{where}: there is no fault {name}. Known: {known}")
             _, arguments = self._kinds[fault.link, fault.kind]
             for key in fault.values:
@@ -158,6 +153,7 @@ class Faults:
 
     def inject(self, fault: TimedFault) -> None:
         """Do it now, with the default of every value that is not given."""
+        fault = self._placed(fault)
         self.check([fault], "fault")
         key = fault.link, fault.kind
         handler, arguments = self._kinds[key]
@@ -167,6 +163,11 @@ class Faults:
             self._active[key] = fault.end, values
         else:
             handler(replace(fault, values=values))
+
+    def _placed(self, fault: TimedFault) -> TimedFault:
+        """The fault with its link: the first that knows its kind where none is named."""
+        links = (link for link, kind in self._kinds if kind == fault.kind)
+        return fault if fault.link else replace(fault, link=next(links, ""))
 
     def start(self, script: tuple[TimedFault, ...]) -> None:
         """Run a script from now on, in a thread; what is wrong with a fault becomes a warning."""

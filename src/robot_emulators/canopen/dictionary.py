@@ -1,8 +1,7 @@
 """The object dictionary of a CANopen node, as its electronic data sheet (EDS) defines it, and the
 server that clients read and write it by.
 
-SDO: expedited writing, expedited and segmented reading; all else is refused. One transfer at a
-time; a new request ends the one before. A client that stays away for `PATIENCE_S` gets an abort.
+SDO: expedited writing, expedited and segmented reading, one transfer at a time.
 Sources: CiA 301 (data types 7.1.6, SDO 7.2.4.3, object dictionary 7.4); CiA 306-1 (EDS).
 """
 
@@ -22,9 +21,6 @@ _TYPES = {
 }  # fmt: skip
 """Number of a data type → its size [byte], 0 for text, and whether it has a sign."""
 _SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]{1,2}))?")
-PATIENCE_S = 2.0
-"""Longest pause of a client within a transfer [s]. CiA 301 states none; shorter than that, the
-client of `canopen`, which waits 0.3 s and repeats, could lose a transfer on a busy machine."""
 _PART = 7
 """Data bytes of a segment."""
 _EXPEDITED = 4
@@ -35,14 +31,12 @@ class Abort(enum.IntEnum):
     """Why an SDO transfer ends early; source: CiA 301, table of SDO abort codes."""
 
     TOGGLE = 0x05030000
-    TIMEOUT = 0x05040000
     COMMAND = 0x05040001
     WRITE_ONLY = 0x06010001
     READ_ONLY = 0x06010002
     NO_OBJECT = 0x06020000
     NOT_MAPPABLE = 0x06040041
     TOO_LONG = 0x06040042
-    INCOMPATIBLE = 0x06040043
     LENGTH_HIGH = 0x06070012
     LENGTH_LOW = 0x06070013
     NO_SUBINDEX = 0x06090011
@@ -198,13 +192,11 @@ class SdoServer:
         self._transfer: Key | None = None
         """Object sent in segments; then its data that are left, and the next toggle bit."""
         self._left, self._toggle = b"", 0
-        self._due = 0.0
 
-    def answer(self, t: float, request: bytes) -> list[bytes]:
-        """Frames that answer a request of 8 bytes at a time [s]."""
+    def answer(self, request: bytes) -> list[bytes]:
+        """Frames that answer a request of 8 bytes."""
         if len(request) < 8:
             return []
-        self._due = t + PATIENCE_S
         try:
             match request[0] >> 5:
                 case 1:
@@ -219,12 +211,6 @@ class SdoServer:
             raise AbortError(Abort.COMMAND)
         except AbortError as abort:
             return [self._aborted(struct.unpack_from("<HB", request, 1), abort.code)]
-
-    def expired(self, t: float) -> list[bytes]:
-        """The abort of a transfer whose client stayed away, at a time [s]."""
-        if self._transfer is None or t < self._due:
-            return []
-        return [self._aborted(self._transfer, Abort.TIMEOUT)]
 
     def _aborted(self, key: Key, code: int) -> bytes:
         """The abort frame; it ends the transfer under way, whose key it names."""

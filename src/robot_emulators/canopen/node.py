@@ -9,14 +9,14 @@ import operator
 import struct
 import threading
 from collections.abc import Callable, Sequence
-from functools import partial, reduce
+from functools import reduce
 
 from robot_emulators.can_bus import Frame
 from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects, SdoServer
 from robot_emulators.canopen.pdo import Pdo
 
 BOOT, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
-HEARTBEAT_LOST, SHORT_PDO = 0x8130, 0x8210
+HEARTBEAT_LOST = 0x8130
 """Error codes of the communication; source: CiA 301, 7.2.7.1."""
 _NMT = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL}
 """NMT command → the state that it asks for."""
@@ -63,8 +63,6 @@ class Node:
         self._by_id: dict[int, Pdo] = {}
         self._sdo = SdoServer(objects, self._locked, self._sdo_written)
         self._consumers = [k for k in objects if k[0] == 0x1016 and k[1]]
-        self._history = sum(index == 0x1003 for index, _ in objects) - 1
-        self._check()
         self._forget()
 
     def on_reset(self) -> None:
@@ -116,9 +114,6 @@ class Node:
         """Do what is due at a time [s]: heartbeat, events, errors."""
         with self.lock:
             self.now = t
-            if self.state != STOPPED:
-                for answer in self._sdo.expired(t):
-                    self.send(0x580 + self.node, answer)
             self._watch_others(t)
             for tpdo in self.tpdos if self.state == OPERATIONAL else ():
                 self._transmit(tpdo, tpdo.at_event(t))
@@ -128,11 +123,6 @@ class Node:
         """An error came: it is sent, kept, and shown in the error register."""
         self._errors.add(code)
         self._show_errors()
-        objects = self.objects
-        count = min(objects[0x1003, 0] + 1, self._history)
-        for k in range(count, 1, -1):
-            objects[0x1003, k] = objects[0x1003, k - 1]
-        objects[0x1003, 1], objects[0x1003, 0] = code, count
         self._emergency(code)
 
     def clear(self, *codes: int) -> None:
@@ -178,7 +168,7 @@ class Node:
         elif can_id == 0x600 + self.node:
             if self.state != STOPPED:
                 self.refresh(t)
-                for answer in self._sdo.answer(t, frame.data):
+                for answer in self._sdo.answer(frame.data):
                     self.send(0x580 + self.node, answer)
         elif can_id == self.objects[0x1005, 0] & 0x7FF:
             if self.state == OPERATIONAL:
@@ -212,11 +202,6 @@ class Node:
 
     def _receive(self, t: float, rpdo: Pdo, data: bytes) -> None:
         values = rpdo.unpack(data)
-        if values is None:
-            if SHORT_PDO not in self._errors:
-                self.error(SHORT_PDO)
-            return
-        self.clear(SHORT_PDO)
         if not values:
             return
         rpdo.heard = t
@@ -285,22 +270,3 @@ class Node:
         if key[0] == 0x1017:
             self._beat_due = 0.0
         self._tune()
-
-    def _check(self) -> None:
-        """Attach what the EDS cannot state of the values that may be written."""
-        entry = self.objects.entry
-        entry((0x1003, 0)).check = _check_clears
-        for key in self._consumers:
-            entry(key).check = partial(self._check_consumer, key)
-
-    def _check_consumer(self, key: Key, word: int) -> None:
-        others = [self.objects[other] for other in self._consumers if other != key]
-        if word & 0xFFFF and any(w & 0xFFFF and w >> 16 & 0xFF == word >> 16 & 0xFF
-                                 for w in others):  # fmt: skip
-            raise AbortError(Abort.INCOMPATIBLE)
-
-
-def _check_clears(value: int) -> None:
-    """The error history can be cleared only."""
-    if value:
-        raise AbortError(Abort.VALUE)

@@ -77,13 +77,13 @@ class Pdo:
         """Data of the PDO with the present values of its objects."""
         return self._objects.pack(self.keys())
 
-    def unpack(self, data: bytes) -> list[tuple[Key, int]] | None:
-        """Parse data into values of the PDO's objects; None if they are too short, empty if a value
-        is out of range."""
+    def unpack(self, data: bytes) -> list[tuple[Key, int]]:
+        """Parse data into values of the PDO's objects; empty if they are too short, or a value is
+        out of range."""
         entries = [(key, self._objects.entry(key)) for key in self.keys()]
         ends = list(itertools.accumulate((entry.size for _, entry in entries), initial=0))
         if len(data) < ends[-1]:
-            return None
+            return []
         parts = [data[begin:end] for begin, end in itertools.pairwise(ends)]
         try:
             return [

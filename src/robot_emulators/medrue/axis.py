@@ -27,7 +27,7 @@ _ACCELERATION, _DECELERATION, _QUICK_STOP = (0x6083, 0), (0x6084, 0), (0x6085, 0
 _VOLTAGE, _WARNING, _REMOTE = 1 << 4, 1 << 7, 1 << 9
 _REACHED, _LIMITED, _BIT12, _BIT13 = 1 << 10, 1 << 11, 1 << 12, 1 << 13
 """Bits of the statusword."""
-_START, _RELATIVE, _HALT = 1 << 4, 1 << 6, 1 << 8
+_START, _HALT = 1 << 4, 1 << 8
 """Bits of the controlword."""
 _LIMIT_MARGIN = 1
 """How far a target may be beyond a limit by rounding [count]."""
@@ -188,8 +188,6 @@ class Axis:
         """
         if not self.driven or self.mode != PROFILE:
             return
-        if self._word & _RELATIVE:
-            target += self.command if self._goal is None else self._goal
         self._goal = self._within(target)
 
     def sync(self, t: float, target: float, period: float) -> None:

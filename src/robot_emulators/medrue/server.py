@@ -35,6 +35,9 @@ _JOINTS = 6
 _WINDOW_M, _WINDOW_RAD = 0.02, 0.1
 """Largest following error; the simulated servos follow 24 ms behind, so at 80 % of top speed it
 is reached only by a fault."""
+_RATED_N, _RATED_NM = 200.0, 2.0
+_COUNTS_PER_M, _COUNTS_PER_TURN = 1e6, float(1 << 20)
+"""Motors' rated force and torque, encoders' counts: assumptions, MedRUE's are not published."""
 _QUICK_S = 0.1
 """A quick stop from top speed takes so long [s]; the linear axis slides 3 cm meanwhile."""
 
@@ -51,7 +54,8 @@ class BusFaults:
         self._impostor = hub.attach(self._pose)
         hub.stalled = lambda: faults.now("can", "stall") is not None
         drive, order = self._drive, hub.order
-        node = {"node": _one_of(list(self._drives))}
+        nodes = list(self._drives)
+        node = {"node": Argument(nodes.__contains__, f"one of {nodes}", nodes[0])}
         count = {"count": rules.integer(1, 1000, 100)}
         kinds: dict[str, tuple[Handler | None, Mapping[str, Argument]]] = {
             "mute": (None, node), "frozen": (None, node), "heartbeat_loss": (None, node),
@@ -104,15 +108,6 @@ class BusFaults:
             self._impostor(Frame(self._random.choice(ids), data))
 
 
-def _one_of(nodes: Sequence[int]) -> Argument:
-    """One of some whole numbers, the first where none is given."""
-    known = ", ".join(str(node) for node in nodes)
-    return Argument(
-        lambda v: isinstance(v, int) and not isinstance(v, bool) and v in nodes,
-        f"a node: {known}", nodes[0],
-    )  # fmt: skip
-
-
 def _are_nodes(nodes: tuple[int, ...] | None) -> bool:
     six = nodes is not None and len(nodes) == len(set(nodes)) == _JOINTS
     return six and all(1 <= node <= 127 for node in nodes or ())
@@ -126,7 +121,7 @@ _NODES = Argument(
 
 @dataclass(frozen=True)
 class BusSettings(Settings):
-    """Settings of the CAN bus: its port, its nodes, and counts per unit of drives and sensor."""
+    """Settings of the CAN bus: its port and its nodes; the sensor's slot and counts."""
 
     port: int = setting(29536, rules.integer(0, 65535), "TCP port of the bus (29536)")
     channel: str = setting("can0", rules.text(), "name of the bus (can0)")
@@ -142,20 +137,6 @@ class BusSettings(Settings):
     counts: int = setting(
         1_000_000, rules.integer(0, 1 << 31), "of the sensor board per N and per N·m (1000000)"
     )
-    counts_per_metre: float = setting(1e6, rules.above(0.0), "of the linear axis (1000000)")
-    counts_per_turn: float = setting(
-        float(1 << 20), rules.above(0.0), "of the rotary axes (1048576)"
-    )
-    rated_force: float = setting(
-        200.0, rules.number(1e-3, 1e6), "of the linear axis's motor [N] (200)"
-    )
-    rated_torque: float = setting(
-        2.0, rules.number(1e-3, 1e6), "of the rotary axes' motors [N·m] (2)"
-    )
-
-    def per_unit(self, arm: Arm) -> np.ndarray:
-        """Counts per rad or m of each joint (J,)."""
-        return np.where(arm.linear, self.counts_per_metre, self.counts_per_turn / tau)
 
 
 class RealTimePlant:
@@ -218,12 +199,12 @@ class MedrueEmulator(Emulator):
         self.setting: BusSettings = setting
         hub = self.hub = Hub(options.host, setting.port, setting.channel, self.fail)
         body = make_plant(PlantRequest("medrue", CYCLE_S, drives=True))
-        counts = setting.per_unit(body.arm)
+        counts = np.where(body.arm.linear, _COUNTS_PER_M, _COUNTS_PER_TURN / tau)
         lock = threading.RLock()
         self.plant = RealTimePlant(body, counts, lock, self.fail)
         self.drives: list[DriveEmulator] = []
         for j, node in enumerate(setting.nodes):
-            send = hub.attach(partial(self._heard_by, j))
+            send = hub.attach(lambda t, frame, j=j: self.drives[j].hear(t, frame))
             values, position = self._rated(body.arm, j, counts[j]), body.q[j] * counts[j]
             self.drives.append(DriveEmulator(node, send, values, position, lock))
         self.plant.drives = self.drives
@@ -247,9 +228,6 @@ class MedrueEmulator(Emulator):
         self.plant.stop()
         self.hub.stop()
 
-    def _heard_by(self, j: int, t: float, frame: Frame) -> None:
-        self.drives[j].hear(t, frame)
-
     def _rated(self, arm: Arm, j: int, counts: float) -> dict[Key, int]:
         """Limits and ratings of axis ``j`` of the arm, with ``counts`` per m or rad."""
         slides, top = arm.linear[j], arm.speed[j] * counts
@@ -260,5 +238,5 @@ class MedrueEmulator(Emulator):
             quick=top / _QUICK_S,
             speed=top,
             acceleration=2.0 * top,
-            torque=self.setting.rated_force if slides else self.setting.rated_torque,
+            torque=_RATED_N if slides else _RATED_NM,
         )

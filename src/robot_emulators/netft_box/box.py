@@ -4,11 +4,10 @@ import socket
 import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 from robot_emulators.base import arguments as rules
-from robot_emulators.base.arguments import Argument, Settings, described, read, setting, text
+from robot_emulators.base.arguments import Argument, described, read
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.event_loop import LoopThread, taken
 from robot_emulators.base.faults import Faults, TimedFault
@@ -52,7 +51,7 @@ class Box:
             for kind, more in kinds.items():
                 faults.on(link, kind, None, more)
         faults.on("rdt", "restart", self._restart)
-        self._pace = Pace(self.settings.rate, self.settings.buffer)
+        self._pace = Pace(self.settings.rate)
         self._sensing = Sensing(body, self.settings, faults)
         self._pages = Pages(self.settings, self._pace, self._sensing)
         self._thread = LoopThread("netft box", failed)
@@ -126,24 +125,17 @@ class Box:
         self._sensing.restart()
 
 
-@dataclass(frozen=True)
-class MountSettings(Settings):
-    """Settings of where the sensor is mounted."""
-
-    robot: str = setting("ur5", text(), "whose flange the sensor is on, default ur5")
-
-
 class NetftEmulator(Emulator):
-    """A Net Box with its sensor on a robot that rests at home."""
+    """A Net Box with its sensor on a UR5 that rests at home."""
 
     name = "netft"
     title = "ATI Net F/T: RDT over UDP, netftapi2.xml over HTTP"
-    settings: ClassVar[Mapping[str, str]] = described(MountSettings, BoxSettings)
+    settings: ClassVar[Mapping[str, str]] = described(BoxSettings)
 
     def __init__(self, options: Options, make_plant: PlantMaker) -> None:
         super().__init__(options, make_plant)
-        mount, settings = read(options.setting, MountSettings, BoxSettings)
-        self.body = make_plant(PlantRequest(mount.robot, _CYCLE))
+        (settings,) = read(options.setting, BoxSettings)
+        self.body = make_plant(PlantRequest("ur5", _CYCLE))
         self.box = Box(self.body, options.host, self.faults, settings, options.seed, self.fail)
         self._thread = CycleThread("netft body", _CYCLE, 2.0 * _CYCLE, self._step, self.fail)
         self._home = self.body.arm.home

@@ -2,7 +2,7 @@
 
 Sources: ATI 9620-05 Net F/T manual, sections on CGI and XML pages, and the elements that public
 clients of the box read. All configurations are alike. Not carried out, and shown as the maker's
-defaults: the low-pass filter, the tool transform, peak logging, monitor conditions, the network.
+defaults: the low-pass filter, the tool transform, peak logging, the network.
 
 Settings are changed by plain GETs, and a browser sends what any page tells it to: requests that a
 page elsewhere asks for are refused. A page elsewhere may have its name resolved to this machine
@@ -37,15 +37,13 @@ _TORQUE = {"lbf-in": 1, "lbf-ft": 2, "Nm": 3, "Nmm": 4, "kgf-cm": 5, "kNm": 6}
 """Codes of cfgfu and cfgtu; source: ATI 9620-05, configurations."""
 _SERIAL = "FT00000"
 _CONSTANT = {
-    "runmcb": "0x00000000", "runmco": "0x00", "runmcl": "0", "setuserfilter": "0", "setpke": "0",
-    "setmce": "0", "cfgcalsn": _SERIAL, "cfgtfx": "0;0;0;0;0;0", "scfgtdu": "mm",
-    "scfgtau": "degrees", "nethwaddr": "02:00:00:00:00:00", "mfgdigsn": "EMULATOR",
-    "mfgdigver": "2.2.59", "comnetip": "192.168.1.1", "netip": "192.168.1.1",
-    "comnetmsk": "255.255.255.0", "comnetgw": "0.0.0.0", "comnetdhcp": "Disabled",
-    "setcfgsel": "0", "cfgnam": "emulator", "cfgcalsel": "0", "cfgusra": "empty",
-    "cfgusrb": "empty",
-} | {name: ";".join(16 * [off]) for name, off in
-     {"mce": "0", "mcx": "-1", "mcc": "1", "mcv": "0", "mco": "0x00"}.items()}  # fmt: skip
+    "setuserfilter": "0", "setpke": "0", "cfgcalsn": _SERIAL, "cfgtfx": "0;0;0;0;0;0",
+    "scfgtdu": "mm", "scfgtau": "degrees", "nethwaddr": "02:00:00:00:00:00",
+    "mfgdigsn": "EMULATOR", "mfgdigver": "2.2.59", "comnetip": "192.168.1.1",
+    "netip": "192.168.1.1", "comnetmsk": "255.255.255.0", "comnetgw": "0.0.0.0",
+    "comnetdhcp": "Disabled", "setcfgsel": "0", "cfgnam": "emulator", "cfgcalsel": "0",
+    "cfgusra": "empty", "cfgusrb": "empty",
+}  # fmt: skip
 """Elements of what a box has and this one does not carry out."""
 _FORMS = ("setting.cgi", "setcfg.cgi", "comm.cgi", "moncon.cgi")
 _DONE: Reply = ("200 OK", "text/html", "<html><body>settings applied</body></html>")

@@ -157,7 +157,7 @@ class Pace:
     """Settings of RDT: rate of records [Hz], records in a buffered datagram, whether it is on."""
 
     rate: float
-    buffer: int
+    buffer: int = 10
     on: bool = True
 
     def every(self, internal: int) -> int:

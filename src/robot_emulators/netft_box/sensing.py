@@ -48,9 +48,6 @@ class BoxSettings(Settings):
         7000.0, number(1.0, INTERNAL_RATE),
         "RDT records per second, default 7000; rounded up to internal samples / whole number",
     )  # fmt: skip
-    buffer: int = setting(
-        10, integer(1, LARGEST_BUFFER), "records of a buffered datagram, 1 … 40, default 10"
-    )
     counts_per_force: float = setting(1e6, above(0.0), "counts per unit of force, default 1000000")
     counts_per_torque: float = setting(
         1e6, above(0.0), "counts per unit of torque, default 1000000"

@@ -6,7 +6,6 @@ the weight of the payload that the controller was given. The CB3 refers the torq
 e-Series to the flange's centre.
 """
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,8 +20,6 @@ _YIELDING = np.array([6e-4] * 3 + [0.02] * 3)
 SAFE_DECELERATION = 15.0
 """Deceleration of the joints when the safety system stops the arm [rad/s²]."""
 _SLACK = 1.02
-_FOLLOW_SPEED = 0.5
-"""Speed at which an injected following error grows [rad/s]."""
 
 
 class WrenchEstimate:
@@ -114,7 +111,6 @@ class ControlledArm:
         self.qd = np.zeros(6)
         self.qdd = np.zeros(6)
         self.force: ForceMode | None = None
-        self._wanted_error, self._error, self._error_until = np.zeros(6), np.zeros(6), 0.0
         self.motion: ArmMotion | None = None
         """Motion that moves the arm now."""
         self._interrupted: ArmMotion | None = None
@@ -183,10 +179,6 @@ class ControlledArm:
         if self.motion is not None:
             self.motion.begin(self._plain, self.qd)
 
-    def deviate(self, joints: np.ndarray, until: float) -> None:
-        """Let the joints be off their targets (6,) [rad] until a time of `time.monotonic` [s]."""
-        self._wanted_error, self._error_until = joints, until
-
     def cycle(self) -> str | None:
         """Take one control cycle; what the safety system objects to, if anything."""
         dt = self.plant.cycle
@@ -241,10 +233,7 @@ class ControlledArm:
         speed = (following - self.q) / dt
         self.qdd = (speed - self.qd) / dt
         self.q, self.qd, self._plain = following, speed, self._next_plain
-        wanted = self._wanted_error if time.monotonic() < self._error_until else np.zeros(6)
-        gap = wanted - self._error
-        self._error = self._error + np.clip(gap, -_FOLLOW_SPEED * dt, _FOLLOW_SPEED * dt)
-        self.plant.step(self.q + self._error, self.due)
+        self.plant.step(self.q, self.due)
         rotation, _ = self.kinematics.flange(self.plant.q)
         self.load = self.plant.wrench()
         self.estimate.update(self.load, rotation, self.tcp)

@@ -34,15 +34,16 @@ _MORE_FORCE = 30.0
 _FUNCTIONS = script_exchange.TABLE | script_state.TABLE | script_motion.TABLE
 """Functions that a program may call, of any software."""
 _SINCE: dict[str, tuple[tuple[int, int], tuple[int, int], tuple[int, int]]] = {
-    "direct_torque": ((99, 0), (5, 23), (10, 11)),
-    "optimovej": ((99, 0), (5, 21), (10, 8)),
-    "optimovel": ((99, 0), (5, 21), (10, 8)),
+    """direct_torque get_mass_matrix get_jacobian get_jacobian_time_derivative
+    get_coriolis_and_centrifugal_torques get_target_joint_accelerations""":
+        ((99, 0), (5, 23), (10, 11)),
+    "optimovej optimovel": ((99, 0), (5, 21), (10, 8)),
     "get_actual_joint_positions_history": ((3, 0), (5, 0), (10, 0)),
     "set_target_payload": ((3, 15), (5, 10), (10, 0)),
     "ft_rtde_input_enable": ((3, 14), (5, 9), (10, 0)),
-}
-"""First software of CB3, e-Series and PolyScope X with a function, as its script manual and the
-maker's driver state."""
+}  # fmt: skip
+"""Functions → their first software of CB3, e-Series and PolyScope X, as the script manual, the
+maker's driver and ur_rtde state."""
 
 
 class Controller:
@@ -276,7 +277,10 @@ class Controller:
 def functions(version: Version) -> Table:
     """Functions that URScript programs may call under a version of the software."""
     generation = 0 if version[0] < 5 else 1 if version[0] < 10 else 2
-    missing = {name for name, since in _SINCE.items() if version[:2] < since[generation]}
+    missing = {
+        name for names, since in _SINCE.items() if version[:2] < since[generation]
+        for name in names.split()
+    }  # fmt: skip
     return Table({name: builtin for name, builtin in _FUNCTIONS.items() if name not in missing})
 
 

@@ -77,7 +77,7 @@ class Dashboard(Conversation):
         if controller.settings.e_series:
             self._questions |= {
                 "safetystatus": lambda: f"Safetystatus: {controller.modes.safety.name}",
-                "is in remote control": lambda: "true",
+                "is in remote control": lambda: str(controller.settings.remote).lower(),
                 "get operational mode": lambda: controller.operational_mode,
                 "clear operational mode": self._clear_operational_mode,
             }

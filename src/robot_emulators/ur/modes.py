@@ -16,7 +16,6 @@ class RobotMode(IntEnum):
 
     POWER_OFF = 3
     POWER_ON = 4
-    BOOTING = 2
     IDLE = 5
     RUNNING = 7
 
@@ -54,7 +53,7 @@ class Modes:
 
     @property
     def powered(self) -> bool:
-        return self.robot not in (RobotMode.POWER_OFF, RobotMode.BOOTING)
+        return self.robot is not RobotMode.POWER_OFF
 
     @property
     def emergency(self) -> bool:

@@ -21,9 +21,8 @@ class Conversation(ABC):
     def receive(self, data: bytes, now: float) -> bool:
         """Take bytes; False ends the connection."""
 
-    def end(self) -> None:
+    def end(self) -> None:  # noqa: B027 - most conversations hold nothing
         """The connection is gone."""
-        return None
 
 
 class Peer(Connection):

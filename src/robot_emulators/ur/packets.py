@@ -22,7 +22,8 @@ FORMATS = {
 """Name of a type → its format in `struct`."""
 WARNING = 2
 """Level of a text message."""
-_LONGEST_NAMES = 2048
+_LONGEST_NAMES = 1 << 14
+"""Bytes of a recipe's names; the maker's client library asks for all outputs in 9,174."""
 
 Values = tuple[Any, ...]
 """One field: as many numbers as its type holds."""

@@ -38,8 +38,8 @@ _DEFAULTS = (1.05, 1.4, 0.25, 1.2, 0.0)
 """Speed and acceleration of joints and of the tool where a move states none, and a radius."""
 PERIOD_S = 0.1
 """Time between two robot states [s]."""
-DATES = {"cb3": "13-10-2021, 12:00:00", "e": "08-03-2022, 12:00:00", "x": "15-06-2025, 12:00:00"}
-"""Build date of each series' software: the month of a release; no client reads the day."""
+_DATE = "08-03-2022, 12:00:00"
+"""Build date of the software, of a release 5.11; no client reads it."""
 
 
 def robot_state(controller: Controller, timestamp: float) -> bytes:
@@ -118,8 +118,7 @@ class Primary:
 
     def secondary(self, peer: Peer) -> "ScriptClient":
         """A client of port 30002: states."""
-        series = self._controller.settings.series
-        version = messages.version(self._controller.settings.version, DATES[series])
+        version = messages.version(self._controller.settings.version, _DATE)
         peer.send(version.packed(self._clock.now()))
         self._readers.add(peer)
         return ScriptClient(self._controller)

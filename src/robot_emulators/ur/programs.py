@@ -2,7 +2,7 @@
 
 A .script file is URScript. A .urp file is the maker's tree of nodes, as XML, packed or not; its
 nodes become URScript. Known are assignments, scripts and script lines, if without else, loops,
-waits, moves by waypoints, threads, folders and comments: with these the maker's own examples play.
+waits, moves by waypoints, threads and comments: with these the maker's own examples play.
 Others are refused by name. The node of the External Control URCap asks a computer for its program
 when it plays.
 """
@@ -127,10 +127,6 @@ class _Converter:
         match node.tag:
             case "Comment" | "InitVariablesNode":
                 pass
-            case "Folder":
-                yield from self._block(node)
-            case "Halt":
-                yield "halt"
             case "Assignment":
                 name = self._variable(self._needed(node, "variable"))
                 yield f"global {name} = {self._expression(node)}"

@@ -28,7 +28,6 @@ _SENT: dict[str, Callable[[Any], bytes]] = {
     "int": lambda value: struct.pack(">i", int32(value)),
     "byte": lambda value: bytes([int(real(value, "a byte")) & 0xFF]),
     "string": lambda value: shown(value).encode("latin-1", "replace"),
-    "line": lambda value: shown(value).encode("latin-1", "replace") + b"\n",
 }
 """What a program sends of a value over a connection."""
 

@@ -41,7 +41,6 @@ _POSES: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
 _NUMBERS: dict[str, Callable[[ScriptProgram], Any]] = {
     "get_steptime": lambda p: p.controller.settings.cycle,
     "get_target_payload": lambda p: float(p.controller.estimate.payload.mass),
-    "get_payload": lambda p: float(p.controller.estimate.payload.mass),
     "force": lambda p: float(np.linalg.norm(p.controller.estimate.wrench[:3])),
     "is_steady": lambda p: not p.arm.moving and float(np.abs(p.arm.plant.qd).max()) < 1e-3,
     "get_freedrive_status": lambda p: 0,  # never off its limits: nobody pushes the arm
@@ -100,12 +99,6 @@ def pose_trans(_: Any, p_from: Six, p_from_to: Six) -> Pose:
 
 
 @TABLE.add()
-def pose_inv(_: Any, p_from: Six) -> Pose:
-    rotation, position = kinematics.matrix(p_from)
-    return made(kinematics.vector(rotation.T, -(rotation.T @ position)))
-
-
-@TABLE.add()
 def pose_sub(_: Any, p_to: Six, p_from: Six) -> Pose:
     """Difference of positions, and the rotation between."""
     (last, b), (first, a) = kinematics.matrix(p_to), kinematics.matrix(p_from)
@@ -137,6 +130,7 @@ _LISTS: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
     "get_target_joint_positions": lambda p: p.arm.q,
     "get_actual_joint_speeds": lambda p: p.arm.plant.qd,
     "get_target_joint_speeds": lambda p: p.arm.qd,
+    "get_target_joint_accelerations": lambda p: p.arm.qdd,
     "get_joint_torques": lambda p: np.array(p.controller.values["target_moment"]),
     "get_actual_tcp_speed": lambda p: _speed(p, p.arm.plant.q, p.arm.plant.qd),
     "get_target_tcp_speed": lambda p: _speed(p, p.arm.q, p.arm.qd),
@@ -216,8 +210,53 @@ def _tcp(program: ScriptProgram, tcp: Any) -> np.ndarray:
 @TABLE.add()
 def get_forward_kin(program: ScriptProgram, q: Six | None = None, tcp: Any = _ACTIVE) -> Pose:
     """Pose of joint values; the present ones if none are given."""
-    joints = program.arm.plant.q if q is None else q
-    return made(program.arm.kinematics.pose(joints, _tcp(program, tcp)))
+    return made(program.arm.kinematics.pose(_state(program, q)[0], _tcp(program, tcp)))
+
+
+def _state(
+    program: ScriptProgram, q: Six | None, qd: Six | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joint values and speeds (6,), the present ones where none are given."""
+    plant = program.arm.plant
+    return plant.q if q is None else q, plant.qd if qd is None else qd
+
+
+@TABLE.add()
+def get_jacobian(
+    program: ScriptProgram, q: Six | None = None, tcp: Any = _ACTIVE
+) -> list[list[float]]:
+    """Rows of the Jacobian of the TCP in base axes."""
+    jacobian = program.arm.kinematics.jacobian(_state(program, q)[0], _tcp(program, tcp))
+    rows: list[list[float]] = jacobian.tolist()
+    return rows
+
+
+@TABLE.add()
+def get_jacobian_time_derivative(
+    program: ScriptProgram, q: Six | None = None, qd: Six | None = None, tcp: Any = _ACTIVE
+) -> list[list[float]]:
+    solver = program.arm.kinematics
+    rate = solver.jacobian_rate(*_state(program, q, qd), _tcp(program, tcp))
+    rows: list[list[float]] = rate.tolist()
+    return rows
+
+
+@TABLE.add()
+def get_mass_matrix(
+    program: ScriptProgram, q: Six | None = None, include_rotors_inertia: bool = False
+) -> list[list[float]]:
+    """Rows of the mass matrix [kg·m²] by the plant's model, whose rotors weigh nothing."""
+    torques, (joints, _), still = program.arm.plant.model_torques, _state(program, q), np.zeros(6)
+    columns = [torques(joints, still, unit, still[:3]).tolist() for unit in np.eye(6)]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+@TABLE.add()
+def get_coriolis_and_centrifugal_torques(
+    program: ScriptProgram, q: Six | None = None, qd: Six | None = None
+) -> list[float]:
+    torques = program.arm.plant.model_torques(*_state(program, q, qd), np.zeros(6), np.zeros(3))
+    return [float(v) for v in torques]
 
 
 def solve(

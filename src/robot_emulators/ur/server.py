@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import ClassVar
 
-import numpy as np
-
 from robot_emulators.base import arguments as rules
 from robot_emulators.base.arguments import Argument, described, read
 from robot_emulators.base.emulator import Emulator, Options
@@ -36,8 +34,6 @@ _BROKEN = {
     "unknown_type": packets.packet(ord("?"), b"what is this"),
     "garbage": bytes(range(255, 0, -7)),
 }
-_MOST_OFF = 0.5
-"""Largest following error [rad]."""
 _PORTS = {"rtde": 30004, "dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
 """Link → its TCP port; source: "Remote control via TCP/IP" of Universal Robots."""
 _LATE_S = 0.05
@@ -154,14 +150,12 @@ class UREmulator(Emulator):
             "program_stop": lambda f: controller.stop_program(),
             "power_off": lambda f: controller.power_off(),
             "script_never_starts": lambda f: setattr(controller, "script_denied_until", f.end),
-            "follow_error": lambda f: controller.arm.deviate(np.array(f.values["joints"]), f.end),
             "restart": lambda f: self.restart(f.seconds),
         }
         more = {
             "malformed": {"how": rules.word(_BROKEN)},
             "text": {"message": rules.text("this is a fault that was asked for")},
             "timestamp_jump": {"by": rules.number(-1e6, 1e6)},
-            "follow_error": {"joints": rules.numbers(6, _MOST_OFF)},
         }
         for link, handlers in at_once.items():
             for kind, handler in handlers.items():

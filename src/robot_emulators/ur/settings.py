@@ -60,6 +60,9 @@ class ControllerSettings(Settings):
         rules.text(),
         "folder of .urp and .script files that the dashboard can load; default none",
     )
+    remote: bool = setting(
+        True, flag(), "on (default, for ur_rtde) or off: the answer to 'is in remote control'"
+    )
     external_control: str = setting(
         "127.0.0.1:50002", _COMPUTER, "computer that external_control.urp asks for its program, "
         "as the External Control URCap does; default 127.0.0.1:50002",

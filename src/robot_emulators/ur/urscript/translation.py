@@ -330,6 +330,8 @@ class _Translator:
         while True:
             if token := self._seen("["):
                 target = _call(token, "get", target, self._expression())
+                while self._seen(","):  # an element of a matrix
+                    target = _call(token, "get", target, self._expression())
                 self._take("]")
             elif token := self._seen("."):
                 member = self._take(lexer.NAME)
