@@ -37,6 +37,9 @@ in a window, which turns 20 N by 8 mN."""
 _SIGMAS = 6.0
 """Standard deviations beyond which a difference of means is a move, not noise: at 3 a long
 recording shows moves by chance."""
+_SURELY, _NOISIEST = 10.0, 1e-3
+"""Standard deviations of one reading from which a step is a move at once, of poses that nobody
+numbers; and the noise of an encoder [rad or m] beyond which rows are poses of their own."""
 _NORMAL = 0.6745
 """Median of |x| of a normal distribution with standard deviation 1."""
 LEAST_HOLD_S = 0.4
@@ -129,20 +132,37 @@ def first_rows(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     segment = columns.get("segment")
     limit = MOVING if segment is None else MOVING_WITHIN_SEGMENT
     rows = len(columns[names[0]])
-    change = np.zeros(rows - 1, dtype=bool) if segment is None else np.diff(segment) != 0
+    noise = {name: _noise_of(columns[name], rows) for name in names}
+    if segment is not None:
+        change = np.diff(segment) != 0
+    else:
+        change = np.zeros(rows - 1, dtype=bool)
+        for name in names:
+            change |= np.abs(np.diff(columns[name])) > max(limit, _SURELY * noise[name])
     begin = np.concatenate([[0], np.flatnonzero(change) + 1, [rows]])
     for name in names:
-        jumps = np.abs(np.diff(columns[name])) > limit
-        if segment is not None and jumps.any():
-            jumps[jumps] = _stays_away(columns[name], np.flatnonzero(jumps), limit, begin)
+        jumps = (np.abs(np.diff(columns[name])) > limit) & ~change
+        if jumps.any():
+            at = np.flatnonzero(jumps)
+            jumps[at] = _stays_away(columns[name], at, limit, noise[name], begin)
         change = change | jumps
     return np.concatenate([[0], np.flatnonzero(change) + 1])
 
 
+def _noise_of(values: np.ndarray, rows: int) -> float:
+    """Standard deviation of an encoder's noise in rows (N,) at rest; 0 where they are not."""
+    if rows < 3:
+        return 0.0
+    second = np.abs(values[2:] - 2.0 * values[1:-1] + values[:-2])
+    noise = float(np.median(second)) / (_NORMAL * np.sqrt(6.0))
+    return noise if noise < _NOISIEST else 0.0
+
+
 def _stays_away(
-    values: np.ndarray, jumps: np.ndarray, limit: float, begin: np.ndarray
+    values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
-    """Whether values (N,) are elsewhere behind a jump than before it: noise comes back.
+    """Whether values (N,) with a noise are elsewhere behind a jump than before it: noise comes
+    back.
 
     Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
     """
@@ -151,7 +171,8 @@ def _stays_away(
     low = np.maximum(here - NEAR_ROWS, begin[segment])
     high = np.minimum(here + NEAR_ROWS, np.maximum(begin[segment + 1], here + 1))
     behind, before = means_of(values, here, high), means_of(values, low, here)
-    return np.asarray(np.abs(behind - before) > limit)
+    by_chance = _SIGMAS * noise * np.sqrt(1.0 / (high - here) + 1.0 / (here - low))
+    return np.asarray(np.abs(behind - before) > np.maximum(limit, by_chance))
 
 
 def means_of(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -386,11 +407,11 @@ def _split(recording: Recording) -> Split | None:
     if not runs:
         return None
     block = max(1, round(_BLOCK_S / step)) if step > 0 else 1
-    hold = np.full(n, -1)
+    hold, wrench = np.full(n, -1), recording.wrench if recording.has_wrench else None
     for k, run in enumerate(runs):
         rest = path.without_ends(run)
-        if recording.has_wrench:
-            rest = _settled(recording.wrench, rest, block)
+        if wrench is not None:
+            rest = _settled(wrench, rest, block)
         hold[slice(*rest)] = k
     between = sum(before[1] < after[0] for before, after in pairwise(runs))
     edge = 2 * window + block
