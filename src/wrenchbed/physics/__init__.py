@@ -1,6 +1,6 @@
 """Rotations, wrenches, gravity of an arm, sensor noise, parameters, Taylor arithmetic in time.
-Imports no other room.
-Never: MuJoCo, a file or a name of a robot; functions of arrays alone.
 Read first: `wrench` (sign and axes), then `parameters` and `time_derivatives`.
-Used by: every other room but files, jobs, pages and planning.
+Free: how a formula is evaluated; tests/physics and tests/robots compare it with MuJoCo.
+Others rely on: signs and axes, names of channels, the noise numbers of a seed.
+Never: MuJoCo, files, names of robots.
 """

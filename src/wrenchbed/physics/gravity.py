@@ -13,7 +13,7 @@ from wrenchbed.physics.wrench import Tool
 
 @dataclass(frozen=True)
 class BodyMass:
-    """A moving body of a robot's MJCF: mass [kg] and centre of gravity in the body's axes [m]."""
+    """Mass [kg] and centre of gravity, in body axes [m], of one moving body of a robot's MJCF."""
 
     body: str
     mass: float
@@ -21,10 +21,10 @@ class BodyMass:
 
 
 class ArmBodies(ABC):
-    """Moving bodies that carry a sensor, which carries a tool; all poses at rest.
+    """Masses of an arm: moving links that carry a sensor, which carries a tool.
 
-    Weights take joint values q (N, J) or jets, real parameters theta (P,) and gravity (3,) in world
-    axes [m/s²].
+    Methods take joint values q (N, J), or jets in motion, real parameters theta (P,) and gravity
+    (3,) in world axes [m/s²].
     """
 
     name: str
@@ -37,12 +37,11 @@ class ArmBodies(ABC):
 
     @abstractmethod
     def tool(self, theta: np.ndarray) -> Tool:
-        """The load on the sensor."""
+        """What the sensor carries, and the mass of its own tool side."""
 
     def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
-        """Masses (B,) [kg] and centres of gravity in the world (N, 3) [m] of the moving bodies.
-
-        All but the tool: the links, and the part of the sensor on the flange's side.
+        """Masses (B,) [kg] and centres of gravity in the world, B times (N, 3) [m], of moving
+        bodies.
 
         Raises:
             NotFoundError: the model of this robot has no masses of links.
@@ -56,9 +55,9 @@ class ArmBodies(ABC):
     def push_along(
         self, q: Value, theta: np.ndarray, gravity: np.ndarray, length: int
     ) -> np.ndarray:
-        """Push (N,) of all weights at rest along a link: its ``length`` is that number in theta.
+        """Axial force (N,) [N] that all weights put on a link at rest, positive under tension.
 
-        By virtual work, in newtons: Σ m g·∂p/∂L, the joints held; positive under tension.
+        By virtual work with the joints held, Σ m g·∂p/∂L; ``length`` is the index of L in theta.
 
         Raises:
             NotFoundError: the model of this robot has no masses of links.
@@ -71,9 +70,9 @@ class ArmBodies(ABC):
     def gravity_torque(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         """Torque or force of weight on each actuated joint (N, J) [N·m or N].
 
-        Σ m (g − a)·∂p/∂q over links, tool and sensor, the loops of a closed chain staying closed;
-        a = 0 of poses at rest, and of a motion's jets that of each centre of gravity. Moments of
-        inertia about these centres are left out.
+        Σ m (g − a)·∂p/∂q over links, tool and sensor, with the loops of a closed chain kept closed.
+        a is the acceleration of each centre of gravity, 0 at rest. Moments of inertia about these
+        centres are left out.
 
         Raises:
             NotFoundError: the model of this robot has no masses of links.

@@ -33,8 +33,8 @@ class Motion(NamedTuple):
 
 
 def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
-    """Motion of a sensor from the jets of R_world_sensor (…, N, 3, 3) and its origin (…, N, 3)
-    [m]."""
+    """Acceleration, spin and angular acceleration of a sensor from the jets of R_world_sensor (…,
+    N, 3, 3) and of its origin (…, N, 3) [m]."""
     to_sensor = np.swapaxes(rotation.v, -1, -2)
     spin = to_sensor @ rotation.d  # [ω]×
     turn = to_sensor @ rotation.dd - spin @ spin  # [ω̇]×
@@ -43,14 +43,14 @@ def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
 
 
 def twist_of(rotation: Jet, position: Jet) -> np.ndarray:
-    """Velocity of the origin [m/s], then angular velocity [rad/s], in its own axes (N, 6)."""
+    """Velocity of the sensor's origin [m/s] and angular velocity [rad/s] in sensor axes (N, 6)."""
     to_own = np.swapaxes(rotation.v, -1, -2)
     slide = (to_own @ position.d[..., None])[..., 0]
     return np.concatenate([slide, np.moveaxis(_vee(to_own @ rotation.d), 0, -1)], axis=-1)
 
 
 def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
-    """Wrench (…, N, 6) [N, N·m] that loads φ (…, 10), or (K, 1, 10), put on the sensor."""
+    """Wrench (…, N, 6) [N, N·m] on the sensor by inertial parameters φ (…, 10), or (K, 1, 10)."""
     mass, h, inertia = _split(phi)
     force = [-mass * o for o in motion.origin]
     torque = [-x for x in _cross(h, motion.origin)]
@@ -66,12 +66,12 @@ def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
 
 
 def regressor(motion: Motion) -> np.ndarray:
-    """Y (N, 6, 10) with `load` = Y φ of one motion (3, N)."""
+    """Matrix Y (N, 6, 10) of one motion (3, N) such that `load` = Y φ."""
     return np.moveaxis(load(motion, np.eye(INERTIAL)[:, None]), 0, -1)
 
 
 def _split(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mass (…), h (3, …) and J (6, …)."""
+    """Mass (…), first moment h (3, …) and inertia J (6, …) of parameters φ (…, 10)."""
     parts = np.moveaxis(phi, -1, 0)
     return parts[0], parts[1:4], parts[4:]
 

@@ -30,10 +30,10 @@ _DECADES = 0.9
 
 
 def channels(values: ArrayLike, name: str, *, signed: bool = False) -> Array:
-    """Six numbers, one a channel (6,), or one for all; read-only, no NaN, negative if signed.
+    """Read-only array (6,) from six numbers, or from one that holds for all channels.
 
     Raises:
-        ParameterError: anything else.
+        ParameterError: another shape, NaN, or a negative number unless ``signed``.
     """
     array = np.array(values, dtype=np.float64)
     if array.shape not in ((), (6,)):
@@ -59,7 +59,7 @@ def _correlation(values: ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """What a sensor adds to the true load, per channel fx fy fz tx ty tz. Zero by default.
+    """What a sensor adds to the true load, per channel fx fy fz tx ty tz; by default nothing.
 
     Attributes:
         white: (6,) standard deviation of the white part of one row [N, N·m], at any rate.
@@ -130,8 +130,8 @@ OFF = NoiseModel()
 
 
 def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
-    """The model itself (``real``), independent Gaussian noise of its ``row_std`` (``white``) or
-    none (``off``).
+    """``model`` itself (``kind`` real), independent Gaussian noise of its ``row_std`` (white), or
+    no noise (off).
 
     Raises:
         ParameterError: no such kind.
@@ -143,11 +143,8 @@ def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
 
 
 class NoiseStream:
-    """Draws a model's noise along one clock: calls continue where the last one ended.
-
-    The numbers depend on model, seed (≥ 0) and times alone: how the rows are split into calls
-    changes no bit.
-    """
+    """Generator of a model's noise along one clock: each call continues where the last one
+    ended."""
 
     def __init__(self, model: NoiseModel, seed: int) -> None:
         self.model = model
@@ -229,10 +226,7 @@ def carried(keep: Array, push: Array) -> Array:
 
 
 def shown(model: NoiseModel, wrench: Array) -> tuple[Array, NDArray[np.uint32]]:
-    """Readings (…, 6) and status words (…) of what the gauges see (…, 6): rounded, within range.
-
-    ``wrench`` is changed in place.
-    """
+    """Readings (…, 6), rounded and clipped, and status words (…) of loads (…, 6) on the gauges."""
     step = model.resolution
     where = step > 0 if (step <= 0).any() else np.True_  # the latter is faster
     np.divide(wrench, step, out=wrench, where=where)
@@ -245,7 +239,7 @@ def shown(model: NoiseModel, wrench: Array) -> tuple[Array, NDArray[np.uint32]]:
 
 
 def _root(correlation: Array) -> Array:
-    """Symmetric root (6, 6); the unit matrix exactly where there is no correlation."""
+    """Symmetric square root (6, 6) of a correlation; exactly the unit matrix if there is none."""
     if np.array_equal(correlation, np.eye(6)):
         return np.eye(6)
     values, vectors = np.linalg.eigh(correlation)
@@ -254,7 +248,7 @@ def _root(correlation: Array) -> Array:
 
 
 def _mix(rows: Array, root: Array) -> Array:
-    """root @ rows (6, N), in an order of sums that does not depend on N, as BLAS's may."""
+    """root @ rows (6, N), summed in an order that does not depend on N, as BLAS's does."""
     rows, mixed = np.ascontiguousarray(rows), np.empty(rows.shape)
     for i in range(6):
         mixed[i] = root[i, 0] * rows[0]

@@ -37,7 +37,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class ParameterSet(Sequence[Parameter]):
-    """An ordered set of parameters: vector ↔ mapping, selection by name and pattern."""
+    """Ordered parameters of a model: vector ↔ mapping, selection by name and pattern."""
 
     items: tuple[Parameter, ...]
 
@@ -106,7 +106,7 @@ class ParameterSet(Sequence[Parameter]):
     def vector(
         self, values: Mapping[str, float] | None = None, *, start: np.ndarray | None = None
     ) -> np.ndarray:
-        """Values ``(P,)``: nominal (or ``start``) with those of ``values`` put in.
+        """Values ``(P,)``: nominal (or ``start``), replaced by those in ``values``.
 
         Raises:
             ParameterError: an unknown name, a value that is not a finite number or out of bounds.
@@ -140,7 +140,7 @@ class ParameterSet(Sequence[Parameter]):
 
 @lru_cache(_PATTERNS)
 def _matching(names: tuple[str, ...], pattern: str) -> frozenset[int]:
-    """Positions of the names that a pattern matches."""
+    """Positions of the names that a pattern matches: one name, a group, or shell style."""
     return frozenset(
         i
         for i, name in enumerate(names)

@@ -79,7 +79,7 @@ def _series(square: Value, odd: int) -> Value:
 
 
 def apply(matrix: Value, vector: Value) -> Value:
-    """Rotate vectors: (…, 3, 3) on (…, 3)."""
+    """Vectors (…, 3) rotated by matrices (…, 3, 3)."""
     return (matrix @ vector[..., None])[..., 0]
 
 

@@ -37,12 +37,12 @@ class Tool:
 
     @property
     def lever(self) -> np.ndarray:
-        """[c]× (…, 3, 3) [m]: a force at the centre of gravity → its torque."""
+        """Matrix [c]× (…, 3, 3) [m] that turns a force at the centre of gravity into its torque."""
         return np.swapaxes(cross(self.cog[..., None, :], np.eye(3)), -1, -2)
 
     @property
     def inertial(self) -> np.ndarray:
-        """The ten parameters (…, 10) of `newton_euler`, the sensor's own mass at its origin."""
+        """Ten parameters (…, 10), see `newton_euler`, with the sensor's own mass at its origin."""
         cx, cy, cz = (self.cog[..., k] for k in range(3))
         m, about = self.mass, self.inertia
         six = [about[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
@@ -55,7 +55,7 @@ class Tool:
 
 
 def about_centre(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mass [kg], CoG (3,) [m] and inertia about it (3, 3) [kg·m²] of ten parameters (10,)."""
+    """Mass [kg], CoG (3,) [m], inertia about it (3, 3) [kg·m²] of ten inertial parameters (10,)."""
     mass, cog = phi[0], phi[1:4] / phi[0]
     return mass, cog, symmetric(phi[4:]) - mass * (cog @ cog * np.eye(3) - np.outer(cog, cog))
 
@@ -74,13 +74,14 @@ def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) ->
 
 
 def weight(seen: np.ndarray, tool: Tool) -> np.ndarray:
-    """Load on the sensor (…, N, 6) [N, N·m] at rest in gravity that it sees as (…, N, 3) [m/s²]."""
+    """Load on the sensor (…, N, 6) [N, N·m] at rest; ``seen`` is gravity in its axes (…, N, 3)
+    [m/s²]."""
     force, side_force = (np.asarray(m)[..., None] * seen for m in (tool.mass, tool.sensor_mass))
     return np.concatenate(np.broadcast_arrays(force + side_force, cross(tool.cog, force)), axis=-1)
 
 
 def symmetric(six: Sequence[float] | np.ndarray) -> np.ndarray:
-    """xx yy zz xy xz yz → (3, 3)."""
+    """Matrix (3, 3) of the six numbers xx yy zz xy xz yz."""
     xx, yy, zz, xy, xz, yz = six
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
@@ -91,7 +92,8 @@ def six_of(inertia: np.ndarray) -> np.ndarray:
 
 
 def physical_inertia(inertia: Sequence[float] | np.ndarray) -> bool:
-    """Whether xx yy zz xy xz yz [kg·m²] has moments ≥ 0 with A + B ≥ C, as every body has."""
+    """Whether principal moments of xx yy zz xy xz yz [kg·m²] are ≥ 0 with A + B ≥ C, as of
+    bodies."""
     a, b, c = np.linalg.eigvalsh(symmetric(inertia))
     slack = 1e-9 * max(abs(c), 1e-12)
     return bool(a >= -slack and a + b >= c - slack)

@@ -41,11 +41,11 @@ Chosen = tuple[list[int], list[int]]
 
 @dataclass(frozen=True, eq=False)
 class MixOptions:
-    """Options and costs of a mix of measurements.
+    """Options and costs of `reach`.
 
     Attributes:
-        share: of the robots that shall reach the accuracy.
-        least_poses: under gravity, at least; they calibrate the sensor itself.
+        share: of the robots whose error shall be below the wanted accuracy, 0 … 1.
+        least_poses: smallest number of poses under gravity; they calibrate the sensor itself.
         touch_cost: what a touch costs, in poses under gravity.
         pool: gravity poses to choose from.
         points: known positions to touch (K, 3) [m]; the robot's default if None.
@@ -74,7 +74,7 @@ class MixOptions:
 
 @dataclass(frozen=True, eq=False)
 class Mix:
-    """A plan in two parts.
+    """Plan of poses under gravity and touches, with the accuracy that its rehearsal reached.
 
     Attributes:
         gravity, touches: plans; either may have 0 rows.
@@ -97,12 +97,12 @@ class Mix:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What is measured and wanted: a pool of poses under gravity and one of touches.
+    """Design problem of `reach`: candidate poses and touches, unknown parameters, target.
 
     Attributes:
         columns: unknown parameters (K,).
         wrench_std: standard deviation of a pose's mean wrench (6,) [N, N·m].
-        pools: of both kinds, in units of noise and of ``scale``.
+        pools: candidate poses, then touches, in units of noise and of ``scale``.
         scale: tolerances of the unknown parameters (K,).
     """
 
@@ -117,7 +117,7 @@ class _Task:
     criterion: Criterion
 
     def information(self, chosen: Chosen) -> np.ndarray:
-        """Information matrix (K, K) of the priors and of what is chosen."""
+        """Information matrix (K, K) of the priors and the chosen measurements, scaled."""
         seen = [pool.information(some) for pool, some in zip(self.pools, chosen, strict=True)]
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
@@ -127,8 +127,8 @@ class _Task:
         return self.goal.quantile(covariance, self.options.share)
 
     def best(self, kind: int, information: np.ndarray, used: list[int]) -> tuple[int, float]:
-        """The candidate measurement of a kind that helps the plan most, and the criterion with
-        it."""
+        """Index of the unused candidate of a kind (0 pose, 1 touch) that raises the criterion most,
+        and the criterion with it."""
         pool = self.pools[kind]
         slope = pool.slopes(self.criterion.gradient(information))
         slope[used] = -np.inf
@@ -137,7 +137,7 @@ class _Task:
         return int(some[np.argmax(value)]), float(value.max())
 
     def grow(self, chosen: Chosen) -> None:
-        """Add whatever lowers the logarithm of the mean square error most for its cost."""
+        """Add to ``chosen``, in place, what lowers log mean square error most per cost."""
         information = self.information(chosen)
         now = float(self.criterion.values(information))
         (pose, with_pose), (touch, with_touch) = (
@@ -149,7 +149,7 @@ class _Task:
             chosen[0].append(pose)
 
     def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
-        """Fewer touches, then fewer poses, as long as the rest, exchanged, assures the accuracy."""
+        """Selection without the touches, then poses, that the accuracy does not need."""
         for kind, least in ((1, 0), (0, self.options.least_poses)):
             while len(chosen[kind]) > least:
                 blocks = self.pools[kind].blocks[chosen[kind]]
@@ -163,7 +163,7 @@ class _Task:
         return chosen
 
     def exchanged(self, chosen: Chosen) -> Chosen:
-        """Measurements with as many of each kind, exchanged in turns."""
+        """Selection with as many of each kind, improved by exchange of one kind at a time."""
         for kind in (1, 0) * _TURNS:
             if not chosen[kind]:
                 continue
@@ -177,10 +177,11 @@ class _Task:
         return chosen
 
     def rehearsed(self, chosen: Chosen, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """Rms error in the target before and after (`ROBOTS`,) [m] of robots that run the plan.
+        """Rms tool errors in the target, (`ROBOTS`,) [m], of robots before and after they run the
+        plan.
 
         Raises:
-            PlanError: a robot cannot.
+            PlanError: a robot leaves its workspace.
         """
         results = [self._one(chosen, np.random.default_rng([seed, k])) for k in range(ROBOTS)]
         before, after = np.array(results).T
@@ -189,7 +190,8 @@ class _Task:
         return before, after
 
     def _one(self, chosen: Chosen, rng: np.random.Generator) -> tuple[float, float]:
-        """A robot whose unknown parameters are drawn within their tolerances, fitted."""
+        """Rms tool error [m] of the nominal and the fitted model of a robot drawn within
+        tolerances."""
         robot, nominal, free = self.model.robot, self.model.parameters.nominal, list(self.columns)
         truth, std, touch_std = nominal.copy(), self.wrench_std, self.options.touch_std
         truth[free] += rng.uniform(-1.0, 1.0, len(free)) * self.scale
@@ -216,7 +218,7 @@ class _Task:
 
 
 def _seated(robot: Robot, q: np.ndarray, points: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Joint values (T, J) nearest to q (T, J) whose tips are at points (T, 3)."""
+    """Joint values (T, J), near q (T, J), that put the tool's tip at points (T, 3)."""
     joints = q.shape[1]
     steps = np.vstack([np.zeros(joints), np.eye(joints) * _STEP])
     for _ in range(_TRIES if len(q) else 0):

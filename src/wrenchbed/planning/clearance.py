@@ -26,7 +26,7 @@ _PER_LEG = 0.3
 
 
 class Clearance:
-    """A robot among its surroundings."""
+    """Collision checks of a robot against itself and its surroundings."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self.robot = robot
@@ -40,14 +40,14 @@ class Clearance:
         self._data = mujoco.MjData(self.model)
 
     def hit(self, q: np.ndarray) -> str:
-        """Contact at joint values (J,), in words; empty if there is none."""
+        """Sentence on the first contact at joint values (J,); empty if there is none."""
         for a, b, _, _ in sorted(self._touching(q) - self._built):
             return f"{self._name(a)} would touch {self._name(b)}"
         return ""
 
     def blocked(self, start: np.ndarray, end: np.ndarray) -> str:
-        """Contact on a straight joint-space move (J,) → (J,), with its place on the move; empty if
-        none."""
+        """Sentence on the first contact of a straight joint-space move (J,) → (J,), with its place
+        on the move; empty if there is none."""
         n = max(1, int(np.ceil(np.abs(end - start).max() / STEP)))
         for share in np.arange(1, n + 1) / n:
             what = self.hit(start + share * (end - start))
@@ -56,13 +56,13 @@ class Clearance:
         return ""
 
     def way(self, start: np.ndarray, end: np.ndarray, where: str) -> list[np.ndarray]:
-        """Joint values to go through in straight lines, the last being ``end`` (J,).
+        """Joint values to go through in straight lines from ``start``, the last being ``end`` (J,).
 
         Straight if that is free, else the shortest free way over one or two of home and some free
         poses.
 
         Raises:
-            PlanError: the end itself, or every such way, is blocked; says by what.
+            PlanError: ``end``, called ``where``, or every such way is blocked; says by what.
         """
         why = self.hit(end)
         if why:
@@ -82,7 +82,7 @@ class Clearance:
 
     @cached_property
     def _built(self) -> set[tuple[int, int, int, int]]:
-        """Pairs that touch at home or in many poses: the drawing, not a danger."""
+        """Pairs that touch at home or in many random poses, for `hit` to ignore."""
         drawn = self.robot.sample(_DETOURS, np.random.default_rng(1))
         often = Counter(pair for q in drawn for pair in self._touching(q))
         usual = {pair for pair, n in often.items() if n > _OFTEN * len(drawn)}
@@ -95,7 +95,7 @@ class Clearance:
         return [q for q in drawn if not self.hit(q)]
 
     def _touching(self, q: np.ndarray) -> set[tuple[int, int, int, int]]:
-        """Pairs of bodies, and for what stands around the robot, pairs of geoms."""
+        """Pairs in contact: bodies (a, b, 0, 0), or with surroundings (0, b, geom, geom)."""
         model, data = self.model, self._data
         data.qpos[:] = self.robot.qpos(q[None], self._theta)[0]
         mujoco.mj_kinematics(model, data)

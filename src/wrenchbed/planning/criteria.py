@@ -21,11 +21,11 @@ _EXPONENTS = {"O2": (1, 1), "O3": (1, 0), "O4": (2, 1)}
 
 
 class Criterion(ABC):
-    """A number to maximise.
+    """Quality of a set of configurations, to be maximised.
 
     Attributes:
         power: `value` to this power is homogeneous of degree 1 in M and concave; None if it is not.
-        smooth: whether the gradient tells what a whole configuration does.
+        smooth: whether the gradient predicts what adding a whole configuration does.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Criterion(ABC):
 
     @abstractmethod
     def gradient(self, information: np.ndarray) -> np.ndarray:
-        """Derivative (m, m) of the criterion by a regular information matrix."""
+        """Derivative (m, m) of the criterion with respect to a regular information matrix."""
 
     def screen(self, information: np.ndarray) -> np.ndarray:
         """Matrix (m, m) whose product with JᵢᵀJᵢ ranks promising configurations."""
@@ -50,7 +50,7 @@ class Criterion(ABC):
 
 
 class Spectral(Criterion):
-    """A criterion of the singular values alone."""
+    """Criterion that depends on the singular values alone."""
 
     def values(self, information: np.ndarray) -> np.ndarray:
         return self._of(np.sqrt(np.maximum(np.linalg.eigvalsh(information), 0.0)))
@@ -60,7 +60,7 @@ class Spectral(Criterion):
 
     @staticmethod
     def _turned(information: np.ndarray, slope: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Derivative (m, m) from the slopes by the singular values."""
+        """Derivative (m, m) by the information matrix from the slopes by the singular values."""
         squares, vectors = np.linalg.eigh(information)
         sigma = np.sqrt(np.maximum(squares, _SMALLEST))
         return np.asarray((vectors * (slope(sigma) / (2 * sigma))) @ vectors.T)
@@ -86,7 +86,7 @@ class O1(Spectral):
         return self._of(sigma) / (len(sigma) * sigma)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion after changes, by the determinant lemma: k × k determinants, not m × m."""
+        """Criterion (N,) after each change (determinant lemma: k × k determinants, not m × m)."""
         m = len(information)
         inner = blocks @ np.linalg.inv(information) @ np.swapaxes(blocks, -1, -2)
         factor = np.linalg.det(np.eye(blocks.shape[1]) + sign * inner)
@@ -95,11 +95,8 @@ class O1(Spectral):
 
 
 class Weakest(Spectral):
-    """σm^a / σ1^b: many singular values are small, so screening heeds them all.
-
-    O2 is the inverse condition number (1, 1), O3 the worst direction or E-optimality (1, 0), O4 the
-    noise amplification index (2, 1).
-    """
+    """σm^a / σ1^b. Screening also heeds the other small singular values, any of which may become
+    σm."""
 
     smooth = False
 
@@ -139,10 +136,8 @@ class O5(Spectral):
 
 
 class InverseTrace(Criterion):
-    """1 / trace(W M⁻¹): W = 1 is A-optimality; W of a goal's sensitivity makes it I-optimality.
-
-    With W = mean GᵢᵀGᵢ over goals Gᵢ (3, m), trace(W M⁻¹) is the mean square error at the goals.
-    """
+    """1 / trace(W M⁻¹): A-optimality for W = 1, I-optimality for W from the sensitivity of a
+    goal."""
 
     power = 1.0
 
@@ -159,7 +154,7 @@ class InverseTrace(Criterion):
         return inner / np.trace(self.weight @ inverse) ** 2
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion after changes, by the Woodbury identity."""
+        """Criterion (N,) after each change, by the Woodbury identity."""
         inverse = np.linalg.inv(information)
         turned = np.swapaxes(blocks, -1, -2)
         inner = np.eye(blocks.shape[1]) + sign * (blocks @ inverse @ turned)

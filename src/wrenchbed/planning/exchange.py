@@ -39,7 +39,7 @@ _GAP = 1e-3
 
 
 class Pool:
-    """Candidate configurations: blocks (N, k, m) of a whitened, scaled Jacobian."""
+    """Candidate configurations, as blocks (N, k, m) of a whitened, scaled Jacobian."""
 
     def __init__(self, blocks: np.ndarray) -> None:
         self.blocks = np.ascontiguousarray(blocks, dtype=float)
@@ -56,12 +56,12 @@ class Pool:
         return len(self.blocks)
 
     def information(self, chosen: Sequence[int] | np.ndarray) -> np.ndarray:
-        """Information matrix M (m, m) of some configurations."""
+        """Information matrix M (m, m), the sum of JᵢᵀJᵢ over the chosen configurations."""
         rows = self.blocks[np.asarray(chosen, dtype=int)].reshape(-1, self.blocks.shape[-1])
         return rows.T @ rows
 
     def slopes(self, gradient: np.ndarray) -> np.ndarray:
-        """trace(gradient · JᵢᵀJᵢ) (N,), to single precision."""
+        """Products trace(gradient · JᵢᵀJᵢ) (N,) of all configurations, in single precision."""
         size = np.abs(gradient).max()
         vector = (gradient[self._upper] * self._twice / size).astype(np.float32)
         return (self._packed @ vector).astype(float) * size
@@ -69,7 +69,7 @@ class Pool:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Chosen configurations, the criterion's value, and its course over the exchanges."""
+    """Chosen indices (n,), the criterion's value, and its values after each improving exchange."""
 
     chosen: np.ndarray
     value: float
@@ -86,11 +86,11 @@ def exchange(
     seed: int = 0,
     tell: Callable[[float], None] = lambda _: None,
 ) -> Selection:
-    """n different configurations of a pool that no excursion of `_DEPTH` exchanges improves.
+    """Choose n different configurations that no excursion of `_DEPTH` exchanges improves.
 
     Args:
         start: indices to begin with; random if None.
-        prior: information (m, m) that is there before any measurement.
+        prior: information (m, m) before any measurement.
         tell: called with the value after each exchange.
 
     Raises:
@@ -214,7 +214,7 @@ def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Cert
         raise PlanError(f"{criterion.name} is not concave: its optimum cannot be certified")
 
     def slopes(blocks: np.ndarray, weight: np.ndarray, of: np.ndarray) -> tuple[float, np.ndarray]:
-        """The criterion to its power of weighted blocks, and its slopes (M,) by blocks ``of``."""
+        """Criterion to the power ``power``, and its slopes (M,) by the weights of blocks ``of``."""
         rows = (blocks * np.sqrt(weight)[:, None, None]).reshape(-1, blocks.shape[-1])
         value = float(criterion.values(rows.T @ rows))
         gradient = power * value ** (power - 1.0) * criterion.gradient(rows.T @ rows)
@@ -246,12 +246,12 @@ def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Cert
 
 
 def rounded(certificate: Certificate, n: int) -> np.ndarray:
-    """The n configurations of largest weight (fewer if the support is smaller)."""
+    """Indices of the n configurations of largest weight (fewer if the support is smaller)."""
     return certificate.support[np.argsort(-certificate.weight)[:n]]
 
 
 def _capped(weight: np.ndarray, cap: float) -> np.ndarray:
-    """Weights scaled to sum 1 with none above the cap."""
+    """Weights scaled to the sum 1, each at most ``cap``."""
     full = np.zeros(len(weight), dtype=bool)
     while True:
         rest = (1.0 - cap * full.sum()) / max(weight[~full].sum(), 1e-300)
