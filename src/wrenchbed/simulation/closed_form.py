@@ -56,7 +56,7 @@ SENSOR = _sensor_parameters()
 
 @dataclass(frozen=True, eq=False)
 class CompiledForm:
-    """A robot and its sensor under gravity (3,) [m/s²], by constants that C functions take.
+    """Readings of a robot and its sensor under gravity (3,) [m/s²] by compiled C functions.
 
     Each method returns None where plain numpy has to do it: `Model` then does.
     """
@@ -68,14 +68,14 @@ class CompiledForm:
     )
 
     def readings(self, q: Value, theta: np.ndarray, sensed: bool) -> np.ndarray | None:
-        """`Model.predict`, or `Model.true_wrench` if not sensed."""
+        """Result of `Model.predict`, or of `Model.true_wrench` if not ``sensed``."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
         return statics.readings(name, q, self._of_one(theta, sensed))
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
-        """Force on a tool of 1 kg, as `Model.gravity_seen` gives it."""
+        """Result of `Model.gravity_seen`, as the force on a tool of 1 kg."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
@@ -83,7 +83,8 @@ class CompiledForm:
         return statics.readings(name, q, constants)[:, :3]
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
-        """`Model.jacobian`: slopes by the constants; complex steps of the constants alone."""
+        """Result of `Model.jacobian`: C's slopes by the constants, whose slopes are complex
+        steps."""
         name = self.robot.compiled
         if not statics.available(name, slopes=True) or not self._takes(q, theta):
             return None
@@ -94,10 +95,11 @@ class CompiledForm:
         return np.moveaxis(slopes, -3, -1)
 
     def _of_one(self, theta: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
-        """Constants of one vector, kept: of one pose they take longer than the wrench.
+        """Packed `constants` of one parameter vector, cached: they take longer than one pose's
+        wrench.
 
         Args:
-            unit: of a tool of 1 kg, at the sensor's origin, and no other.
+            unit: of a tool of 1 kg at the sensor's origin instead of the robot's.
         """
         key = theta.tobytes(), sensed, unit
         constants = self._kept.get(key)
@@ -146,7 +148,7 @@ class Model:
 
     @classmethod
     def of(cls, robot: Robot, metadata: Metadata | None = None) -> "Model":
-        """The model under the gravity that a recording states, else the robot's default."""
+        """The model under the gravity that a recording states, else under the robot's default."""
         stated = metadata.gravity if metadata is not None else None
         return cls(robot, tuple(robot.gravity if stated is None else stated))
 
@@ -177,7 +179,8 @@ class Model:
         return self.plain_wrench(q, theta) if compiled is None else compiled
 
     def plain_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """`true_wrench` in numpy: of all robots and parameters, and what is compiled is held to."""
+        """`true_wrench` in numpy, for all robots and parameters; compiled code is tested against
+        it."""
         return self._load(self._seen(q, theta), theta)
 
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:
@@ -277,7 +280,7 @@ def robot_of(recording: Recording) -> Robot:
 
 
 def _within_limits(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Joint values (N, J), at the limit where an encoder reads a little past it."""
+    """Joint values (N, J), clipped to the limit where an encoder reads a little past it."""
     lower = np.array([joint.lower for joint in robot.joints])
     upper = np.array([joint.upper for joint in robot.joints])
     near = (q >= lower - _PAST_LIMIT) & (q <= upper + _PAST_LIMIT)

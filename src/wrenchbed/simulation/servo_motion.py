@@ -27,7 +27,7 @@ class Sampled(NamedTuple):
 
 
 class ServoDrivenRobot:
-    """The robot's dynamics; its joints follow targets.
+    """Dynamics of a robot in MuJoCo whose position servos follow joint targets.
 
     Args:
         simulation: the compiled robot; the plant owns its state from now on.
@@ -64,7 +64,7 @@ class ServoDrivenRobot:
         return np.array(self._target)
 
     def _aim(self, target: np.ndarray) -> None:
-        """Let the servos rest at joint values (J,)."""
+        """Set the servos' targets (J,); they stand still when the joints are there."""
         self._target = np.asarray(target, dtype=float)
         self.data.ctrl[:] = self._scale * self._target + self._offset
 
@@ -76,7 +76,7 @@ class ServoDrivenRobot:
         mujoco.mj_step(self.model, self.data, steps)
 
     def settle(self, target: np.ndarray) -> tuple[bool, float]:
-        """Wait until the servos rest at the target: whether they do, and how long it took [s]."""
+        """Wait until the joints rest at a target (J,): whether they do, and the time waited [s]."""
         waited, step = 0.0, 0.05
         while waited < _PATIENCE_S:
             self.advance(target, step)
@@ -86,10 +86,11 @@ class ServoDrivenRobot:
         return bool(np.abs(self.q - target).max() < _TOLERABLE), waited
 
     def follow(self, targets: np.ndarray, seconds: float) -> Sampled:
-        """Take one step to each target (S, J); returns what was measured as the first set out.
+        """Take one step to each target (S, J) in ``seconds``; return state and load before the
+        first.
 
-        The wrench is read inside MuJoCo's step: with the discrete integrator only that acceleration
-        is the one that moves the robot, `mj_forward` would report the stiff servos' raw one.
+        The load is read inside MuJoCo's step: with the discrete integrator only that acceleration
+        moves the robot; `mj_forward` would report the stiff servos' raw one.
         """
         self.model.opt.timestep = seconds / len(targets)
         q, qd = self.q, self.qd
@@ -102,11 +103,8 @@ class ServoDrivenRobot:
         return Sampled(q, qd, load)
 
     def follow_all(self, ways: np.ndarray, seconds: float) -> Sampled:
-        """Follow targets (N, S, J) through N samples of ``seconds`` each; states and loads (N, …).
-
-        MuJoCo steps through all of them by itself and returns states and sensors of every step.
-        Forces applied from outside do not act: `mujoco.rollout` clears them.
-        """
+        """Follow targets (N, S, J) through N samples of ``seconds`` each: states (N, J), loads (N,
+        6)."""
         model, data, every = self.model, self.data, ways.shape[1]
         model.opt.timestep = seconds / every
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS

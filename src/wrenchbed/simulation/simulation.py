@@ -20,10 +20,10 @@ _STEP, _TRIES, _SEATED = 1e-6, 30, 1e-9
 
 
 class Simulation:
-    """One robot with one parameter vector, compiled.
+    """One robot with one parameter vector, compiled in MuJoCo.
 
     Args:
-        theta: its parameters (P,).
+        theta: parameters of the robot (P,).
         gravity: in world axes (3,) [m/s²]; the robot's default if None.
     """
 
@@ -38,7 +38,7 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
 
     def wrench(self, q: Value) -> np.ndarray:
-        """Load on the sensor (N, 6) [N, N·m] at joint values (N, J); at rest, for jets moving."""
+        """Load on the sensor (N, 6) [N, N·m] at joint values (N, J), at rest; of jets in motion."""
         qpos = self.robot.qpos(q, self.theta)
         rows = value(qpos)
         result = np.empty((len(rows), 6))
@@ -67,7 +67,7 @@ class Simulation:
         return np.array(tips).reshape(-1, 3)
 
     def seated(self, q: np.ndarray, point: np.ndarray) -> np.ndarray | None:
-        """Joint values (J,) nearest to q that put the tool tip at a point (3,); None if none do."""
+        """Joint values (J,) near q that put the tool tip at a point (3,) [m]; None if none do."""
         x = np.array(q, dtype=float)
         steps = np.vstack([np.zeros(len(x)), np.eye(len(x)) * _STEP])
         for _ in range(_TRIES):
@@ -80,11 +80,11 @@ class Simulation:
 
 
 def loop_sites(model: mujoco.MjModel) -> list[tuple[int, int]]:
-    """The two sites that each loop keeps together."""
+    """Numbers of the two sites that each loop constraint joins."""
     pairs = zip(model.eq_type, model.eq_obj1id, model.eq_obj2id, strict=True)
     return [(int(a), int(b)) for kind, a, b in pairs if kind == mujoco.mjtEq.mjEQ_CONNECT]
 
 
 def load_on_sensor(data: mujoco.MjData) -> np.ndarray:
-    """The load (6,) [N, N·m] that MuJoCo's last evaluation left in its force and torque sensors."""
+    """Load (6,) [N, N·m] from MuJoCo's force and torque sensors, as last evaluated."""
     return -np.concatenate([data.sensor("force").data, data.sensor("torque").data])

@@ -29,11 +29,11 @@ _HARD = ((0.004, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0))
 
 
 class Spring(NamedTuple):
-    """Spring, backlash and friction of an added joint.
+    """Spring, backlash and friction of a joint that an effect adds.
 
     Attributes:
         stiffness: [N·m/rad or N/m].
-        half: half its backlash [rad or m]; None of a joint without.
+        half: half its backlash [rad or m]; None without backlash.
         lags: whether it lies against the way in which its joint last moved.
         friction: force [N] up to which it stays where it is.
         bias: the spring's force in the middle [N].
@@ -47,7 +47,7 @@ class Spring(NamedTuple):
 
 
 def in_series(spec: mujoco.MjSpec, effect: str, joint: str, spring: Spring) -> None:
-    """Add a sprung joint on the axis of ``joint``."""
+    """Add a sprung joint in series with ``joint``, on its axis."""
     driven = spec.joint(joint)
     name = f"{effect}{MARK}{joint}{LAGS * spring.lags}"
     _add(driven.parent, name, driven.type, driven.axis, spring).pos = driven.pos
@@ -56,21 +56,21 @@ def in_series(spec: mujoco.MjSpec, effect: str, joint: str, spring: Spring) -> N
 def hinge(
     effect: str, part: str, body: mujoco.MjsBody, axis: Sequence[float], spring: Spring
 ) -> None:
-    """A sprung hinge at a body's origin about an axis (3,) in its own axes."""
+    """Add a sprung hinge at a body's origin about an axis (3,) in body axes."""
     _add(body, f"{effect}{MARK}{part}", mujoco.mjtJoint.mjJNT_HINGE, axis, spring)
 
 
 def slide(
     spec: mujoco.MjSpec, effect: str, part: str, axis: Sequence[float], spring: Spring
 ) -> None:
-    """The tool's mass slides along an axis (3,) of the sensor."""
+    """Let the tool's mass slide along an axis (3,) of the sensor, on a spring."""
     body, kind = tool_mass(spec, effect), mujoco.mjtJoint.mjJNT_SLIDE
     added = _add(body, f"{effect}{MARK}{part}", kind, axis, spring)
     added.frictionloss, added.springref = spring.friction, spring.bias / spring.stiffness
 
 
 def tool_mass(spec: mujoco.MjSpec, effect: str) -> mujoco.MjsBody:
-    """The body that has the tool's mass: from now on its own, so that it can move in the tool."""
+    """Body that holds the tool's mass, made on the first call so that it can move."""
     tool = spec.body("tool")
     for child in tool.bodies:
         if child.name.endswith(MASS):
@@ -89,12 +89,12 @@ def cable(
     stiffness: float,
     length: float,
 ) -> None:
-    """A spring [N/m] from a point (3,) on the tool to an anchor (3,), slack within a length [m]."""
+    """Add a spring [N/m] from a tool point (3,) to an anchor (3,), slack within a length [m]."""
     _tendon(spec, f"{effect}{MARK}cable", point, anchor, stiffness, [0.0, length])
 
 
 def pull(spec: mujoco.MjSpec, effect: str, point: Sequence[float], force: np.ndarray) -> None:
-    """A constant force (3,) [N] in world axes on a point (3,) of the tool: a cable to far away."""
+    """Add a constant force (3,) [N] in world axes on a tool point (3,), as a cable to far away."""
     strength = float(np.linalg.norm(force))
     if strength > 0.0:
         anchor = FAR * np.asarray(force) / strength
@@ -109,8 +109,8 @@ def plane(
     depth: float,
     stiffness: float,
 ) -> None:
-    """A plane n·p = depth [m] that pushes a point (3,) of the tool back [N/m]: a strut from far
-    behind it that resists pressure only."""
+    """Add a plane n·p = depth [m] that pushes a tool point (3,) back [N/m]: a strut from far behind
+    it that resists pressure only."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     name = f"{effect}{MARK}plane"
@@ -147,7 +147,7 @@ def _tendon(
     stiffness: float,
     lengths: Sequence[float],
 ) -> None:
-    """A spatial tendon to a point of the tool; MuJoCo's force sensor reads it."""
+    """Add a spatial tendon to a tool point (3,), with a MuJoCo sensor of its force."""
     if anchor is not None:
         spec.worldbody.add_site(name=f"{name}.anchor", pos=[float(x) for x in anchor])
     spec.body("tool").add_site(name=f"{name}.point", pos=[float(x) for x in point])

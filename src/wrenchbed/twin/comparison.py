@@ -1,4 +1,4 @@
-"""Simulators to hold against a recording: as configured, a fit's, a twin's."""
+"""Simulators to compare with a recording: as configured, of a fit, of a twin."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ MOST = 4
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
-    """What a simulator says of a recording.
+    """Prediction of one simulator for all rows of a recording.
 
     Attributes:
-        name: for people.
+        name: label for people.
         theta: the robot's parameters (P,).
-        reading: of every row (N, 6) [N, N·m].
-        fitted: whether it is of a fit.json.
+        reading: predicted reading of every row (N, 6) [N, N·m].
+        fitted: whether it comes from a fit.json.
     """
 
     name: str
@@ -37,10 +37,10 @@ class Simulator:
 
 
 def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simulator]:
-    """Simulators of a recording: as it configures it, then of each file, a fit or a twin.
+    """Simulators of a recording: the configured one, then one for each fit.json or twin.json.
 
     Raises:
-        ParameterError: a file is neither, of another robot, or there are too many.
+        ParameterError: a file is no fit or twin, is of another robot, or there are too many.
     """
     if len(files) >= MOST:
         raise ParameterError(f"{len(files)} simulators: at most {MOST - 1} can be shown together")
@@ -77,8 +77,8 @@ def robot_of(recording: Recording) -> SimulatedRobot:
 
 
 def noise_of(recording: Recording) -> np.ndarray:
-    """Noise of a row (6,) [N, N·m]: as stated, else, or where none is stated (a simulation without
-    noise), how rows scatter about their neighbours."""
+    """Noise of one row (6,) [N, N·m]: as stated, else the scatter of rows about their neighbours
+    (also of a simulation without noise)."""
     stated = np.asarray(recording.metadata.sensor.noise_std or (0.0,) * 6, dtype=float)
     steps = np.abs(np.diff(recording.wrench, axis=0))
     middle = np.median(steps, axis=0) if len(steps) else np.zeros(6)
@@ -86,14 +86,15 @@ def noise_of(recording: Recording) -> np.ndarray:
 
 
 def order_of(recording: Recording) -> tuple[np.ndarray, str]:
-    """What rows are sorted by (N,): poses at rest where they are known, else time [s]."""
+    """Variable (N,) to sort rows by, and its unit: ``pose`` at rest where known, else time,
+    ``s``."""
     if recording.metadata.mode == "static" and "segment" in recording.columns:
         return recording.columns["segment"], "pose"
     return recording.t, "s"
 
 
 def bins(order: np.ndarray, count: int) -> list[np.ndarray]:
-    """Rows sorted by a variable (N,), in at most ``count`` groups of about equal size."""
+    """Indices of the rows, sorted by a variable (N,), in at most ``count`` groups of like size."""
     return [g for g in np.array_split(np.argsort(order, kind="stable"), count) if len(g)]
 
 
@@ -104,7 +105,7 @@ def binned_rms(residual: np.ndarray, groups: Sequence[np.ndarray]) -> np.ndarray
 
 
 def _read(path: Path, model: Model) -> tuple[Twin, bool]:
-    """A twin.json, or a fit.json as a twin without effects; and whether it is a fit."""
+    """A twin, from twin.json or from fit.json (then without effects), and whether it was a fit."""
     raw = load(path, ParameterError)
     if not isinstance(raw, dict):
         raise ParameterError(f"{path}: is no fit or twin")

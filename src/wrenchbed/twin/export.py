@@ -50,11 +50,7 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
 
 
 def exact(xml: str, model: mujoco.MjModel) -> str:
-    """The model's XML with all digits of what a wrench depends on: MuJoCo writes six.
-
-    These are places, axes, masses, inertias and zeros of named bodies, joints and sites, the points
-    at which loops close, and gravity.
-    """
+    """XML of a compiled model with all digits of what a wrench depends on: MuJoCo writes six."""
     root = ElementTree.fromstring(xml)
     option = root.find("option")
     option = ElementTree.SubElement(root, "option") if option is None else option
@@ -100,7 +96,7 @@ def _words(values: np.ndarray) -> str:
 
 
 def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
-    """The edited MJCF, and the names of the effects that are in it."""
+    """MJCF with the effects that it can hold, and the names of these effects."""
     robot, theta, inside = twin.model.robot, twin.robot_theta, set()
     for a in twin.active:
         changed = a.effect.as_parameters(robot, theta, a.values)
@@ -112,7 +108,7 @@ def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
 
 
 def _weigh_in_full(spec: mujoco.MjSpec) -> None:
-    """No compensation of gravity, and servos that hardly need it."""
+    """Switch gravity compensation off and stiffen the servos by `STIFFER`, in place."""
     for body in spec.bodies:
         body.gravcomp = float(body.name == "base")  # bolted down
     for servo in spec.actuators:
@@ -121,7 +117,7 @@ def _weigh_in_full(spec: mujoco.MjSpec) -> None:
 
 
 def _stand(spec: mujoco.MjSpec) -> None:
-    """Each keyframe with the added joints at 0."""
+    """Extend each keyframe, in place, by zeros for the added joints."""
     bare = spec.copy()
     for key in bare.keys:
         bare.delete(key)

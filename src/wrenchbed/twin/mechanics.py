@@ -1,9 +1,9 @@
-"""A robot in MuJoCo that gives: springs and play in its joints, base and tool find their balance.
+"""Compliance and backlash in MuJoCo: added joints of arm, base and tool, at their balance.
 
-What effects add to the MJCF bears the mark of `springs`. What gives stands where the weight and the
-inertia of what it carries put it; its own dynamics, above 10 Hz, are left out. Weights act in full
-here; the servos' compensation of gravity (``gravcomp``) would hide them. A robot known only by its
-sensor's orientation is three hinges and the tool.
+What effects add to the MJCF bears the mark of `springs`. An added joint stands where the weight and
+the inertia of what it carries put it; its own dynamics, above 10 Hz, are left out. Weights act in
+full here; the servos' compensation of gravity (``gravcomp``) would hide them. A robot known only by
+its sensor's orientation is three hinges and the tool.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ _UPDATES, _BALANCED = 60, 1e-13
 
 
 class SensorOnly:
-    """What `mechanics` needs of a robot, for one without a model; at rest."""
+    """Stand-in for a robot known only by its sensor's orientation: three hinges and the tool."""
 
     joints: tuple[Joint, ...] = ()
 
@@ -60,11 +60,11 @@ class SensorOnly:
         return self._robot.values(theta)
 
     def tool(self, theta: np.ndarray) -> Tool:
-        """The load on the sensor."""
+        """What the sensor carries."""
         return self._robot.tool(theta)
 
     def qpos(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Angles (N, 3) of x, y, z one after the other that turn the sensor to where it is."""
+        """Hinge angles (N, 3) about x, y, z in turn that give the sensor's orientations q."""
         from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
         rotation, _ = self._robot.sensor_pose(q, theta)
@@ -78,7 +78,7 @@ class SensorOnly:
 
 
 def in_mujoco(robot: Robot) -> SimulatedRobot | SensorOnly:
-    """The robot itself, or what its sensor alone is in MuJoCo."""
+    """The robot itself if it has an MJCF, else its `SensorOnly`."""
     return robot if isinstance(robot, SimulatedRobot) else SensorOnly(robot)
 
 
@@ -94,7 +94,7 @@ def edited(
 
 
 def marked(spec: mujoco.MjSpec) -> list[str]:
-    """Names of all that effects added."""
+    """Names of all bodies, joints and tendons that effects added."""
     parts = (*spec.bodies, *spec.joints, *spec.tendons)
     return [part.name for part in parts if MARK in part.name]
 
@@ -102,7 +102,7 @@ def marked(spec: mujoco.MjSpec) -> list[str]:
 def set_weights(
     model: mujoco.MjModel, robot: SimulatedRobot | SensorOnly, theta: np.ndarray
 ) -> None:
-    """Every body weighs but the base, which is bolted down; the tool has any inertia."""
+    """Let every body weigh but the bolted base; allow any inertia of the tool (in place)."""
     names = [model.body(b).name for b in range(model.nbody)]
     model.body_gravcomp[:] = [float(name == "base") for name in names]
     p = robot.values(theta)
@@ -116,7 +116,7 @@ def set_weights(
 
 
 def with_some_inertia(robot: Robot, theta: np.ndarray) -> np.ndarray:
-    """Parameters (P,) that MuJoCo compiles though a fitted inertia may be that of no body."""
+    """Parameters (P,) that MuJoCo compiles: a fitted inertia that no body has is replaced."""
     at = [robot.parameters.index(f"tool.inertia.{a}") for a in INERTIA_AXES]
     if _compiles(theta[at]):
         return theta
@@ -131,7 +131,7 @@ def _compiles(six: Sequence[float] | np.ndarray) -> bool:
 
 @dataclass(frozen=True)
 class _Added:
-    """A joint that an effect added: its columns, its spring, and its play if it has any."""
+    """A joint that an effect added."""
 
     name: str
     at: int
@@ -142,7 +142,8 @@ class _Added:
     in_tool: bool
 
     def side(self, force: np.ndarray, coming: np.ndarray) -> np.ndarray:
-        """Where in its play (M,) it lies under forces (M,) in the middle, −half … half."""
+        """Position in its backlash (M,), −half … half, under forces (M,); ``coming``: see
+        `balance`."""
         half, turn = float(self.half or 0.0), np.sign(self.stiffness)
         if self.name.endswith(LAGS):
             return np.asarray(-half * turn * coming[:, self.driven])
@@ -153,13 +154,13 @@ class _Added:
 
 
 class Mechanism:
-    """One robot with effects, compiled.
+    """One robot with the joints that effects add, compiled in MuJoCo.
 
     Args:
         robot: the robot.
         theta: its parameters (P,), with the effects on them.
         gravity: in world axes (3,) [m/s²].
-        active: effects; those that can write themselves into the model do.
+        active: effects; those that MuJoCo can carry are written into the model.
     """
 
     def __init__(
@@ -192,16 +193,15 @@ class Mechanism:
 
     @property
     def smooth(self) -> np.ndarray:
-        """Which of the added joints (E,) take the arm along when they move; no jump does."""
+        """Whether each added joint (E,) moves the arm without jumps, so that it has rates."""
         return np.array(
             [not a.in_tool and (a.half is None or a.name.endswith(ROUND)) for a in self._added]
         )
 
     def balance(self, q: Value, coming: np.ndarray) -> np.ndarray:
-        """Where the added joints stand (M, E) [rad or m].
+        """Positions of the added joints in balance (M, E) [rad or m].
 
-        Springs find it by the fixed point e ← e + force/k. What has play lies where the forces
-        in its middle put it.
+        Springs by the fixed point e ← e + force/k; joints with backlash by the force in its middle.
 
         Args:
             q: joint values (M, J), jets in motion.
@@ -244,7 +244,7 @@ class Mechanism:
         return turn, position
 
     def _describe(self, joint: "mujoco.MjModel") -> _Added:
-        """One added joint from the compiled model."""
+        """Data of one added joint, read from the compiled model."""
         model, on = self.model, joint.name.partition(MARK)[2].removesuffix(LAGS)
         body = model.jnt_bodyid[joint.id]
         return _Added(
@@ -258,11 +258,11 @@ class Mechanism:
         )
 
     def _settle_play(self, give: np.ndarray, force: np.ndarray, coming: np.ndarray) -> None:
-        """Move each added joint that has play to where the force on it pushes it, in place.
+        """Move each added joint with backlash to where the force on it pushes it, in place.
 
         Args:
-            give: positions of the added joints (M, E) [rad or m]; columns with play are written.
-            force: on each added joint in the middle of its play (M, E) [N·m or N].
+            give: positions of the added joints (M, E) [rad or m]; those with backlash are written.
+            force: on each added joint in the middle of its backlash (M, E) [N·m or N].
             coming: direction in which each joint of the robot last moved (M, J).
         """
         for k, a in enumerate(self._added):
@@ -275,7 +275,8 @@ class Mechanism:
             give[:, disc] = force[:, disc] / size * soft / self._added[disc[0]].stiffness
 
     def _place(self, q: Value, give: Value) -> Value:
-        """All coordinates (M, nq); a loop stays closed as its joint gives."""
+        """All MuJoCo coordinates (M, nq), jets in motion; loops stay closed as their joints
+        yield."""
         moved = q + give @ self._series if self._series.size else q
         inner = self.robot.qpos(moved, self.theta)
         if not isinstance(inner, Jet):
@@ -293,7 +294,7 @@ class Mechanism:
         return result
 
     def _force(self, q: Value, give: np.ndarray) -> np.ndarray:
-        """What moves the added joints (M, E) [N·m or N], springs included; loops stay closed."""
+        """Force on the added joints (M, E) [N·m or N], springs included, with loops kept closed."""
         rows = _moving(self._place(q, give))
         result, asked = np.empty(give.shape), np.empty(self.model.nv)
         data = self.data
@@ -309,7 +310,7 @@ class Mechanism:
         return result
 
     def _turns(self, columns: list[int]) -> np.ndarray:
-        """How the loops' passive joints turn with those at the columns: −J_p⁺ J, closed."""
+        """Turn of the loops' passive joints per turn of the joints at the columns: −J_p⁺ J."""
         data = self.data
         loops = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         jacobian = np.asarray(data.efc_J).reshape(data.nefc, self.model.nv)[loops]
@@ -318,12 +319,12 @@ class Mechanism:
 
 
 def _moving(values: Value) -> Jet:
-    """Values as jets; those at rest have no rates."""
+    """Values as jets, with zero rates at rest."""
     if isinstance(values, Jet):
         return values
     return Jet(values, np.zeros_like(values), np.zeros_like(values))
 
 
 def _put(data: mujoco.MjData, rows: Jet, i: int) -> None:
-    """Row i of coordinates (M, nq) into MuJoCo's position, velocity and acceleration."""
+    """Write row i of coordinates (M, nq) into MuJoCo's position, velocity and acceleration."""
     data.qpos[:], data.qvel[:], data.qacc[:] = rows.v[i], rows.d[i], rows.dd[i]

@@ -1,4 +1,4 @@
-"""What a twin's sensor reads in a recording, and in a campaign as it goes on."""
+"""Readings of a twin for a whole recording, or pose by pose while a campaign goes on."""
 
 from dataclasses import replace
 
@@ -23,14 +23,14 @@ _TAKEN = ("t", "segment", "temperature")
 
 
 def simulate(twin: Twin, recording: Recording, *, noise: str = "off", seed: int = 0) -> Recording:
-    """A recording's motion with the readings of a twin.
+    """Recording with the same motion and the readings of a twin.
 
     Args:
         noise: ``real``, ``white`` or ``off``, of the robot's sensor.
         seed: of the noise and of the effects' random parts.
 
     Raises:
-        RecordingError: it is of another robot, or a motion without an even clock.
+        RecordingError: the recording is of another robot, or a motion without an even clock.
         ParameterError: no such noise.
     """
     robot = twin.model.robot
@@ -46,7 +46,7 @@ def readings(twin: Twin, recording: Recording) -> np.ndarray:
     """Readings (N, 6) [N, N·m] of a twin on a recording's motion, without noise.
 
     Raises:
-        RecordingError: it is of another robot, or a motion without an even clock.
+        RecordingError: the recording is of another robot, or a motion without an even clock.
     """
     robot = twin.model.robot
     if recording.metadata.robot != robot.name and recording.joints:
@@ -92,9 +92,9 @@ def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
 
 
 def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
-    """Every pose is computed once; every row has its own time.
+    """Readings (N, 6) of poses at rest; each pose is computed once.
 
-    Ways between poses are gone through where an effect might remember them.
+    Ways between poses are passed through where an effect might have memory.
     """
     t, warmth = recording.t.astype(float), _warmth(recording)
     poses, hold = holds(recording)
@@ -118,7 +118,7 @@ def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
 
 
 class Playback:
-    """A twin's readings pose by pose: remembers where the campaign has been.
+    """Makes a twin's readings pose by pose, with the memory of earlier poses.
 
     Args:
         twin: the robot with its effects.
@@ -134,12 +134,12 @@ class Playback:
         self._plain = Twin(twin.model, twin.theta)
 
     def expect(self, q: np.ndarray) -> None:
-        """Poses (N, J) to come: a sensor's hysteresis is known by the range of all its loads."""
+        """Announce poses (N, J) to come: hysteresis depends on the range of all loads."""
         self._ahead = q
         self._ahead_load = self.twin.load(self.twin.scene(q, np.arange(len(q)) * 1.0))
 
     def way(self, t: tuple[float, float], start: np.ndarray, end: np.ndarray) -> None:
-        """The robot moves from one pose (J,) to another in a time from … to [s]."""
+        """Record a move from one pose (J,) to another, within times from … to [s]."""
         share = np.arange(0 if not len(self._q) else 1, WAY + 1) / (WAY + 1)
         q = start + share[:, None] * (end - start)
         self._extend(q, t[0] + share * (t[1] - t[0]))
@@ -163,30 +163,30 @@ class Playback:
         return self.twin.reading(scene, load)[last : last + n]
 
     def leave(self, t: float) -> None:
-        """The last rest ended at a time [s], not at its last reading."""
+        """Set the time [s] at which the last rest ended, later than its last reading."""
         if len(self._t) > 1:
             self._t[-1] = max(t, float(np.nextafter(self._t[-2], np.inf)))
 
     def forget(self, rows: int) -> None:
-        """Keep so many rows of where the robot has been."""
+        """Drop all but the last ``rows`` remembered rows."""
         if len(self._q) > rows:
             self._q, self._t, self._load = self._q[-rows:], self._t[-rows:], self._load[-rows:]
 
     def motion(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Readings (N, 6) of a motion at t (N,), q and speeds qd (N, J) whose load without effects
-        is (N, 6): what effects of the mechanism change is added to it."""
+        """Readings (N, 6) of a motion at times (N,), q and speeds qd (N, J): ``load`` (N, 6)
+        without effects, plus what effects of the mechanism change in it."""
         h = float(np.mean(np.diff(t)))
         jets = Jet(q, qd, np.gradient(qd, h, axis=0))
         scene = self.twin.scene(jets, t)
         return self.twin.reading(scene, load + self.twin.load(scene) - self._plain.load(scene))
 
     def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Rows (n, 6) with the effects' random parts, which go on through the recording."""
+        """Rows (n, 6) with the effects' random parts, which continue those of earlier calls."""
         self._rows, self._times = np.concatenate([self._rows, rows]), np.append(self._times, t)
         return self.twin.corrupt(self._rows, self._times, self.seed)[-len(rows) :]
 
     def _extend(self, q: np.ndarray, t: np.ndarray) -> None:
-        """Go on to poses (n, J) at times (n,)."""
+        """Append poses (n, J) at times (n,) [s] to the remembered ones."""
         before = len(self._q)
         self._q, self._t = np.concatenate([self._q, q]), np.append(self._t, t)
         first = max(0, before - _BACK)

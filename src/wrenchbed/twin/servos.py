@@ -1,4 +1,4 @@
-"""Fitted position servos as plain MJCF: MuJoCo then trails a command as the robot did."""
+"""Fitted position servos as plain MJCF, so that MuJoCo follows a command as the robot did."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -35,7 +35,7 @@ _LOAD = ("tool.mass", *(f"tool.cog.{a}" for a in "xyz"))
 
 
 def is_of_servos(path: str | Path) -> bool:
-    """Whether a file is a fit of commands.
+    """Whether a JSON file is a fit of commands (position servos).
 
     Raises:
         ExportError: it is no JSON file.
@@ -45,10 +45,10 @@ def is_of_servos(path: str | Path) -> bool:
 
 
 def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
-    """Write ``<robot>.xml`` and ``README.md`` of a fit of commands; returns the two paths.
+    """Write ``<robot>.xml`` and ``README.md`` from a fit of commands; returns the two paths.
 
     Raises:
-        ExportError: it is no such fit, its data refute it, or a servo comes out without stiffness.
+        ExportError: no such fit, its data refute it, or a servo comes out without stiffness.
     """
     fields = checked.Fields(checked.load(path, ExportError), f"{path}: ", ExportError)
     if refuted := fields.raw.get("refuted"):
@@ -83,7 +83,7 @@ def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
 
 
 def _numbers(value: Mapping[str, float], joints: int, path: str) -> np.ndarray:
-    """Values (J, 5) of `_KINDS`; what cannot be negative is not."""
+    """Values (J, 5) of the parameters `_KINDS` of each joint, negative ones as 0."""
     each = [[f"{kind}.{j + 1}" for kind in _KINDS] for j in range(joints)]
     if missing := [name for names in each for name in names if name not in value]:
         raise ExportError(f"{path}: parameters: {missing[0]} is missing: give a fit of commands")

@@ -1,4 +1,4 @@
-"""A robot's twin: the robot in MuJoCo that carries the effects a diagnosis found."""
+"""A robot's twin: the robot in MuJoCo with the effects that a diagnosis identified."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,17 +26,17 @@ _FIELDS = {"format", "robot", "gravity", "theta", "tool", "effects", "recording"
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """The robot in MuJoCo with effects.
+    """A robot in MuJoCo with effects.
 
-    What moves or pulls is MuJoCo's physics on the robot's MJCF; what the sensor makes of its load
-    is `effects`' own arithmetic. In motion, joints and springs stand where they would at rest
-    under the weight they carry, and their displacement is differentiated in time.
+    Mechanical effects are MuJoCo's physics on the robot's MJCF; effects of the sensor are the
+    arithmetic of `effects`. In motion, added joints stand where they would at rest under the weight
+    they carry, and their displacement is differentiated in time.
 
     Attributes:
         model: robot and gravity.
         theta: parameters (P,) of ``model.parameters``: robot and sensor, without effects.
         active: effects with their values.
-        recording: name of the recording that it is the twin of.
+        recording: name of the recording that was diagnosed.
     """
 
     model: Model
@@ -55,7 +55,7 @@ class Twin:
 
     @classmethod
     def from_json(cls, raw: Any, where: str = "twin") -> "Twin":
-        """A twin from the JSON object of the contract.
+        """Twin from a JSON object in the format of twin.json.
 
         Raises:
             TwinError: names the field, its value and what is allowed.
@@ -93,7 +93,7 @@ class Twin:
                 raise tool.error(key, rule)
 
     def to_json(self) -> dict[str, Any]:
-        """The contract's JSON object; ``tool`` says again what ``theta`` holds."""
+        """JSON object in the format of twin.json; ``tool`` repeats what ``theta`` holds."""
         known = self.model.parameters
         values = known.mapping(self.theta)
         return {
@@ -119,7 +119,7 @@ class Twin:
         return {"mass": float(tool.mass), "cog": [float(c) for c in tool.cog]}
 
     def wrench(self, scene: Scene) -> np.ndarray:
-        """Readings (M, 6) [N, N·m] of every row, at rest or in motion; without random parts.
+        """Readings (M, 6) [N, N·m] of every row, at rest or in motion, without random parts.
 
         Raises:
             TwinError: the scene is of another robot.
@@ -134,15 +134,15 @@ class Twin:
         self, q: Value, t: np.ndarray, held: np.ndarray | None = None,
         warmth: np.ndarray | None = None,
     ) -> Scene:  # fmt: skip
-        """The robot at joint values (N, J), jets in motion, and times (N,) [s]; every row is held
-        unless ``held`` (N,) says which are."""
+        """Scene of joint values (N, J), jets in motion, at times (N,) [s]; all rows are measured
+        unless ``held`` (N,) says which."""
         held = np.ones(len(t), dtype=bool) if held is None else held
         gravity = np.asarray(self.model.gravity)
         return Scene(self.model.robot, self.robot_theta, gravity, q, t, held, warmth)
 
     @cached_property
     def robot_theta(self) -> np.ndarray:
-        """Parameters of the robot alone."""
+        """Parameters of the robot alone, without the sensor's."""
         return self.model.robot.robot_theta(self.theta)
 
     @cached_property
@@ -154,12 +154,12 @@ class Twin:
 
     @cached_property
     def _outside(self) -> EffectChain:
-        """The effects that MuJoCo does not carry."""
+        """Chain of the effects that MuJoCo does not carry."""
         carried = self.mechanism.carried
         return EffectChain([a for a in self.active if a.effect.name not in carried])
 
     def load(self, scene: Scene, first: int = 0) -> np.ndarray:
-        """What pulls on the sensor (M − first, 6) [N, N·m]; at rest, from row ``first`` on."""
+        """Load on the sensor (M − first, 6) [N, N·m]; at rest, of rows from ``first`` on."""
         scene, mechanism = self._own_scene(scene), self.mechanism
         shift = self._outside.displacement(scene)
         q, coming = (scene.q + shift)[first:], scene.coming[first:]
@@ -179,12 +179,13 @@ class Twin:
         return self.mechanism.place(q, self.mechanism.balance(q, scene.coming))
 
     def reading(self, scene: Scene, load: np.ndarray) -> np.ndarray:
-        """What the sensor shows (M, 6) [N, N·m] of a load (M, 6); without random parts."""
+        """Sensor reading (M, 6) [N, N·m] of a load (M, 6), without random parts."""
         shown = EffectChain(self.active).read(self._own_scene(scene), load)
         return self.model.read(shown, self.theta)
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, seed: int) -> np.ndarray:
-        """The effects' random parts on rows (N, 6) at t (N,) [s], alike for a part of the rows."""
+        """Rows (N, 6) at t (N,) [s] with the effects' random parts, which later rows do not
+        change."""
         for k, a in enumerate(self.active):
             rows = a.effect.corrupt(rows, t, a.values, np.random.default_rng([seed, 2, k]))
         return rows
@@ -197,6 +198,6 @@ class Twin:
 
 
 def nominal(robot: Robot, active: Sequence[ActiveEffect] = ()) -> Twin:
-    """The robot as designed, with effects."""
+    """Twin of the robot as designed, with effects."""
     model = Model.of(robot)
     return Twin(model, model.parameters.nominal, tuple(active))

@@ -1,7 +1,6 @@
 """Joint torques and motor currents of a simulated robot: rigid body by MuJoCo, drives as formulas.
-
-Imports simulation, robots and what lies below. Read first: `drive_train`, then `faults`. The fits
-of `wrenchbed.drives` have formulas of their own.
-Never: formulas of `drives` or `effects`; what fits the data may not make them.
-Used by: hardware and plant.
+Read first: `drive_train`, then `faults`.
+Free: sizes of noise; tests/drives holds the rigid torques against other formulas.
+Others rely on: names of faults and of drive parameters (``--effect``, true values of cases).
+Never: formulas of `drives` or `effects.drives`; what fits the data may not make them.
 """

@@ -66,10 +66,10 @@ _PER_SPEED = 1.0
 
 
 class JointTorques:
-    """Torques that the motors need, by MuJoCo: a robot without friction and without servos.
+    """Torques that the motors need, by MuJoCo's inverse dynamics without friction and servos.
 
-    MuJoCo's inverse dynamics of the open tree gives the force τ₀ on every coordinate. Motors act on
-    J of them, and the loops' closing forces λ on the others:
+    Inverse dynamics of the open tree gives the force τ₀ on every coordinate. Motors act on J of
+    them, and the loops' closing forces λ on the others:
 
         Sᵀ τ + Aᵀ λ = τ₀,   A the Jacobian of the gaps between both sides of a loop.
 
@@ -149,11 +149,11 @@ class DriveParameters:
 
     @classmethod
     def nominal(cls, rigid: JointTorques, holding: np.ndarray) -> "DriveParameters":
-        """Parameters of a robot's drives unless they are given.
+        """Default parameters of a robot's drives, by its tables or, without, by its weight.
 
         Args:
             rigid: the robot; its friction stands in the tables here or in its MJCF.
-            holding: largest torques that hold its weight (J,): friction follows from them else.
+            holding: largest torques that hold its weight (J,): default friction is a share of them.
         """
         name, likely = rigid.robot.name, np.maximum(_SHARE * holding, _LEAST)
         coulomb = np.where(rigid.coulomb > 0.0, rigid.coulomb, likely)
@@ -165,7 +165,7 @@ class DriveParameters:
         return cls(coulomb, viscous, np.zeros(len(holding)), rigid.rotor, constant)
 
     def changed(self, given: Mapping[str, float]) -> "DriveParameters":
-        """Parameters with new values by name, ``drive.coulomb.2``: joints count from 1.
+        """Copy with new values by name, ``drive.coulomb.2``: joints count from 1.
 
         Raises:
             ParameterError: there is no such name, or the value is impossible.
@@ -184,19 +184,19 @@ class DriveParameters:
 
 
 def temperatures(t: np.ndarray, joints: int) -> np.ndarray:
-    """Temperatures of the drives (N, J) [°C] that warm up from t = 0 [s] on."""
+    """Temperatures of the drives (N, J) [°C] at times (N,) [s], warming up from t = 0 on."""
     warm = _COLD + _WARMER * (1.0 - np.exp(-np.asarray(t, dtype=float) / _WARM_S))
     return np.repeat(warm[:, None], joints, axis=1)
 
 
 class DriveTrain:
-    """The drives of one robot.
+    """Drives of one simulated robot: motion in, reported torques out.
 
     Args:
         theta: its true parameters (P,).
         gravity: in world axes (3,) [m/s²].
         given: true parameters of the drives where they differ from nominal: ``drive.coulomb.2``.
-        faults: (name, values) of each.
+        faults: (name, values) of each fault.
 
     Raises:
         NotFoundError, ParameterError: a parameter or a fault does not exist or is impossible.
@@ -222,14 +222,14 @@ class DriveTrain:
         )
 
     def torques(self, t: np.ndarray, q: Jet, rigid: np.ndarray | None = None) -> np.ndarray:
-        """Torques of the motors (N, J) [N·m or N], as drives with nominal constants report it.
+        """Torques of the motors (N, J) [N·m or N], as drives with nominal constants report them.
 
-        Calls follow each other in time: some faults remember.
+        Calls must follow each other in time: some faults have memory.
 
         Args:
             t: times (N,) [s].
             q: joint values with speeds and accelerations (N, J).
-            rigid: of the rigid body (N, J) where that is known.
+            rigid: of the rigid body (N, J) where already known.
         """
         p = self.parameters
         rigid = self.rigid.of(q) if rigid is None else rigid
@@ -251,7 +251,7 @@ class DriveTrain:
 
 
 class EffortNoise:
-    """Noise of the drives' readings, one call after another.
+    """Adds the drives' reading noise to currents, one call after another.
 
     Args:
         noise: ``real``, ``white`` or ``off``.
@@ -266,7 +266,7 @@ class EffortNoise:
         self._last = np.zeros(train.joints)
 
     def on(self, current: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """Currents (N, J) [A] as they are reported at joint values (N, J)."""
+        """Reported currents (N, J) [A]: ``current`` with noise, at joint values (N, J)."""
         if self._kind == "off":
             return current
         noise = _WHITE * self._rng.normal(size=current.shape)
@@ -281,7 +281,7 @@ class EffortNoise:
 
 
 class ReportedEfforts:
-    """Columns of a recording: efforts, what the controller wants, and temperatures.
+    """Makes a recording's drive columns: efforts, the controller's targets, temperatures.
 
     Args:
         noise: ``real``, ``white`` or ``off``.
@@ -294,7 +294,7 @@ class ReportedEfforts:
     def columns(
         self, t: np.ndarray, q: Jet, targets: np.ndarray, rate: float
     ) -> dict[str, np.ndarray]:
-        """Columns of a recording's rows that follow each other in time.
+        """Columns (N,) by name for rows that follow each other in time.
 
         Args:
             t: times (N,) [s].

@@ -45,7 +45,7 @@ class Rows(NamedTuple):
 
     @property
     def way(self) -> np.ndarray:
-        """Direction of motion (N,), −1 … 1."""
+        """Direction of motion (N,), −1 … 1, smooth through rest."""
         return np.asarray(np.tanh(self.qd / REVERSAL))
 
 
@@ -54,12 +54,12 @@ Formula = Callable[[Rows, np.ndarray, Values, Memory], np.ndarray]
 
 
 class Fault(NamedTuple):
-    """A kind of fault.
+    """One kind of drive fault, with its formula and defaults.
 
     Attributes:
         unit: of ``size``; N·m stands for N on a slide.
-        typical: size where none is given; with ``of_friction`` times the Coulomb friction.
-        more: further parameters and their values where none are given.
+        typical: default size; with ``of_friction`` times the Coulomb friction.
+        more: further parameters with their defaults.
     """
 
     title: str
@@ -71,10 +71,8 @@ class Fault(NamedTuple):
 
 
 def _hysteresis(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    """Bristles that wind up over a way: z ← s + (z − s) e^(−|dq|/w), s the direction of dq.
-
-    Exact for Dahl's model between two rows (Dahl 1968, A Solid Friction Model, DTIC ADA041920).
-    """
+    """Torque with bristles that wind up over a way: z ← s + (z − s) e^(−|dq|/w), s the direction of
+    dq."""
     z, last = memory.get("z", 0.0), memory.get("q", float(rows.q[0]))
     deflection = np.empty_like(rows.q)
     for k, q in enumerate(rows.q.tolist()):
@@ -154,10 +152,10 @@ m], orders [1 per rad] and phases [rad] are estimates."""
 
 @dataclass(eq=False)
 class ActiveFault:
-    """A fault of one joint with its values; it remembers the rows that it has seen.
+    """One fault of one joint with its values; it remembers earlier rows.
 
     Attributes:
-        name: ``drive.coulomb`` …
+        name: for instance ``drive.coulomb``.
         joint: from 1.
         values: size and further parameters, SI.
     """
@@ -168,14 +166,14 @@ class ActiveFault:
     _memory: Memory = field(default_factory=dict)
 
     def act(self, rows: Rows, torque: np.ndarray) -> np.ndarray:
-        """Torque (N,) [N·m or N] with the fault; calls follow each other in time."""
+        """Torque (N,) [N·m or N] with the fault; calls must follow each other in time."""
         return FAULTS[self.name.removeprefix(PREFIX)].formula(
             rows, torque, self.values, self._memory
         )
 
 
 def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> ActiveFault:
-    """A fault by name and values, of typical size where none is given.
+    """Make a fault from its name and values; missing values are the typical ones.
 
     Args:
         name: as ``drive.coulomb``.
@@ -212,12 +210,12 @@ def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> Ac
 
 
 def apart(given: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Values split into parameters of the drives, and all others."""
+    """Split values by name into those of the drives (``drive.…``) and all others."""
     drives = {k: v for k, v in given.items() if k.startswith(PREFIX)}
     return drives, {k: v for k, v in given.items() if k not in drives}
 
 
 def faults_apart(effects: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Texts of faults of the drives, and of all other effects."""
+    """Split texts ``name:key=value`` of effects into faults of drives and all others."""
     faults = tuple(text for text in effects if text.startswith(PREFIX))
     return faults, tuple(text for text in effects if text not in faults)
