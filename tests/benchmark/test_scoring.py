@@ -9,7 +9,6 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
-from wrenchbed.benchmark.scoring.case_rows import OURS, Answer, CaseRow, Claim, Fact, Oracle
 from wrenchbed.benchmark.scoring.metrics import (
     METRICS,
     effect_cells,
@@ -20,6 +19,7 @@ from wrenchbed.benchmark.scoring.metrics import (
     right,
     size_cells,
 )
+from wrenchbed.benchmark.scoring.truth_and_claims import OURS, Answer, CaseRow, Claim, Fact, Oracle
 from wrenchbed.benchmark.sealed.run import BASELINES
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare

@@ -12,8 +12,8 @@ import pytest
 
 from sealed_family import COUNT, SAYS_NONE, SEED, script, truthful
 from wrenchbed.benchmark.frame import EFFECTS
-from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.scoring.metrics import Metric, ScoredMetric
+from wrenchbed.benchmark.scoring.truth_and_claims import Claim
 from wrenchbed.benchmark.sealed import commitments, report, run, score
 from wrenchbed.benchmark.sealed import make as making
 from wrenchbed.benchmark.sealed import score as claims

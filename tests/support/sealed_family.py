@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from wrenchbed.benchmark.referee import scenario as settings
-from wrenchbed.benchmark.scoring.case_rows import Claim
+from wrenchbed.benchmark.scoring.truth_and_claims import Claim
 from wrenchbed.benchmark.sealed import commitments, make
 from wrenchbed.benchmark.sealed.run import CLAIM, RUN, contract
 

@@ -144,7 +144,8 @@ def between(name: str) -> bool:
 
 
 def possible(shown: Iterable[str]) -> list[str]:
-    """Names of the effects that can be causes where these needs (`CaseEffect.needs`) are met."""
+    """Names of the effects that can be causes in a recording that meets these needs
+    (`CaseEffect.needs`) are met."""
     met = set(shown)
     return [name for name, effect in EFFECTS.items() if met.issuperset(effect.needs)]
 
@@ -175,7 +176,7 @@ AnyFault = TypeVar("AnyFault", bound=Fault)
 
 
 def named(name: str, draw: Callable[P, AnyFault], *args: P.args, **options: P.kwargs) -> AnyFault:
-    """A fault that is drawn and gets a name."""
+    """Draw a fault and give it a name."""
     return replace(draw(*args, **options), name=name)
 
 
@@ -234,7 +235,7 @@ def numbered(stem: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def at_times(y: np.ndarray, t: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """A signal (T, k) of instants (T,) at other times (T,), within its first and last instant."""
+    """Interpolate a signal (T, k) of instants (T,) to other times within them."""
     return np.asarray(CubicSpline(t, y)(np.clip(times, t[0], t[-1])))
 
 
@@ -253,10 +254,10 @@ def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """How much a cause shows beside all else.
+    """How large a cause is in the data beside all other faults.
 
     Attributes:
-        gap: that it adds; of a cause between rows the mean rise of a row's variance.
+        gap: that the cause adds; of a cause between rows the mean rise of a row's variance.
         rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
     """
 
@@ -265,11 +266,12 @@ class Shown:
 
     @property
     def amount(self) -> float:
-        """Size by which a fault shows: the gap, or the rise of variance between rows."""
+        """Size in which causes are compared: the gap, or between rows the largest rise of
+        variance."""
         return self.rows or self.gap
 
     def needed(self, kind: str) -> float:
-        """Amount from which it counts in a kind of case."""
+        """Least `amount` with which the cause counts in a case of this kind."""
         return (ROWS_NEEDED if self.rows else NEEDED)[kind]
 
 
@@ -348,11 +350,13 @@ class Usual:
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """A difference (n, 6) in noises of a row (6 n,), after the fit unless ``configured``."""
+        """Difference (n, 6) in noises of a row (6 n,), less what bias, mass and CoG explain unless
+        ``configured``."""
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 
     def gap(self, signal: np.ndarray, configured: bool = False) -> float:
-        """Mean square of a difference (n, 6) in noises of a row."""
+        """Mean square of a difference (n, 6) in noises of a row, after the same fit unless
+        ``configured``."""
         x = self.white(signal, configured)
         return float(x @ x) / len(x)

@@ -68,7 +68,7 @@ def of_values(rate: float, t: np.ndarray, q: np.ndarray) -> Path:
 
 
 def draw(robot: SimulatedRobot, rng: Rng) -> Path:
-    """A motion of an arm."""
+    """Draw a random motion of an arm, of one of the kinds in the module's first paragraph."""
     moves: Sequence[Callable[..., np.ndarray]] = (_multisine, _fourier, _points, _oneway)
     move = moves[rng.choice(len(moves), p=SHARES)]
     rate = float(rng.choice(RATES))
@@ -120,7 +120,8 @@ def _points(
     top: np.ndarray,
     order: Callable[[np.ndarray], np.ndarray] = lambda x: x,
 ) -> np.ndarray:
-    """Minimum-jerk moves between random poses, with pauses (T, J)."""
+    """Minimum-jerk moves between random poses, with pauses (T, J); ``order`` sorts the drawn
+    poses."""
     middle, reach = room
     poses = order(middle + reach * rng.uniform(-1.0, 1.0, (max(4, int(t[-1] / 2.0)), len(middle))))
     q, now, here = np.empty((len(t), len(middle))), 0, poses[0]
@@ -179,8 +180,8 @@ class TrueArm:
         return self.bodies.inverse(places, path.qd, path.qdd)
 
     def pull_slopes(self, path: Path, anchor: np.ndarray) -> np.ndarray:
-        """Slopes (T, J) [m/rad] by the joints of a line's length from an anchor in the world (3,)
-        [m] to the last link's origin."""
+        """Slopes (T, J) [m/rad] of a line's length, by each joint value, from an anchor in the
+        world (3,) [m] to the last link's origin."""
         bodies = self.bodies
         model, data = bodies.model, bodies.data
         body = int(model.jnt_bodyid[-1])
@@ -195,7 +196,8 @@ class TrueArm:
 
 
 def manufactured(rng: Rng) -> Edit:
-    """Links off the stated ones as castings are; the tool and what weighs nothing stay."""
+    """Edit that moves the masses and CoGs of links off the stated ones, as in castings; the tool
+    and bodies without weight keep theirs."""
     seed = int(rng.integers(2**31))  # of a generator, by definition
 
     def edit(model: mujoco.MjModel) -> None:

@@ -73,7 +73,8 @@ def _seen(setting: EffortSetting, added: np.ndarray) -> np.ndarray:
 
 
 def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> dict[str, float]:
-    """Gap at the worst joint that each family's best imitation leaves of a cause (N, J)."""
+    """Gap that each family's best imitation of a fault leaves at the worst joint, by family and
+    joint; ``added`` are the fault's efforts (N, J)."""
     unit = _seen(setting, added)[::_EVERY]
     energy = (unit**2).mean(axis=0)
     joint = int(energy.argmax()) if fault.joint is None else fault.joint
@@ -92,13 +93,14 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
 
 
 def classed(fault: EffortFault, size: float, rest: dict[str, float]) -> tuple[str, ...]:
-    """Families with joints that no data of this motion tell from the cause, itself first."""
+    """The fault and all families with joints that no data of this motion tell from it, itself
+    first; ``size`` is its gap, ``rest`` what `remaining` returns."""
     same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != fault.place]
     return (fault.place, *same)
 
 
 def _rest(columns: np.ndarray, target: np.ndarray) -> float:
-    """Mean square of a target (M,) without what columns (M, K) explain."""
+    """Mean square of a target (M,) after a least-squares fit by columns (M, K)."""
     scale = np.linalg.norm(columns, axis=0)
     good = columns[:, scale > 0.0] / scale[scale > 0.0]
     off = target - good @ np.linalg.lstsq(good, target, rcond=None)[0]
@@ -106,7 +108,8 @@ def _rest(columns: np.ndarray, target: np.ndarray) -> float:
 
 
 def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.ndarray]]:
-    """Columns (M, K) of every family of one joint; families with a scale have several entries."""
+    """Yield every family of one joint with its signature's columns (M, K); families with a scale,
+    such as a length, come several times."""
     path, d = setting.path, setting.drives
     thin = slice(None, None, FINE * _EVERY)
     q, v, a = path.q[:, joint], path.qd[:, joint], path.qdd[:, joint]
@@ -148,7 +151,8 @@ def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.nd
 
 
 def whole_columns(setting: EffortSetting) -> Iterator[tuple[str, np.ndarray]]:
-    """Columns (M, J, K) [N·m] of links, tool and base, by differences of MuJoCo's torques."""
+    """Yield ``link``, ``tool`` and ``base`` families with their signature's columns (M, J, K)
+    [N·m], differences of MuJoCo's torques."""
     fine = setting.path.rows[::_EVERY]
     path = setting.path
     thin = Motion(path.rate, path.t[fine], path.q[fine], path.qd[fine], path.qdd[fine])
@@ -242,7 +246,8 @@ def make(
 def _counted(
     setting: EffortSetting, fault: EffortFault, kind: str
 ) -> tuple[float, tuple[str, ...]]:
-    """Gap of a fault and the effects that imitate it, itself first; none if it does not count."""
+    """Gap of a fault, and the effects that imitate it, itself first; no effects if the fault is too
+    small, too large or too easily imitated to be a cause."""
     added = simulate(setting, fault) - setting.healthy
     gap = gap_of(setting, added)
     if gap < NEEDED[kind] or (kind == "single" and gap > LARGEST):
@@ -254,7 +259,7 @@ def _counted(
 
 
 def _family(kind: str, number: int, wrench: bool) -> str:
-    """Family of faults for a case's number: families take turns."""
+    """Family of faults of a case: families take turns by its number."""
     names = {"none": ("none",), "single": tuple(FAMILIES), "outside": tuple(OUTSIDE)}[kind]
     if wrench and kind == "single" and number % 2:  # the wrench shows tool and base
         names = tuple(n for n in names if not n.startswith(("drive.", "link.")))
@@ -262,7 +267,7 @@ def _family(kind: str, number: int, wrench: bool) -> str:
 
 
 def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool) -> Recording:
-    """Recording of a robot with a fault, with the wrench of its tool if that is wanted."""
+    """Recording of a robot with a fault, with the wrench of its tool if ``wrench``."""
     joints, rows = len(setting.rated), setting.path.rows
     clean = simulate(setting, fault)
     step = setting.noise / setting.scale / 3.0

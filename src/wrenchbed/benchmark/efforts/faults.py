@@ -39,7 +39,8 @@ def drive_inertia(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_stribeck(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Tustin's dip in the shape of Hess and Soom 1990 (doi 10.1115/1.2920240): 1/(1 + (v/vₛ)²)."""
+    """Draw a fault: the Stribeck dip of Hess and Soom 1990 (doi 10.1115/1.2920240), 1/(1 +
+    (v/vₛ)²)."""
     rise = log_uniform(rng, 0.4, 2.0) * setting.drives.coulomb[joint]
     speed = log_uniform(rng, 0.03, 0.2)
     true = {"rise": rise, "speed": speed}
@@ -47,7 +48,7 @@ def drive_stribeck(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_load(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Friction of the gear's teeth under load, rounded at no load by the preload."""
+    """Draw a fault: friction of the gear's teeth under load, rounded at no load by the preload."""
     share = log_uniform(rng, 0.05, 0.6)
     preload = 0.05 * setting.rated[joint]
     return EffortFault(
@@ -58,7 +59,7 @@ def drive_load(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_temperature(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Grease by Arrhenius' law: friction falls as exp(E (1/T − 1/T₀)) [K]."""
+    """Draw a fault: grease by Arrhenius' law: friction falls as exp(E (1/T − 1/T₀)) [K]."""
     slope = log_uniform(rng, 0.02, 0.08)
 
     def torque(state: State) -> np.ndarray:
@@ -89,17 +90,17 @@ def _wave(setting: EffortSetting, joint: int, rng: Rng, order: float) -> EffortF
 
 
 def drive_cogging(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Cogging of the motor: once a motor turn, with a second harmonic."""
+    """Draw a fault: cogging of the motor: once a motor turn, with a second harmonic."""
     return _wave(setting, joint, rng, setting.gear)
 
 
 def drive_ripple(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Ripple on the gear's output side: a few times a joint turn."""
+    """Draw a fault: ripple on the gear's output side: a few times a joint turn."""
     return _wave(setting, joint, rng, float(rng.integers(2, 13)))
 
 
 def drive_hysteresis(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """A strain wave gear's loop by Bouc–Wen, wide in position."""
+    """Draw a fault: a strain wave gear's loop by Bouc–Wen, wide in position."""
     size, width = log_uniform(rng, 0.02, 0.12) * setting.rated[joint], log_uniform(rng, 0.03, 0.2)
     loop = rng.uniform(0.4, 0.7)
     return EffortFault(
@@ -119,7 +120,7 @@ def drive_delay(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_bandwidth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """A current loop as damped oscillator of second order."""
+    """Draw a fault: a current loop as damped oscillator of second order."""
     corner, damping = 1.0 / log_uniform(rng, 0.12, 1.2), rng.uniform(0.7, 1.0)
 
     def reading(state: State, effort: np.ndarray) -> np.ndarray:
@@ -131,7 +132,7 @@ def drive_bandwidth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault
 
 
 def drive_asymmetry(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Coulomb and viscous friction larger one way and smaller the other."""
+    """Draw a fault: Coulomb and viscous friction larger one way and smaller the other."""
     off = sign(rng) * log_uniform(rng, 0.25, 0.9)
 
     def torque(state: State) -> np.ndarray:
@@ -142,7 +143,7 @@ def drive_asymmetry(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault
 
 
 def drive_stiction(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Breakaway after each reversal that fades with the way since."""
+    """Draw a fault: breakaway after each reversal that fades with the way since."""
     size = log_uniform(rng, 0.5, 3.0) * setting.drives.coulomb[joint]
     way = log_uniform(rng, 0.01, 0.08)
     return EffortFault(
@@ -175,7 +176,7 @@ def link_cog(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def link_cable(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """A dress pack across a joint: a spring that stiffens, about an angle of its own."""
+    """Draw a fault: a dress pack across a joint: a stiffening spring with a rest angle."""
     stiffness = log_uniform(rng, 0.02, 0.3) * setting.rated[joint]
     rest = float(setting.path.q[:, joint].mean() + rng.normal(0.0, 0.4))
     hard = rng.uniform(0.0, 0.25)
@@ -188,7 +189,8 @@ def link_cable(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def link_spring(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """A coil spring that balances gravity, from a point beside the joint to a lever on the link.
+    """Draw a fault: a coil spring that balances gravity, from beside the joint to a lever on the
+    link.
 
     Of length L² = a² + b² + 2 a b cos(q − q₀) it makes k (1 − L₀/L) a b sin(q − q₀).
     """
@@ -238,6 +240,6 @@ def base_tilt(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_offset(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """A sensor that was zeroed under load, or whose zero has wandered far."""
+    """Draw a fault: a sensor that was zeroed under load, or whose zero has wandered far."""
     zero = sign(rng) * log_uniform(rng, 0.03, 0.3) * setting.rated[joint] / setting.scale[joint]
     return EffortFault({"zero": zero}, joint, reading=lambda state, effort: effort + zero)

@@ -147,7 +147,7 @@ Hook = Callable[[State], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class EffortFault(Fault):
-    """A fault, as the stages at which it acts; each that is None leaves its stage alone.
+    """A fault as changes at stages of the simulation; None changes nothing there.
 
     ``level``, ``torque`` and ``reading`` concern the column (T,) of the fault's joint, and all
     columns (T, J) of a fault without a joint.
@@ -180,7 +180,8 @@ class EffortFault(Fault):
         return self.name if self.joint is None else f"{self.name}.{self.joint + 1}"
 
     def changed(self, matrix: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """A matrix (T, J) whose column of the fault's joint was changed; all of them without."""
+        """Apply a change to the column of the fault's joint in a matrix (T, J), to all columns if
+        the fault has no joint."""
         if self.joint is None:
             return change(matrix)
         result = matrix.copy()
@@ -365,7 +366,7 @@ def _temperature(path: Path, rng: Rng, rise: float) -> np.ndarray:
 
 
 def _stated(robot: SimulatedRobot, rng: Rng) -> np.ndarray:
-    """Parameters (P,) with a tool that users would hang there."""
+    """Parameters (P,) with a random tool of a size that users mount."""
     mass = float(f"{rng.uniform(0.4, 2.5):.3g}")
     cog = [round(float(c), 4) for c in rng.normal(0.0, 0.015, 2)]
     start = robot.parameters.nominal
@@ -373,7 +374,8 @@ def _stated(robot: SimulatedRobot, rng: Rng) -> np.ndarray:
 
 
 def rated_torques(robot: SimulatedRobot, theta: np.ndarray, rng: Rng) -> np.ndarray:
-    """Torques (J,) [N·m] that joints hold at random poses, and a bit."""
+    """Torques (J,) [N·m] that drives are rated for: what joints hold at random poses, and a
+    margin."""
     poses = robot.sample(40, rng)
     still = Path(1.0, np.arange(40.0), poses, 0.0 * poses, 0.0 * poses)
     peak = 1.7 * np.abs(TrueArm(robot, theta).inverse(still)[0]).max(axis=0)

@@ -6,7 +6,6 @@ Turns are finite, hysteresis is Preisach's, loads come from finite differences o
 constants, exponents and time constants are jittered. Every case has small imperfections of all
 families, and noise with heavy tails, memory and correlation.
 Never: import effects or the diagnosis; a test sees to it.
-Used by: scoring.
 """
 
 from wrenchbed.benchmark.lookalikes.case import LookalikeCase, draw, effects, families, recording

@@ -43,7 +43,7 @@ _G = 9.81
 
 
 def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The sensor is mounted on the flange with a rotation of about 0.5°."""
+    """Draw a fault: the sensor is mounted on the flange with a rotation of about 0.5°."""
     axis = rng.standard_normal(3)
     if rng.uniform() < 0.4:  # mostly about the bolts' axis
         axis = np.array([0.15, 0.15, 1.0]) * rng.standard_normal(3)
@@ -53,7 +53,7 @@ def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def joint_offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Zeros of joints are wrong by about 0.2°, the rail's by 1 mm."""
+    """Draw a fault: zeros of joints are wrong by about 0.2°, the rail's by 1 mm."""
     true: dict[str, float] = {}
     dq = np.zeros_like(design.q)
     for j in _joints(design, rng):
@@ -65,7 +65,7 @@ def joint_offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def joint_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Joints deflect under their torque, a little stiffer at higher torque.
+    """Draw a fault: joints deflect under their torque, a little stiffer at higher torque.
 
     The true compliance is the one at small torque under the nominal masses.
     """
@@ -85,7 +85,7 @@ def joint_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfe
 
 
 def joint_backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Backlash of a joint: the load holds one side until it clearly pulls to the other."""
+    """Draw a fault: backlash of a joint; the load holds one side until it pulls to the other."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
     width = np.deg2rad(0.1) * size * spread(rng)
     torque = design.path.torque[:, j]
@@ -99,7 +99,7 @@ def joint_backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def joint_gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """A periodic error of a gear: a few times per turn of the joint, seldom of the motor."""
+    """Draw a fault: a periodic gear error, a few times a turn of the joint, seldom of the motor."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
     if rng.uniform() < 0.88 or design.moving:
         harmonic = int(rng.choice([1, 2, 3, 4], p=[0.45, 0.35, 0.1, 0.1]))
@@ -115,7 +115,7 @@ def joint_gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfe
 
 
 def joint_clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Passive joints of the five-bars have clearance: the weight pushes each link to one end."""
+    """Draw a fault: clearance of the five-bars' passive joints; weight pushes links to one end."""
     names = design.distal_links
     count = int(rng.choice([1, 2, len(names)], p=[0.3, 0.2, 0.5]))
     chosen = rng.choice(len(names), count, replace=False)
@@ -143,7 +143,7 @@ def _distal_forces(design: ExperimentDesign) -> np.ndarray:
 
 
 def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Links of a closed chain that are about 1 mm too long or short."""
+    """Draw a fault: links of a closed chain that are about 1 mm too long or short."""
     names = [n for n in design.robot.parameters.names if re.fullmatch(r"L\d\d", n)]
     names += [n for n in design.robot.parameters.names if re.fullmatch(r"[AC]\d[yz]", n)]
     count = int(rng.choice([1, 2, 4], p=[0.7, 0.15, 0.15]))
@@ -157,7 +157,7 @@ def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
 
 
 def base_tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The base is about 0.5° out of level."""
+    """Draw a fault: the base is about 0.5° out of level."""
     angle = np.deg2rad(0.5) * size * spread(rng)
     heading = rng.uniform(-np.pi, np.pi)
     vector = angle * np.array([np.cos(heading), np.sin(heading), 0.0])
@@ -168,7 +168,7 @@ def base_tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The base leans under the moment of the arm's weight, unequally about two axes."""
+    """Draw a fault: a base that leans under the arm's moment, unequally about two axes."""
     c = 2e-5 * size * spread(rng) * np.array([1.0, rng.uniform(0.5, 1.0)])
     heading = rng.uniform(0.0, np.pi)
     axes = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
@@ -181,7 +181,7 @@ def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfec
 
 
 def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The floor shakes the base along one axis, at 5 to 45 Hz or with a broad spectrum."""
+    """Draw a fault: a floor that shakes the base along one axis, at 5 to 45 Hz or broadband."""
     axis = rng.standard_normal(3) * [1.0, 1.0, 0.6]
     axis /= np.linalg.norm(axis)
     noise = float(np.min(design.noise_std[:3]))
@@ -198,14 +198,15 @@ def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
-    """The side on which a joint with clearance lies; in motion it takes time to change."""
+    """Side ±1 (N,) on which a joint with clearance lies; in motion it needs time to change
+    sides."""
     if not design.moving:
         return state
     return np.asarray(gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate)))
 
 
 def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.ndarray:
-    """Change of the joint values (N, J) of which one joint changes by (N,) [rad or m]."""
+    """Change of all joint values (N, J) where joint j alone changes by (N,) [rad or m]."""
     dq = np.zeros_like(design.q)
     dq[:, j] = change
     return dq
@@ -213,7 +214,8 @@ def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.nda
 
 @lru_cache(maxsize=8)
 def _visibility(design: ExperimentDesign) -> np.ndarray:
-    """Relative effect of 0.2° at each joint (J,) after the usual fit."""
+    """Rms change of the reading by 0.2° at each joint (J,) after the usual fit, relative to the
+    largest."""
     robot, seen = ImperfectRobot(design), np.empty(design.q.shape[1])
     for j in range(len(seen)):
         item = Imperfection(joint=_off(design, j, np.deg2rad(0.2)))
@@ -224,7 +226,8 @@ def _visibility(design: ExperimentDesign) -> np.ndarray:
 def _joints(
     design: ExperimentDesign, rng: Rng, *, rotating: bool = False, several: float = 0.2
 ) -> list[int]:
-    """Numbers of one joint, sometimes two or three; visible ones more often."""
+    """Draw the 0-based numbers of one joint, sometimes of two or three, more often those that
+    change the reading most."""
     visibility = _visibility(design)
     weight = 0.03 + visibility
     weight[visibility < 1e-3] = 1e-6
@@ -240,20 +243,20 @@ def _sign(rng: Rng) -> float:
 
 
 def tool_mass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The tool weighs about 2 % more or less than stated."""
+    """Draw a fault: the tool weighs about 2 % more or less than stated."""
     amount = max(0.02 * size * design.load.mass, 2.5 * design.tolerance[0])
     return heavier(float(amount * rng.choice([-1.0, 1.0])))
 
 
 def tool_cog(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The centre of gravity is about 1.5 mm from where it is stated."""
+    """Draw a fault: the centre of gravity is about 1.5 mm from where it is stated."""
     axis = rng.standard_normal(3)
     amount = max(1.5e-3 * size, 2.5 * design.tolerance[1])
     return off(amount * axis / np.linalg.norm(axis))
 
 
 def tool_inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The tool's moments of inertia are about 30 % off, with small products."""
+    """Draw a fault: the tool's moments of inertia are about 30 % off, with small products."""
     stated = design.load.inertia
     error = 0.3 * size * stated * rng.normal(0.0, 1.0, (3, 3))
     typical = float(np.trace(stated)) / 3.0
@@ -266,7 +269,7 @@ def tool_inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def tool_loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """A loose part shifts the CoG by about 1 mm when gravity clearly pulls it to the other stop."""
+    """Draw a fault: a loose part that shifts the CoG by about 1 mm when gravity turns over."""
     travel = 1e-3 * size * spread(rng)
     path = design.path
     for _ in range(_AXES):
@@ -284,7 +287,7 @@ def tool_loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def tool_leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """About 1.5 % of the mass runs out by Torricelli's law or a power of time, or falls off."""
+    """Draw a fault: 1.5 % of the mass runs out (Torricelli, or a power of time) or falls off."""
     progress = elapsed(design.t)
     kind = rng.choice(["tank", "power", "part"], p=[0.4, 0.4, 0.2])
     if kind == "tank":  # its level falls; it is empty at about the end or later
@@ -304,7 +307,7 @@ def tool_leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def tool_slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The CoG moves by about 2 mm: a clamp creeps, slips in steps, or the tool bows as it warms."""
+    """Draw a fault: the CoG moves by about 2 mm: a clamp creeps or slips, or the tool bows."""
     progress = elapsed(design.t)
     kind = rng.choice(["creeps", "slips", "bows"])
     if kind == "creeps":
@@ -324,7 +327,7 @@ def tool_slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def tool_flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The tool bends under its own weight, softer across than along: about 5e-5 m/N."""
+    """Draw a fault: a tool that bends under its weight, about 5e-5 m/N, less along its axis."""
     base = 5e-5 * size * spread(rng)
     along = design.load.cog / max(float(np.linalg.norm(design.load.cog)), 1e-9)
     stiff = rng.uniform(0.05, 0.3)
@@ -349,7 +352,7 @@ def tool_flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """A hose between a hook in the world and the tool pulls once it is taut: about 0.2 N."""
+    """Draw a fault: a hose from a hook in the world to the tool, taut at times: about 0.2 N."""
     point = np.array([rng.normal(0.0, 0.02), rng.normal(0.0, 0.02), rng.uniform(0.02, 0.1)])
     place = design.motion.position
     reach = max(1.5 * float(np.linalg.norm(place.std(axis=0))), 0.2)
@@ -375,7 +378,7 @@ def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """A cable wound with the last joint twists the tool, with some friction: 1 % of its torque."""
+    """Draw a fault: a cable wound about the last joint, with friction: 1 % of its torque."""
     path, last = design.path, design.q.shape[1] - 1
     angle = path.q[:, last]
     middle = float(np.median(angle)) + rng.normal(0.0, 0.3)
@@ -395,7 +398,7 @@ def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfecti
 
 
 def environment_contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The tool's end presses on an obstacle in one corner of the workspace: about 0.3 N."""
+    """Draw a fault: an obstacle in one corner that the tool's end presses on: about 0.3 N."""
     tip = np.array([0.0, 0.0, 2.0 * max(float(design.load.cog[2]), 0.03)])
     lever = np.broadcast_to(tip, (len(design), 3))
     ends = design.motion.position + rotate(design.motion.rotation, lever)

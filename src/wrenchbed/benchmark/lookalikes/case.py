@@ -89,7 +89,7 @@ def _fitting(design: ExperimentDesign) -> list[str]:
 
 
 def _shows(design: ExperimentDesign, effect: str) -> bool:
-    """Whether one of a few large draws reaches a gap that counts."""
+    """Whether one of a few large draws of an effect reaches a gap that counts."""
     robot = ImperfectRobot(design)
     for probe in range(_PROBES):
         item = DRAWS[effect](design, np.random.default_rng([probe, 7]), 0.8 * LARGEST)
@@ -101,8 +101,8 @@ def _shows(design: ExperimentDesign, effect: str) -> bool:
 
 
 def background(robot: ImperfectRobot, rng: Rng) -> list[Scaled]:
-    """Background of a robot: most effects at once, small, within a random total gap; and stated
-    numbers wrong within tolerance."""
+    """Draw a robot's minor imperfections: most effects at once with a small random total gap, and
+    stated numbers that are wrong within tolerance."""
     design = robot.design
     target = log_uniform(rng, SMALLEST_BACKGROUND, 0.9 * LARGEST_BACKGROUND)
     around = _within_tolerance(design, rng)
@@ -144,7 +144,7 @@ def _within_tolerance(design: ExperimentDesign, rng: Rng) -> list[Scaled]:
 
 
 def _between_rows(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Quantization and vibration far below the noise."""
+    """Draw quantization and vibration far below the noise."""
     step = rng.uniform(0.0, 0.4) * design.noise_std
     drawn = body.base_vibration(design, rng, rng.uniform(0.02, 0.2)).rows
     assert drawn is not None and drawn.shake is not None
@@ -233,14 +233,14 @@ def draw(
 
 @dataclass(frozen=True, eq=False)
 class _Measured(frame.Shown):
-    """An imperfection, what it adds, and the reading with it (N, 6)."""
+    """A cause with what it adds (gap, rise of variance), and the clean reading with it (N, 6)."""
 
     item: Imperfection
     reading: np.ndarray
 
 
 class _Drawing:
-    """Drawing of one case's causes beside its background."""
+    """Draws the causes of one case, beside minor imperfections that were drawn before."""
 
     def __init__(self, design: ExperimentDesign, seed: int, kind: str, size: float | None) -> None:
         self.design, self.seed, self.kind, self.size = design, seed, kind, size
@@ -251,7 +251,7 @@ class _Drawing:
         self.minor = design.usual.gap(self.base - design.nominal)
 
     def any_of(self, known: Sequence[str], effect: str | None) -> _Measured:
-        """A cause that shows: the effect if one is given, else a random one."""
+        """Draw a cause that is large enough: the given effect, else a random one of ``known``."""
         remaining = list(known)
         for _ in range(_EFFECT_TRIES):
             name = effect if effect is not None else str(self.rng.choice(remaining))
@@ -263,7 +263,7 @@ class _Drawing:
         raise ParameterError(f"{effect or 'no effect'} shows enough in this design")
 
     def pair(self, known: Sequence[str], effect: str | None) -> LookalikeCase:
-        """Two causes of different subsystems, each of which shows beside the other."""
+        """Draw a case of two causes of different subsystems, each large enough beside the other."""
         around, base = self.around, self.base
         for _ in range(_EFFECT_TRIES):
             first = self.any_of(known, effect)
@@ -278,7 +278,8 @@ class _Drawing:
         raise ParameterError("no two causes show together in this design")
 
     def outside(self, family: str | None) -> LookalikeCase:
-        """A fault outside the library, scaled to a random gap."""
+        """Draw a case of a fault outside the library, of the given or a random family, scaled to a
+        random gap."""
         known = families(self.design)
         if family is not None and family not in known:
             raise ParameterError(f"there is no family {family!r}. Known: {', '.join(known)}")
@@ -296,7 +297,8 @@ class _Drawing:
         raise ParameterError(f"{family or 'no family'} shows enough in this design")
 
     def case(self, causes: Sequence[_Measured], amount: float = 1.0) -> LookalikeCase:
-        """The case of some causes; the first one is measured in the presence of all others."""
+        """Put a case together from its causes; the first one was measured in the presence of the
+        others."""
         return LookalikeCase(
             self.seed,
             self.kind,
@@ -311,7 +313,7 @@ class _Drawing:
         self.around, self.base = around, self.robot.reading(around)
 
     def _grown(self, name: str) -> _Measured | None:
-        """An effect that shows enough, None if it does not within the tries."""
+        """Draw an effect and enlarge it until it counts; None if it does not within `_TRIES`."""
         now = self.size if self.size is not None else log_uniform(self.rng, *frame.SIZES)
         for _ in range(_TRIES):
             cause = self._measure(DRAWS[name](self.design, self.rng, now))
@@ -328,7 +330,8 @@ class _Drawing:
         return None
 
     def _measure(self, item: Imperfection) -> _Measured:
-        """Change of the reading that an imperfection adds to everything around it."""
+        """Size of an imperfection beside all that the robot has already; a gap of NaN if no reading
+        is possible with it."""
         if between(item.name) and item.rows is not None:
             noise, held = self.design.noise_std, imperfection.held_rows
             rise = item.rows.rise(noise, self.base, lambda shake: shake.wrench, held)
@@ -424,7 +427,8 @@ def row_noise(design: ExperimentDesign, rng: Rng, samples: int) -> tuple[np.ndar
 
 
 def _shaking(t: np.ndarray, frequency: float, rng: Rng) -> np.ndarray:
-    """A signal of unit rms at times (N, n) [s]: a line whose amplitude breathes, or broad."""
+    """A signal of unit rms at times (N, n) [s]: one frequency with a varying amplitude, or a broad
+    spectrum if ``frequency`` is 0."""
     if frequency <= 0.0:
         return rng.standard_normal(t.shape)
     breath = 0.3 * np.sin(0.11 * frequency * t + rng.uniform(0.0, 6.28))

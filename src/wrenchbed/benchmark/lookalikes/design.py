@@ -38,7 +38,7 @@ _STRIDE = 8
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """A sequence of T instants that passes every pose.
+    """The nominal robot at T instants of a path that passes every pose.
 
     Attributes:
         t: (T,) [s].
@@ -46,7 +46,7 @@ class JointPath:
         wrench: nominal (T, 6) [N, N·m].
         specific_force: in sensor axes (T, 3) [m/s²].
         torque: that the joints carry (T, J) [N·m or N], empty without joints.
-        at: index into the sequence of each hold or sample (N,).
+        at: index of the instant of each hold or sample (N,).
     """
 
     t: np.ndarray
@@ -86,13 +86,13 @@ def path_of_holds(design: "ExperimentDesign") -> JointPath:
 
 @dataclass(frozen=True, eq=False)
 class ExperimentDesign:
-    """Recording that was or will be made: the same for every case made from it.
+    """Poses, times and stated numbers of a recording, which all cases drawn at it share.
 
     Attributes:
         robot: the robot, as its nominal model.
         mode: ``static`` or ``dynamic``.
-        q: joint values of the holds (H, J) or of the samples (N, J) [rad or m]; orientations
-            w, x, y, z (H, 4) for a robot without joints.
+        q: joint values of the holds (H, J) or of the samples (N, J) [rad or m]; orientations w, x,
+            y, z (H, 4) for a robot without joints.
         t: mean time of each hold (H,) or of each sample (N,) [s].
         samples: rows of each hold, 1 in motion.
         rate: rows per second [Hz].

@@ -120,12 +120,12 @@ Scaled = tuple[Imperfection, float]
 
 
 def spread(rng: Rng) -> float:
-    """Factor by which a size differs from what was asked for: an estimate."""
+    """Random factor on a size that was asked for; its range is an estimate."""
     return rng.uniform(0.8, 1.25)
 
 
 def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
-    """Random weights (6,) of either sign: one channel, the forces or torques, or all."""
+    """Draw weights (6,) of either sign: of one channel, the forces, the torques or all."""
     kind = rng.uniform()
     chosen = np.zeros(6, dtype=bool)
     if kind < one:
@@ -139,24 +139,24 @@ def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
 
 
 def heavier(error: float) -> Imperfection:
-    """A tool that is heavier by ``error`` [kg]."""
+    """Fault of a tool that is heavier than stated by ``error`` [kg]."""
     return Imperfection({"mass": error}, tool=lambda load, _: replace(load, mass=load.mass + error))
 
 
 def off(error: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
-    """A tool whose centre of gravity is off by (3,), or row by row by (N, 3) [m]."""
+    """Fault of a tool whose centre of gravity is off by (3,), or row by row by (N, 3) [m]."""
     known = by_axis(error, "cog.") if true is None else true
     return Imperfection(known, tool=lambda load, _: replace(load, cog=load.cog + error))
 
 
 def biased(shift: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
-    """A zero that is off by (6,), or row by row by (N, 6) [N, N·m]."""
+    """Fault of a sensor whose zero is off by (6,), or row by row by (N, 6) [N, N·m]."""
     known = by_channel(shift, "bias.") if true is None else true
     return Imperfection(known, sensor=lambda y: y + shift)
 
 
 class ImperfectRobot:
-    """Evaluates noise-free readings of one design with any of its imperfections.
+    """Computes noise-free readings of one design with any imperfections.
 
     The poses of one set of joint imperfections are computed once.
     """

@@ -20,7 +20,7 @@ def _some_channels(design: ExperimentDesign, rng: Rng) -> np.ndarray:
 
 
 def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Something settles anew at each pose: offsets with heavy tails."""
+    """Draw a fault: something settles anew at each pose: offsets with heavy tails."""
     count = len(design)
     which = np.arange(count)
     if design.moving:
@@ -31,7 +31,7 @@ def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def gas_spring(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """A hinge or a dress pack pushes in proportion to the angle of joint 2."""
+    """Draw a fault: a hinge or a dress pack pushes in proportion to the angle of joint 2."""
     j = min(1, design.q.shape[1] - 1)
     angle = design.q[:, j] - design.q[:, j].mean()
     axis = rng.standard_normal(3)
@@ -41,7 +41,7 @@ def gas_spring(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """A magnet near one spot of the workspace, or near one angle of joint 4, pulls."""
+    """Draw a fault: a magnet pulls near one spot of the workspace or one angle of joint 4."""
     if design.robot.joints and rng.uniform() < 0.4 and design.q.shape[1] > 3:
         angle = design.q[:, 3]
         away = ((angle - rng.choice(angle)) / max(0.35 * float(np.std(angle)), 1e-3)) ** 2
@@ -58,7 +58,8 @@ def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Two channels multiply into a force; into a torque it would be a flexing tool."""
+    """Draw a fault: a force reads the product of two channels (a torque would be a flexing
+    tool)."""
     into = int(rng.integers(3))
     a, b = (int(k) for k in rng.choice(np.delete(np.arange(6), into), 2, replace=False))
     factor = 6.0 * design.noise_std[into] / (design.swing[a] * design.swing[b])
@@ -67,7 +68,7 @@ def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """The zero shifts whenever a compressor runs: a square wave in time."""
+    """Draw a fault: the zero shifts whenever a compressor runs: a square wave in time."""
     period = float(np.ptp(design.t)) / rng.uniform(3.0, 9.0)
     phase = ((design.t - design.t[0]) / period + rng.uniform()) % 1.0
     on = phase < rng.uniform(0.3, 0.6)
@@ -75,7 +76,7 @@ def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Again and again, for a moment, the reading is far off."""
+    """Draw a fault: again and again, for a moment, the reading is far off."""
     count, n = int(rng.integers(5, 10)), len(design)
     shift = np.zeros((n, 6))
     for _ in range(count):
@@ -86,7 +87,7 @@ def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """A zero that varies three times per turn of the wrist."""
+    """Draw a fault: a zero that varies three times per turn of the wrist."""
     if design.robot.joints:
         angle = design.q[:, -1]
     else:
@@ -98,7 +99,7 @@ def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def rectified(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """A channel reads the size of another, whatever its sign: a plate that lifts off both ways."""
+    """Draw a fault: a channel reads another one's magnitude: a plate that lifts off both ways."""
     to, of = rng.permutation(6)[:2]
     gain = 0.3 * rng.choice([-1.0, 1.0]) * design.full_scale[to] / design.full_scale[of]
 
@@ -111,7 +112,7 @@ def rectified(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def sunbeam(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """The zero shifts while the sensor faces a window."""
+    """Draw a fault: the zero shifts while the sensor faces a window."""
     down = design.motion.specific_force
     down = down / np.linalg.norm(down, axis=1, keepdims=True)
     facing = down @ down[rng.integers(len(down))]
@@ -119,7 +120,7 @@ def sunbeam(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def slow_liquid(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """A thick liquid follows gravity with a lag of several poses."""
+    """Draw a fault: a thick liquid follows gravity with a lag of several poses."""
     path = design.path
     lag = max(float(np.ptp(path.t)), 1e-9) * rng.uniform(0.02, 0.1)
     level = relax(path.t, path.specific_force, lag)[path.at] / _G

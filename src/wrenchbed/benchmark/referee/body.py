@@ -25,7 +25,7 @@ _G = 9.81
 
 
 def mount_rotation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A sensor mounted with a rotation of about 0.4°, often about the axis of its bolts."""
+    """Draw a fault: a sensor rotated on its mount by about 0.4°, often about the bolts' axis."""
     axis = direction(rng)
     if rng.uniform() < 0.35:
         axis = np.array([0.0, 0.0, sign(rng)]) + 0.2 * axis
@@ -41,7 +41,7 @@ def mount_rotation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 def joint_offset(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """The zero of a joint, about 0.2° or 1 mm off."""
+    """Draw a fault: the zero of a joint, about 0.2° or 1 mm off."""
     k = _joint(setting, rng) if j is None else j
     unit = np.deg2rad(0.2) if setting.robot.joints[k].unit == "rad" else 1e-3
     value = sign(rng) * about(rng, unit * size)
@@ -55,7 +55,7 @@ def joint_offset(
 def joint_compliance(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """A compliant gear: a hinge behind the drive, about 15,000 or 5,000 N·m/rad."""
+    """Draw a fault: a compliant gear: a hinge behind the drive, about 15,000 or 5,000 N·m/rad."""
     k = _rotating(setting, rng) if j is None else j
     strong = k < setting.robot.large_gears
     compliance = about(rng, size / (1.5e4 if strong else 5e3))
@@ -67,7 +67,7 @@ def joint_compliance(
 
 
 def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Backlash between drive and link, about 0.08° wide: the weight decides the side."""
+    """Draw a fault: backlash of about 0.08° between drive and link; the weight decides the side."""
     k = _rotating(setting, rng)
     width = about(rng, np.deg2rad(0.08) * size)
     strong = k < setting.robot.large_gears
@@ -80,7 +80,7 @@ def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 def joint_gear_error(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """A gear that runs unevenly, about 4′, with an overtone; lowest order 1 to 4 a turn."""
+    """Draw a fault: a gear error of about 4′ with an overtone; lowest order 1 to 4 a turn."""
     k = _rotating(setting, rng) if j is None else j
     order = int(rng.choice([1, 2, 3, 4], p=[0.4, 0.4, 0.1, 0.1]))
     wave = about(rng, np.deg2rad(4.0 / 60.0) * size)
@@ -96,7 +96,7 @@ def joint_gear_error(
 
 
 def joint_clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Pins that close loops, with a clearance of about 40 µm."""
+    """Draw a fault: pins that close loops, with a clearance of about 40 µm."""
     pins = setting.loops
     count = int(rng.integers(1, len(pins) + 1))
     chosen = rng.choice(len(pins), count, replace=False)
@@ -105,7 +105,7 @@ def joint_clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
 
 
 def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A link of a closed chain, about 0.7 mm too long or too short."""
+    """Draw a fault: a link of a closed chain, about 0.7 mm too long or too short."""
     names = [n for n in setting.robot.parameters.names if n[0] == "L" and n[1:].isdigit()]
     return fault.not_as_drawn(
         setting, {str(rng.choice(names)): sign(rng) * about(rng, 7e-4 * size)}
@@ -113,7 +113,7 @@ def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def base_tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A base about 0.4° out of level: gravity rotates in its axes."""
+    """Draw a fault: a base about 0.4° out of level: gravity rotates in its axes."""
     heading = rng.uniform(-np.pi, np.pi)
     vector = about(rng, np.deg2rad(0.4) * size) * np.array([np.cos(heading), np.sin(heading), 0.0])
     rotation = Rotation.from_rotvec(vector)
@@ -124,7 +124,7 @@ def base_tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A floor with a compliance of about 2e-5 rad/(N·m) about one axis, less about the other."""
+    """Draw a fault: a floor with a compliance of 2e-5 rad/(N·m) about one axis, less across."""
     most = about(rng, 2e-5 * size)
     lean = np.array([most, most * rng.uniform(0.3, 0.9)])
     heading = float(rng.uniform(-np.pi, np.pi))
@@ -134,7 +134,7 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
 
 
 def base_vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A machine nearby: a varying tone of 7 to 40 Hz with an overtone, or a rumble."""
+    """Draw a fault: a machine nearby: a varying tone of 7 to 40 Hz with overtone, or a rumble."""
     level = about(rng, 1.3 * float(setting.noise[:3].min()) / setting.mass * size)
     axis = direction(rng) * [1.0, 1.0, 0.7]
     axis /= np.linalg.norm(axis)
@@ -167,20 +167,20 @@ def _rotating(setting: RefereeSetting, rng: Rng) -> int:
 
 
 def tool_mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """The tool is about 2 % heavier or lighter than stated."""
+    """Draw a fault: the tool is about 2 % heavier or lighter than stated."""
     least = 2.0 * setting.tolerance[0]
     error = sign(rng) * max(least, about(rng, 0.02 * size * setting.mass))
     return fault.heavier(setting, error)
 
 
 def tool_cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """The tool's centre of gravity is about 1.5 mm away from where it is stated."""
+    """Draw a fault: the tool's centre of gravity is about 1.5 mm away from where it is stated."""
     away = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size))
     return fault.off(setting, away * direction(rng))
 
 
 def tool_inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """The tool's moments of inertia are up to 25 % off at size 1, their axes turned by 0.15 rad."""
+    """Draw a fault: moments of inertia up to 25 % off at size 1, axes turned by 0.15 rad."""
     stated = setting.metadata.tool.inertia
     assert stated is not None
     old = symmetric(stated)
@@ -192,7 +192,7 @@ def tool_inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def tool_loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A part that slides to and fro in the tool and shifts its CoG by about 1.5 mm."""
+    """Draw a fault: a part that slides to and fro in the tool; the CoG shifts by about 1.5 mm."""
     travel = about(rng, 1.5e-3 * size)
     mass_fraction = float(rng.uniform(0.08, 0.2))
     part = machine.LoosePart(
@@ -202,8 +202,8 @@ def tool_loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def tool_leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """The tool loses mass in the recording, in one case of four gains it: 1.5 % at size 1, by an
-    exponential law, at a rate that grows at some moment, or drop by drop."""
+    """Draw a fault: the tool loses mass in the recording, in one case of four gains it: 1.5 % at
+    size 1, exponentially, at a rate that grows at some moment, or drop by drop."""
     progress = elapsed(setting.path.t)  # 0 … 1
     law = rng.choice(["exponential", "two stages", "drops"])
     if law == "exponential":
@@ -225,7 +225,7 @@ def tool_leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def tool_slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """The CoG moves by about 2 mm: a clamp creeps (Kohlrausch), or it sticks and slips."""
+    """Draw a fault: a CoG that moves by about 2 mm: a clamp creeps, or it sticks and slips."""
     progress = elapsed(setting.path.t)
     if rng.uniform() < 0.5:
         law = -np.expm1(-((progress / rng.uniform(0.1, 1.0)) ** rng.uniform(0.4, 1.0)))
@@ -243,7 +243,7 @@ def tool_slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def tool_flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A tool whose root bends, so that its CoG moves by about 5e-5 m/N, unequally across."""
+    """Draw a fault: a tool whose root bends by about 5e-5 m/N, unequally across."""
     root = float(rng.uniform(0.0, 0.3)) * float(setting.cog[2])
     lever = max(float(np.linalg.norm(setting.cog - [0.0, 0.0, root])), 0.02)
     bend = about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
@@ -255,7 +255,7 @@ def tool_flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def cable_pull(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A hose from a hook above the robot: taut in part of the workspace, pulling about 0.3 N."""
+    """Draw a fault: a hose from a hook above the robot, taut in places, pulling about 0.3 N."""
     place = _places(setting)
     spread = max(float(np.linalg.norm(place.std(axis=0))), 0.05)
     aside = rng.normal(0.0, 0.7, 2)
@@ -271,7 +271,7 @@ def cable_pull(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Something soft in a corner of the workspace that the tool's end presses on: about 0.4 N."""
+    """Draw a fault: something soft in a corner that the tool's end presses on: about 0.4 N."""
     tip = np.array([0.0, 0.0, 1.9 * max(float(setting.cog[2]), 0.03)])
     rotation, position = setting.robot.sensor_pose(setting.mean(setting.path.q), setting.theta)
     ends = position + rotation @ tip
@@ -289,7 +289,7 @@ def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> Refer
 
 
 def cable_torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A cable wound about the last joint, with dry friction (Dahl) in its jacket."""
+    """Draw a fault: a cable wound about the last joint, with dry friction (Dahl) in its jacket."""
     last = setting.path.q.shape[1] - 1
     angle = setting.path.q[:, last]
     spread = max(float(np.std(angle[setting.path.rows])), 0.05)

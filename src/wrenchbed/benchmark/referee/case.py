@@ -70,7 +70,7 @@ def possible(setting: RefereeSetting) -> list[str]:
 
 
 def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFault]:
-    """Small faults of nearly every family; ``scale`` 1 is about a tenth of typical."""
+    """Draw small faults of nearly every family; ``scale`` 1 is about a tenth of a typical size."""
 
     def small() -> float:
         return scale * 0.1 * float(np.exp(0.5 * rng.standard_normal()))
@@ -94,12 +94,12 @@ def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeF
 
 
 def _stream(rng: Rng) -> Rng:
-    """A separate random stream, so that another scale draws the same faults."""
+    """Split off a random stream, so that another scale draws the same faults."""
     return np.random.default_rng(int(rng.integers(2**62)))
 
 
 def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFault]:
-    """Lengths, twists and masses of links that differ from the drawing."""
+    """Draw faults of lengths, twists and masses of links, which differ from the drawing."""
     robot = setting.robot
     skip = {*robot.load, *robot.unobservable, *robot.zero_names}
     taken = ("base.", "mount.", "tool.", "sensor.")
@@ -117,7 +117,7 @@ def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFa
 
 
 def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
-    """Mass, CoG, bias and the sensor's own weight, all within the tolerance of what is stated."""
+    """Draw faults of mass, CoG, bias and the sensor's own weight within the stated tolerances."""
     dm, dc, db = setting.tolerance
     reach = max(float(np.linalg.norm(setting.cog)), 1e-3)
     weight = float(rng.uniform(0.0, 0.3) * min(dm, dc * setting.mass / reach))
@@ -134,7 +134,7 @@ def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
 
 
 def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
-    """Quantization and vibration far below the noise of every channel."""
+    """Draw quantization and vibration far below the noise of every channel."""
     step = rng.uniform(0.0, 0.4) * setting.noise
     lever = np.sqrt(setting.cog @ setting.cog - setting.cog**2)
     most = max(1.0, (lever / setting.noise[3:]).max() * setting.noise[:3].min())
@@ -145,12 +145,12 @@ def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
 
 @dataclass(frozen=True, eq=False)
 class TrueCause(frame.Shown):
-    """A fault large enough to be a cause of its case.
+    """A fault of a case, measured on the robot that has it.
 
     Attributes:
         fault: the fault.
         signature: what it adds to a clean reading where readings are compared (n, 6).
-        world: what it was added to, with it.
+        world: the robot with it.
     """
 
     fault: RefereeFault
@@ -160,12 +160,12 @@ class TrueCause(frame.Shown):
 
 @dataclass(frozen=True, eq=False)
 class FaultyRobot:
-    """A simulated robot on its ride, that faults are added to.
+    """A simulated robot with faults, run along its path; further faults can be added.
 
     Attributes:
         setting: what is stated and commanded.
-        around: faults that are there already.
-        way: its ride with these.
+        around: faults that it has.
+        way: motion and load with these faults.
     """
 
     setting: RefereeSetting
@@ -174,10 +174,10 @@ class FaultyRobot:
 
     @classmethod
     def of(cls, setting: RefereeSetting, around: Sequence[RefereeFault] = ()) -> "FaultyRobot":
-        """Robot of a setting with given faults.
+        """Run the robot of a setting with given faults.
 
         Raises:
-            ParameterError: they are too much for the machine.
+            ParameterError: the simulation of these faults diverged.
         """
         gravity, joints = np.array(setting.robot.gravity, dtype=float), len(setting.robot.joints)
         machine = Mechanics(setting.theta, gravity, np.zeros(joints))
@@ -205,7 +205,7 @@ class FaultyRobot:
         return y
 
     def with_(self, fault: RefereeFault) -> "FaultyRobot":
-        """Robot with a further fault; a fault of the machine needs another ride."""
+        """The robot with one more fault; a fault of the mechanics is simulated anew."""
         around = (*self.around, fault)
         if fault.body is not None:
             return FaultyRobot.of(self.setting, around)
@@ -213,10 +213,10 @@ class FaultyRobot:
 
     def measured(self, fault: RefereeFault, together: "FaultyRobot | None" = None) -> TrueCause:
         """Readings and gap that a fault adds to this robot; ``together`` is the robot with it, if
-        known.
+        it was made before.
 
         Raises:
-            ParameterError: it is too much for the machine.
+            ParameterError: the simulation diverged.
         """
         other = together or self.with_(fault)
         if frame.between(fault.name) and fault.rows is not None:
@@ -234,10 +234,10 @@ class FaultyRobot:
         return TrueCause(gap, 0.0, fault, signature, other)
 
     def causes(self, kind: str, rng: Rng) -> list[TrueCause]:
-        """Causes that show, as many as the kind has.
+        """Draw causes that are large enough, as many as the kind of case has.
 
         Raises:
-            ParameterError: nothing that was drawn shows enough.
+            ParameterError: nothing that was drawn is large enough.
         """
         if kind == "none":
             return []
@@ -247,7 +247,8 @@ class FaultyRobot:
         return [first] if kind == "single" else self._two(first, rng)
 
     def _one(self, kind: str, names: list[str], rng: Rng) -> TrueCause:
-        """A cause that shows; where it is too small, once more and larger, then another one."""
+        """Draw a cause that is large enough: one that is too small once more and larger, then
+        another one."""
         for _ in range(_DRAWS):
             name = str(rng.choice(names))
             size = frame.log_uniform(rng, *frame.SIZES)
@@ -266,7 +267,7 @@ class FaultyRobot:
         raise ParameterError("nothing that was drawn shows enough")
 
     def _two(self, first: TrueCause, rng: Rng) -> list[TrueCause]:
-        """The first cause and one of another subsystem that leaves it visible."""
+        """The first cause and a drawn one of another subsystem, both large enough together."""
         others = frame.of_another_subsystem(possible(self.setting), first.fault.name)
         for _ in range(_PAIRS):
             second = first.world._one("pair", others, rng)
@@ -276,7 +277,7 @@ class FaultyRobot:
         raise ParameterError("no second cause leaves the first one visible")
 
     def _outside(self, rng: Rng) -> TrueCause:
-        """A fault that shows, and that no effect of the library could make."""
+        """Draw a fault that is large enough and that no effect of the library imitates."""
         for _ in range(_DRAWS_OUTSIDE):
             family = FAMILIES[str(rng.choice(list(FAMILIES)))]
             size = frame.log_uniform(rng, 0.5, 2.0)
@@ -333,7 +334,8 @@ class RefereeCase:
         return tuple(self.world.signatures.alike(cause.fault.name, cause.signature))
 
     def seen(self) -> list[tuple[str, ...]]:
-        """Causes that the data show to one who knows their form and size, each with those alike."""
+        """Classes of causes that an oracle, which knows their form and size, finds in these data:
+        each cause and those that no data tell from it."""
         means = [c for c in self.causes if not c.rows]
         classes = []
         for cause in self.causes:
@@ -346,8 +348,8 @@ class RefereeCase:
         return classes
 
     def closed(self) -> float | None:
-        """Share of the gap that vanishes with the exact signatures of the causes that means show;
-        None if there are none."""
+        """Share of the gap that vanishes when the exact signatures of the causes that show in means
+        are subtracted; None if there are none."""
         causes = [c for c in self.causes if not c.rows]
         if not causes:
             return None
@@ -364,7 +366,7 @@ def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase
     """A case that depends on its seed alone.
 
     Raises:
-        ParameterError: nothing that was drawn shows enough, or the robot exists in no simulator.
+        ParameterError: nothing that was drawn is large enough, or the robot exists in no simulator.
     """
     rng = np.random.default_rng([*seed, frame.KINDS.index(kind)])
     world, minor = robot_with_minor(robot, mode, seed, rng)
@@ -374,7 +376,7 @@ def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase
 def robot_with_minor(
     robot: str, mode: str, seed: tuple[int, ...], rng: Rng
 ) -> tuple[FaultyRobot, float]:
-    """A robot in a setting of a seed with minor imperfections only, and their gap.
+    """Draw a setting and a robot with minor imperfections only; return the robot and their gap.
 
     Raises:
         ParameterError: the robot exists in no simulator.
@@ -398,7 +400,7 @@ def robot_with_minor(
 def as_case(
     kind: str, world: FaultyRobot, causes: Sequence[TrueCause], minor: float, rng: Rng
 ) -> RefereeCase:
-    """Make the case of a robot with causes: its recording and its truth."""
+    """Put a case together from a robot with causes: its recording and its truth."""
     setting, path = world.setting, world.setting.path
     last = causes[-1].world if causes else world
     wrench, q = rows(setting, last.way, last.clean, last.around, rng)

@@ -33,7 +33,8 @@ def direction(rng: Rng) -> np.ndarray:
 
 
 def touched(rng: Rng) -> np.ndarray:
-    """Signed weights (6,) of channels: one, two, three of a kind or all; the largest is ±1."""
+    """Draw signed weights (6,) of channels: one, two, the three forces or torques, or all; the
+    largest is ±1."""
     few = int(rng.choice([1, 2, 3, 6], p=[0.45, 0.2, 0.15, 0.2]))
     chosen = np.zeros(6, dtype=bool)
     if few == 3:
@@ -50,7 +51,7 @@ class RefereeFault(Fault):
     """Fault of the referee's robot; ``true`` has its numbers as a diagnosis publishes them, SI.
 
     Attributes:
-        body: changes the machine; it has to ride anew.
+        body: changes the mechanics, which are then simulated anew.
         change: changes the load on the sensor, what its gauges make of it, or when it is read.
         stage: at which it does.
         rows: what happens between rows.
@@ -65,14 +66,14 @@ class RefereeFault(Fault):
 
 
 def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
-    """A zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
+    """Fault of a sensor's zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
     return RefereeFault(true, change=lambda ride, y: y + shift, stage=ZERO)
 
 
 def misshapen(
     setting: RefereeSetting, true: dict[str, float], errors: dict[str, float]
 ) -> RefereeFault:
-    """Errors of the machine's parameters by name."""
+    """Fault of the mechanics: errors of its parameters by name."""
     shift = np.zeros(len(setting.theta))
     for name, value in errors.items():
         shift[setting.robot.parameters.index(name)] = value
@@ -80,17 +81,17 @@ def misshapen(
 
 
 def not_as_drawn(setting: RefereeSetting, errors: dict[str, float]) -> RefereeFault:
-    """Links whose parameters are off by name."""
+    """The same for links, whose true numbers no diagnosis publishes."""
     return misshapen(setting, {f"length.{k}": v for k, v in errors.items()}, errors)
 
 
 def heavier(setting: RefereeSetting, error: float) -> RefereeFault:
-    """A tool that is heavier by ``error`` [kg]."""
+    """Fault of a tool that is heavier than stated by ``error`` [kg]."""
     return RefereeFault({"mass": error}, lambda m: _loaded(setting, m, error, np.zeros(3)))
 
 
 def off(setting: RefereeSetting, error: np.ndarray) -> RefereeFault:
-    """A tool whose centre of gravity is off by (3,) [m]."""
+    """Fault of a tool whose centre of gravity is off by (3,) [m]."""
     return RefereeFault(by_axis(error, "cog."), lambda m: _loaded(setting, m, 0.0, error))
 
 

@@ -60,9 +60,10 @@ def bouc_wen(x: np.ndarray, shape: float) -> np.ndarray:
 
 
 def _loop(pieces: np.ndarray, a: float) -> list[float]:
-    """One column of `bouc_wen`: pieces (4, T − 1) hold side, length, and both rates' exponentials.
+    """Integrate one column of `bouc_wen`; pieces (4, T − 1) hold side, length and the exponentials
+    of both rates.
 
-    It unloads first, at another rate, until the loop is 0.
+    Until the loop is 0 it unloads, at another rate.
     """
     out, now = [], 0.0
     for side, d, loads, unloads in zip(*pieces.tolist(), strict=True):
@@ -120,8 +121,8 @@ def rows(
     faults: Sequence[RefereeFault],
     rng: Rng,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Recorded wrenches (N, 6) [N, N·m] of a clean signal at all instants (T, 6), and reported
-    joints (N, J)."""
+    """Make the recorded wrenches (N, 6) [N, N·m] of a clean signal (T, 6), with noise and faults
+    between rows, and the reported joints (N, J)."""
     path = setting.path
     t = path.t[path.rows]
     late = np.clip(_JITTER_S * rng.standard_normal(len(t)), -3 * _JITTER_S, 3 * _JITTER_S)
@@ -143,7 +144,7 @@ def rows(
 
 
 def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
-    """Wrench (N, 6) of accelerations of the base (N, 3) [m/s²] at the recorded rows."""
+    """Wrench (N, 6) at the recorded rows that accelerations of the base (N, 3) [m/s²] add."""
     rotation = ride.rotation[setting.path.rows]
     return wrench_at(setting.cog, -setting.mass * np.einsum("nij,ni->nj", rotation, a))
 

@@ -134,7 +134,7 @@ class Pad(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """Errors, compliances and plays of the true machine.
+    """Errors, compliances and backlashes of the true machine.
 
     Attributes:
         theta: its geometry and load, the robot's own parameters (P,).
@@ -195,7 +195,8 @@ def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> mujoco.MjMode
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
-    """Keep bodies, joints, loops, sites and the wrench: no pictures, servos or compensation."""
+    """Delete all but bodies, joints, loops, sites and the wrench: pictures, servos,
+    compensation."""
     for kind in (spec.actuators, spec.keys, spec.geoms, spec.cameras, spec.lights):
         for element in list(kind):
             spec.delete(element)
@@ -208,7 +209,7 @@ def _strip(spec: mujoco.MjSpec) -> None:
 
 
 def _joint(spec: mujoco.MjSpec, truth: Mechanics, k: int, name: str, step: float) -> None:
-    """A drive, and behind it the backlash and the spring of its gear."""
+    """Add a drive, and behind it the backlash and the spring of its gear."""
     drive = spec.joint(name)
     drive.armature, drive.damping = ARMATURE, [0.0, 0.0, 0.0]
     body, axis = drive.parent, list(drive.axis)
@@ -232,7 +233,8 @@ def _spring(joint: "mujoco.MjsJoint", stiffness: float, step: float) -> None:
 
 
 def _pin(spec: mujoco.MjSpec, name: str, radius: float) -> None:
-    """A pin with clearance: on one side of the loop it sits in a hole that is a little too wide."""
+    """Give a pin that closes a loop clearance: a hole on one side that is larger by ``radius``
+    [m]."""
     loop = spec.equality(name)
     end = spec.site(loop.name2)
     seat = end.parent.add_body(name=f"hidden_seat_{name}", pos=end.pos)
@@ -248,7 +250,8 @@ def _pin(spec: mujoco.MjSpec, name: str, radius: float) -> None:
 
 
 def _base(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
-    """The floor is compliant about two axes of the base's plane."""
+    """Add to the base's body a sprung hinge about each of two axes that are compliant
+    (``truth.lean``), turned by ``truth.heading``."""
     c, s = np.cos(truth.heading), np.sin(truth.heading)
     for name, axis, compliance in zip("xy", ([c, s, 0.0], [-s, c, 0.0]), truth.lean, strict=True):
         if compliance > _LEAST_COMPLIANCE:
@@ -257,7 +260,8 @@ def _base(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
 
 
 def _tool(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
-    """The load becomes a separate body that hangs on the sensor's by a compliant root."""
+    """Hang the load on the sensor's body as a body of its own, by compliant hinges
+    (``truth.bend``)."""
     tool = spec.body("tool")
     rotation = Rotation.from_quat(tool.quat, scalar_first=True) * Rotation.from_rotvec(truth.mount)
     tool.quat = rotation.as_quat(scalar_first=True)
@@ -306,7 +310,7 @@ class Ride:
 
 
 def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
-    """Run a machine along a path.
+    """Simulate a machine along a path; return its motion and load at each instant.
 
     Raises:
         ParameterError: the simulation diverged.
@@ -349,7 +353,8 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
 
 
 def _driven(truth: Mechanics, path: DrivePath) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """True positions, speeds and accelerations of the drives (T, J): errors vary on the path."""
+    """True positions, speeds and accelerations of the drives (T, J), whose errors vary along the
+    path."""
     eps = 1e-4
     q0 = truth.driven(path.q)
     if not truth.drive:

@@ -119,7 +119,8 @@ def along(motion: CubicSpline, seconds: float, rate: float) -> DrivePath:
 def _legs(
     robot: SimulatedRobot, start: np.ndarray, end: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Straight, or by the home pose, if that stays within the workspace; else none."""
+    """Straight moves from start to end, by way of home if need be, as (start, end); none if either
+    leaves the workspace."""
     home = robot.home
     for legs in ([(start, end)], [(start, home), (home, end)]):
         fraction = np.linspace(0.0, 1.0, _CHECKS)[:, None]
@@ -170,7 +171,7 @@ class RefereeSetting:
 
     @property
     def stride(self) -> int:
-        """Means or rows are compared at each so many-th, 1 at rest."""
+        """Distance of the means or rows at which readings are compared, 1 at rest."""
         return EVERY if self.mode == "dynamic" else 1
 
     @property
@@ -203,7 +204,7 @@ class RefereeSetting:
 
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
-        """Tolerances of the contract: mass [kg], CoG [m] and bias (6,)."""
+        """Tolerances of mass [kg], CoG [m] and bias (6,) as the contract sets them."""
         return 0.005 * self.mass, 5e-4, 3.0 * self.noise
 
     def mean(self, signal: np.ndarray) -> np.ndarray:
@@ -237,8 +238,8 @@ class RefereeSetting:
         return self.stated(self.theta)
 
     def stated(self, theta: np.ndarray, dq: np.ndarray | None = None, every: int = 1) -> np.ndarray:
-        """A rigid robot with these parameters (H or N, 6), joints off by dq, by `mj_inverse`, at
-        every so many-th pose or row."""
+        """Readings (H or N, 6), by `mj_inverse`, of a rigid robot with these parameters and joints
+        off by ``dq``, at every ``every``-th pose or row."""
         bodies = self._bodies if theta is self.theta else RigidBodies(self.robot, theta)
         q, qd, qdd = (self.mean(x)[::every] for x in (self.path.q, self.path.qd, self.path.qdd))
         coordinates = _coordinates(self.robot, theta, q if dq is None else q + dq, qd, qdd)
@@ -263,7 +264,7 @@ def _coordinates(
 
 
 def draw(robot: SimulatedRobot, mode: str, rng: Rng) -> RefereeSetting:
-    """A random setting.
+    """Draw the stated numbers and the path of a recording.
 
     Raises:
         ParameterError: no feasible motion was found.

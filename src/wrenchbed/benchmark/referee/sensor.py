@@ -27,7 +27,7 @@ _ARM = 0.05
 
 
 def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Wrenches about 7 ms older than the joints."""
+    """Draw a fault: wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
     return RefereeFault(
         {"delay": lag},
@@ -37,7 +37,7 @@ def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A filter of one to three stages, about 7 ms slow in all."""
+    """Draw a fault: a low-pass of one to three stages with a lag of about 7 ms in all."""
     time, stages = about(rng, 7e-3 * size), int(rng.integers(1, 4))
 
     step = float(setting.path.t[1] - setting.path.t[0])
@@ -47,7 +47,7 @@ def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 
 
 def timing_stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Readings that are repeated now and then, for about 30 ms."""
+    """Draw a fault: readings that are repeated now and then, for about 30 ms."""
     rate = setting.metadata.rate_hz or 1.0
     length = max(1.0, about(rng, 0.03 * size) * rate)
     share = min(0.5, about(rng, 0.06 * size))
@@ -55,7 +55,7 @@ def timing_stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A sensor's clock that gains or loses about 12 ms over the run."""
+    """Draw a fault: a sensor's clock that gains or loses about 12 ms over the run."""
     t = setting.path.t
     ahead = sign(rng) * about(rng, 0.012 * size)
     rate = ahead / float(t[-1])
@@ -68,14 +68,14 @@ def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def sensor_bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A zero that is off by about 0.4 % of full scale."""
+    """Draw a fault: a zero that is off by about 0.4 % of full scale."""
     least = 1.5 * setting.tolerance[2]
     value = touched(rng) * np.maximum(least, about(rng, 4e-3 * size) * setting.full_scale)
     return shifted(by_channel(value, "bias."), value)
 
 
 def sensor_drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A zero that drifts by about 0.3 % of full scale over the run, nearly evenly."""
+    """Draw a fault: a zero that drifts by about 0.3 % of full scale over the run, nearly evenly."""
     t = setting.path.t
     span = about(rng, 3e-3 * size) * setting.full_scale * touched(rng)
     progress, curl = elapsed(t), rng.uniform(-0.12, 0.12)
@@ -84,7 +84,7 @@ def sensor_drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def sensor_gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Sensitivities about 1 % off."""
+    """Draw a fault: sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
     return RefereeFault(
         by_channel(error, "gain."), change=lambda ride, y: y * (1.0 + error), stage=fault.GAIN
@@ -92,7 +92,7 @@ def sensor_gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Channels that read about 0.8 % of another: one pair, one row, one quarter or all."""
+    """Draw a fault: crosstalk of about 0.8 %: one pair, one row, one quarter or all."""
     lever = np.array([1.0, 1.0, 1.0, _ARM, _ARM, _ARM])
     typical = about(rng, 8e-3 * size) * np.outer(lever, 1.0 / lever)
     shape = np.zeros((6, 6))
@@ -113,7 +113,7 @@ def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeF
 
 
 def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A reading that lags by Bouc and Wen's law, about 0.15 % of full scale wide."""
+    """Draw a fault: a reading that lags by Bouc and Wen's law, about 0.15 % of full scale wide."""
     width = about(rng, 1.5e-3 * size) * setting.full_scale * np.abs(touched(rng))
     reach = rng.uniform(0.06, 0.3) * setting.swing
     shape = float(rng.uniform(0.5, 0.9))
@@ -128,7 +128,7 @@ def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> Referee
 
 
 def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A range that is too small for a few poses, of one or two channels."""
+    """Draw a fault: a range that is too small for a few poses, of one or two channels."""
     limit = np.full(6, np.inf)
     largest = np.abs(setting.nominal)
     for k in rng.choice(6, int(rng.choice([1, 2], p=[0.75, 0.25])), replace=False):
@@ -139,19 +139,19 @@ def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> Referee
 
 
 def sensor_quantization(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Counts as coarse as about twice the noise."""
+    """Draw a fault: counts as coarse as about twice the noise."""
     step = about(rng, 2.0 * size) * setting.noise * np.abs(touched(rng))
     return RefereeFault(rows=RowFault(step=step))
 
 
 def sensor_noise(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Noise about one and a half times what is stated."""
+    """Draw a fault: noise about one and a half times what is stated."""
     more = about(rng, 0.5 * size) * np.abs(touched(rng))
     return RefereeFault(rows=RowFault(gain=1.0 + more))
 
 
 def sensor_temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Zeros and spans that follow the room, or a warm-up of two time constants."""
+    """Draw a fault: zeros and spans that follow the room, or a warm-up of two time constants."""
     t = setting.path.t
     span = float(t[-1] - t[0])
     if setting.temperature is not None:
@@ -173,7 +173,7 @@ def sensor_temperature(setting: RefereeSetting, rng: Rng, size: float) -> Refere
 
 
 def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """An even or odd curvature of about 0.2 % of full scale at most."""
+    """Draw a fault: an even or odd curvature of about 0.2 % of full scale at most."""
     bend = about(rng, 2e-3 * size) * setting.full_scale * touched(rng)
     swing = setting.swing
     even = bool(rng.uniform() < 0.5)
@@ -189,7 +189,7 @@ def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> Refer
 
 
 def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """After a change of load about 0.8 % of it comes late: a chain of three time constants."""
+    """Draw a fault: creep: 0.8 % of a load change comes late, by three time constants."""
     share = about(rng, 8e-3 * size) * np.abs(touched(rng))
     first = log_uniform(rng, 8.0, 60.0)
     times = first * np.array([1.0, 3.0, 9.0])
@@ -203,7 +203,7 @@ def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def sensor_jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """A zero that jumps once, by about 0.4 % of full scale, within half a second."""
+    """Draw a fault: a zero that jumps once, by about 0.4 % of full scale, within half a second."""
     t = setting.path.t
     when = float(t[0] + rng.uniform(0.12, 0.88) * (t[-1] - t[0]))
     step = about(rng, 4e-3 * size) * setting.full_scale * touched(rng)

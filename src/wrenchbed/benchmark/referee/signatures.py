@@ -39,8 +39,8 @@ _NEAREST = 4
 
 
 class _Columns:
-    """Signatures by group, at the points where readings are compared: times (n,), joints (n, J),
-    readings (n, 6) on a ride, and as stated."""
+    """Computes each effect's signatures, where readings are compared: at times (n,) and joints (n,
+    J), from the readings of a ride (n, 6) and the stated ones (n, 6)."""
 
     def __init__(self, setting: RefereeSetting, ride: Ride) -> None:
         self.setting, self.ride, self.cut = setting, ride, setting.thin
@@ -281,7 +281,7 @@ class Bench:
     def imitated(
         self, signature: np.ndarray, configured: bool, bounded: bool = True
     ) -> dict[str, float]:
-        """Gap that remains of a signature (n, 6) when each effect imitates it as well as it can, if
+        """Gap that remains of a signature (n, 6) after each effect's best imitation, by effect, if
         ``bounded`` with sizes that a robot may have."""
         x = self.usual.white(signature, configured)
         remaining = {}
@@ -315,7 +315,7 @@ def _block(columns: np.ndarray) -> Block:
 
 
 def bench(setting: RefereeSetting, ride: Ride) -> Bench:
-    """Signatures of every effect that a mean can show, on one robot."""
+    """Compute the signatures on one robot of every effect that shows in means."""
     make, columns = _Columns(setting, ride), dict[str, list[np.ndarray]]()
     groups = make.gauges(), make.times(), make.tool(), make.carried(), make.arm()
     for name, block in chain(*groups):

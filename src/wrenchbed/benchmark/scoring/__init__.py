@@ -1,6 +1,7 @@
 """Scores of a diagnosis and of simple baselines on cases whose truth is known.
-May import: lookalikes, diagnosis, jobs and the rooms below them.
+Free: figures and their order; tests/benchmark/test_scoring.py and test_sealed_score.py speak.
+Others rely on: names of figures and targets, which docs/sealed and docs/explanation/sealed.md
+print.
 Never: decide; a verdict is taken as the diagnosis or an entrant gives it.
-Read first: `metrics`, then `case_rows`.
-Used by: sealed and cli.
+Read first: `metrics`, then `truth_and_claims`.
 """

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
-from wrenchbed.benchmark.scoring.case_rows import numbers
+from wrenchbed.benchmark.scoring.truth_and_claims import numbers
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import answer
 from wrenchbed.diagnosis.decision.decide import conclude
@@ -36,8 +36,8 @@ half)."""
 def reliability_at_design(
     at: Recording, count: int, *, seed: int = 0, processes: int = 2, report: Progress = silent
 ) -> Reliability:
-    """Learn how often claims are right from a number of look-alikes of a recording, which share its
-    poses, times, sensor and stated numbers.
+    """Learn how often claims are right, from ``count`` look-alikes with the poses, times, sensor
+    and stated numbers of a recording, and from the shipped lessons.
 
     Raises:
         DiagnosisError: too few cases, or none of them can be drawn at this design.
@@ -60,7 +60,8 @@ def reliability_at_design(
 
 
 def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
-    """What one look-alike teaches; None where none can be drawn."""
+    """Diagnose one random look-alike; return its lesson (what was claimed, what was true), or None
+    if none can be drawn or diagnosed."""
     kind = TEN_KINDS[index % len(TEN_KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
     try:
@@ -70,7 +71,7 @@ def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
 
 
 def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0) -> Lesson:
-    """What a case of a name teaches of how often answers are right.
+    """Diagnose a look-alike, and note what was claimed with what probability and what was true.
 
     Raises:
         DiagnosisError: its data are refused.

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from wrenchbed.benchmark.frame import STATED, subsystem
-from wrenchbed.benchmark.scoring.case_rows import OURS, Answer, CaseRow, Claim, numbers
+from wrenchbed.benchmark.scoring.truth_and_claims import OURS, Answer, CaseRow, Claim, numbers
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 
 VISIBLE = 3.0
@@ -96,7 +96,7 @@ class Metric:
 
 
 def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
-    """The share of the counted cases in which something holds."""
+    """Metric: share of the cases that fulfil ``counts`` in which ``held`` holds."""
 
     def parts(truth: Answer, claim: Claim) -> Sequence[float] | None:
         return (held(truth, claim), 1.0) if counts(truth, claim) else None
@@ -161,18 +161,19 @@ def probability(truth: Answer, claim: Claim) -> float:
 
 
 def matched(truth: Answer, claim: Claim) -> tuple[int, int, int]:
-    """True effects that are claimed, claims of nothing true, and true effects that are missed."""
+    """Number of true effects that are claimed, of claims of nothing true, and of true effects that
+    are missed."""
     hits = sum(any(t in c for c in claim.causes) for t in truth.effects)
     wrong = sum(not set(c) & set(truth.effects) for c in claim.causes)
     return hits, wrong, len(truth.effects) - hits
 
 
-def of_kind(*kinds: str) -> Test:
+def kind_is(*kinds: str) -> Test:
     """Condition that a case is of one of these kinds."""
     return lambda truth, claim: truth.kind in kinds
 
 
-def said(verdict: str) -> Test:
+def verdict_is(verdict: str) -> Test:
     """Condition that a claim has this verdict."""
     return lambda truth, claim: claim.verdict == verdict
 
@@ -183,8 +184,8 @@ def isolated(truth: Answer, claim: Claim) -> bool:
 
 
 def _visible(truth: Answer, claim: Claim) -> bool:
-    """Whether a single effect has a signature, or a raised variance over its own scatter √(2/n),
-    whose norm in noises a perfect detector would not miss."""
+    """Whether a single effect has a signature, or a raised variance over its own scatter √(2/n), so
+    large, in noises, that a perfect detector would not miss it."""
     sigmas = [
         c.rows * np.sqrt(truth.rows / 2) if c.rows else np.sqrt(6 * truth.rows * c.gap)
         for c in truth.causes
@@ -193,7 +194,7 @@ def _visible(truth: Answer, claim: Claim) -> bool:
 
 
 def named(truth: Answer, claim: Claim) -> bool:
-    """Whether a cause is named for sure."""
+    """Whether a cause is claimed with a probability above `SURE`."""
     return bool(claim.causes) and claim.sure > SURE
 
 
@@ -215,7 +216,8 @@ def _f1(s: np.ndarray) -> np.ndarray:
 
 
 def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """The first subsystem is that of a true effect, or of a rival in a class that holds one."""
+    """1 if the first subsystem named is that of a true effect or of one alike, else 0; None where
+    it does not count."""
     if not truth.effects:
         return None
     allowed = {subsystem(t) for t in truth.effects}
@@ -226,7 +228,8 @@ def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 
 def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Published numbers of every true effect that is named first, beside the true ones.
+    """Counts for coverage: published numbers of true effects that are named first, against the true
+    ones.
 
     Of the referee's robots every number is known, 0 where none is listed.
     """
@@ -240,8 +243,8 @@ def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 
 def _closed(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Share of the gap on rows that no fit saw that a claim says it closes, 0 if it says none, and
-    the oracle's.
+    """Sums for the closed share of the gap on held-out rows, as the claim states it (0 if it does
+    not) and as the oracle does.
 
     None where a cause shows between rows: then the floor itself rose. Of causes that are only wrong
     stated numbers from the configured simulator on, else from the calibrated one.
@@ -265,7 +268,7 @@ METRICS = {
         "isolation: a claimed class holds the effect", "≥ 95 %", _visible, isolated
     ),
     "isolation_alike": share(
-        "… or one that this data cannot tell from it", "≥ 95 %", of_kind("single"),
+        "… or one that this data cannot tell from it", "≥ 95 %", kind_is("single"),
         lambda truth, claim: holds(claim, truth.alike),
     ),
     "alone": share(
@@ -276,14 +279,14 @@ METRICS = {
         "… without a rival", "", _visible, lambda truth, claim: truth.effects in claim.causes
     ),
     "false_alarm": share(
-        "no gap: any verdict but none", "≤ 3 %", of_kind("none"),
+        "no gap: any verdict but none", "≤ 3 %", kind_is("none"),
         lambda truth, claim: claim.verdict != NONE,
     ),
     "unknown": share(
-        "outside the library: unknown", "≥ 95 %", of_kind("outside"), said(UNKNOWN)
+        "outside the library: unknown", "≥ 95 %", kind_is("outside"), verdict_is(UNKNOWN)
     ),
     "misnamed": share(
-        "outside the library: named with p > 0.9", "≤ 2 %", of_kind("outside"), named
+        "outside the library: named with p > 0.9", "≤ 2 %", kind_is("outside"), named
     ),
     "sure": share("right when it says p > 0.9", "≥ 97 %", named, right),
     "ece": Metric("expected calibration error", "≤ 5 %", _bins, _calibration),
@@ -314,7 +317,7 @@ METRICS = {
         percent=False,
     ),
     "failed": share(
-        "cases that end in an error", "0 %", lambda truth, claim: True, said("error")
+        "cases that end in an error", "0 %", lambda truth, claim: True, verdict_is("error")
     ),
 }  # fmt: skip
 """All metrics by name, with the project's targets."""
@@ -335,7 +338,8 @@ def figures(rows: Sequence[CaseRow], methods: Sequence[str]) -> Figures:
 
 
 def effect_cells(rows: Sequence[CaseRow]) -> Cells:
-    """Table cells of the answers to each single effect, at any joint, and each outside family."""
+    """Heading and rows of a table: answers to each single effect, at any joint, and to each outside
+    family."""
     head = ["effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named"]
     alone = [(r.truth, r.claims[OURS]) for r in rows if r.truth.kind in ("single", "outside")]
     groups: dict[tuple[bool, str], list[tuple[Answer, Claim]]] = {}
@@ -362,8 +366,8 @@ def _without_joint(name: str) -> str:
 
 
 def size_cells(rows: Sequence[CaseRow]) -> Cells:
-    """Table cells of the shares of single effects that show in means, by the gap that they add:
-    noticed (any answer but none) and isolated."""
+    """Heading and rows of a table: shares of single effects in means that are noticed (any answer
+    but none) and isolated, by the gap that they add."""
     singles = [r for r in rows if r.truth.kind == "single" and not r.truth.causes[0].rows]
     lines = []
     for low, high in pairwise(EDGES):

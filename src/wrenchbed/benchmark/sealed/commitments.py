@@ -14,7 +14,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from wrenchbed.benchmark.scoring.case_rows import Answer, Fact, Oracle
+from wrenchbed.benchmark.scoring.truth_and_claims import Answer, Fact, Oracle
 from wrenchbed.data import parquet
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
@@ -53,7 +53,7 @@ def write_recording(recording: Recording, path: Path) -> None:
 
 
 def forget_times(folder: Path) -> None:
-    """Rewrite all files in the order of their names, and give them one time stamp.
+    """Rewrite all files of a folder in the order of their names, and give them one time stamp.
 
     Creation times in the file system would show which cases took longer to make: the hard ones.
     """
@@ -100,8 +100,8 @@ def commit(
     names: Iterable[str],
     about: Mapping[str, object],
 ) -> str:
-    """Write ``commitments.json`` and ``family.json``, which says all of ``about``, of named cases
-    that are on disk; the SHA-256 of the former."""
+    """Write ``commitments.json`` of the named cases on disk, and ``family.json`` with all of
+    ``about``; return the SHA-256 of the former."""
     cases = {
         name: {
             "recording": digest(recording_of(out, name).read_bytes()),
@@ -118,7 +118,8 @@ def commit(
 
 
 def family(about: Mapping[str, object], root: str | None) -> bytes:
-    """``family.json``: the family, and once it is complete the SHA-256 of its commitments."""
+    """Bytes of ``family.json``: ``about``, and once the family is complete the SHA-256 of its
+    commitments."""
     return (json.dumps({**about, "commitments": root}, indent=1) + "\n").encode()
 
 
@@ -149,7 +150,7 @@ def read(cases: Path) -> dict[str, Commitment]:
 
 
 def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str, Commitment]:
-    """The commitments, once every case and every answer is what was committed to.
+    """Check that every case and every answer is what was committed to; return the commitments.
 
     Args:
         published: SHA-256 of ``commitments.json`` as entrants know it; who holds the answers could

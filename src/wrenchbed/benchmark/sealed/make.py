@@ -19,7 +19,7 @@ from wrenchbed.benchmark.efforts import case as efforts
 from wrenchbed.benchmark.frame import KINDS, attempts
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.referee import case as referee
-from wrenchbed.benchmark.scoring.case_rows import Answer, Fact, Oracle
+from wrenchbed.benchmark.scoring.truth_and_claims import Answer, Fact, Oracle
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST, salt
 from wrenchbed.data.plan import Plan
@@ -121,7 +121,7 @@ class Family:
         return answer, case.recording
 
     def found(self, index: int) -> tuple[Answer, Recording]:
-        """Answer and recording of one case, of the first attempt that finds one.
+        """Answer and recording of one case, of the first of ``tries`` attempts that makes one.
 
         Raises:
             ParameterError: no attempt does.
@@ -137,7 +137,7 @@ class Family:
 
 @lru_cache(maxsize=8)
 def design(robot: str, mode: str, seed: int, number: int) -> ExperimentDesign:
-    """Random poses, or a multisine, with the robot's nominal numbers stated."""
+    """Random poses (static) or a multisine (dynamic), with the robot's nominal numbers stated."""
     arm = registry.load("robots", robot)
     rng = np.random.default_rng([seed, 61, number])
     if mode == "dynamic":
@@ -198,7 +198,7 @@ class EffortFamily(Family):
 def make(
     family: Family, out: Path, answers: Path, processes: int = 2, report: Progress = silent
 ) -> str:
-    """Make a family, or its missing cases; the SHA-256 of its ``commitments.json``.
+    """Make a family, or its missing cases; return the SHA-256 of its ``commitments.json``.
 
     Recordings and commitments in ``out`` are for entrants, the answers are to keep secret.
 

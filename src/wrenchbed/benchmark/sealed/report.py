@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wrenchbed.benchmark.scoring import metrics
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
 from wrenchbed.benchmark.scoring.metrics import METRICS, Figures
+from wrenchbed.benchmark.scoring.truth_and_claims import OURS, CaseRow
 from wrenchbed.benchmark.sealed.score import ORACLE, Score
 from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
@@ -24,7 +24,7 @@ _ORACLE = (
 
 
 def _reliability(rows: Sequence[CaseRow]) -> Table:
-    """Stated probability of first answers beside the share that was right."""
+    """Table of stated probabilities of first answers beside the share that was right."""
     stated = np.array([r.claims[OURS].sure for r in rows])
     held = np.array([metrics.right(r.truth, r.claims[OURS]) for r in rows])
     which = np.digitize(stated, _BINS) - 1
@@ -122,7 +122,7 @@ def marked(metric: metrics.Metric, scored: metrics.ScoredMetric) -> str:
 
 
 def summary(score: Score, figures: Figures | None = None) -> dict[str, object]:
-    """Every figure by entrant and name: value, 95 % interval and count."""
+    """Contents of the score as JSON: by entrant and figure its value, 95 % interval and count."""
     known = figures or metrics.figures(score.rows, (OURS, *score.beside))
     result: dict[str, object] = {
         "cases": len(score.rows), "unclaimed": score.unclaimed, "commitments": score.root,

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.benchmark.scoring.case_rows import Claim
+from wrenchbed.benchmark.scoring.truth_and_claims import Claim
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
@@ -165,7 +165,7 @@ def enter(
 
 
 def _misuse(folder: Path) -> str:
-    """What an entrant did to its folder that it may not, whose content is then removed; or ""."""
+    """Empty an entrant's folder of what it may not hold; return a sentence on that, or ""."""
     entries = [folder, *folder.rglob("*")]
     if any(entry.is_symlink() for entry in entries):
         misuse = "wrote a symbolic link"
@@ -193,7 +193,7 @@ def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> 
 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
-    """A baseline's claim as the contract's ``diagnosis.json``."""
+    """``diagnosis.json`` of a baseline's claim."""
     which: list[dict[str, Any]] = [
         {
             "effect": c[0],
@@ -210,7 +210,7 @@ def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
 
 
 def _call(command: str, recording: Path, out: Path, limit: float) -> None:
-    """Run a program in its own process group, so that all of it can be stopped."""
+    """Run an entrant's program in its own process group, so that all of it can be stopped."""
     call = [*shlex.split(command), str(recording.resolve()), "--out", str(out.resolve())]
     with without_orphans(), (out / "output.txt").open("x") as log:
         process = subprocess.Popen(
@@ -258,7 +258,7 @@ def run(
     limit: float = 300.0,
     report: Progress = silent,
 ) -> dict[str, int]:
-    """Let entrants answer what they have not answered yet; how often each one failed.
+    """Let entrants answer the cases that they have not answered; return how often each one failed.
 
     Args:
         cases: folder of recordings and commitments.

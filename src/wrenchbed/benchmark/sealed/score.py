@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Oracle
+from wrenchbed.benchmark.scoring.truth_and_claims import OURS, CaseRow, Claim, Oracle
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
@@ -78,7 +78,8 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> Claim:
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Effects of an entry of ``which``; those of drives and links with each joint it may be."""
+    """Effects that an entry of ``which`` names; effects of drives and links with each joint that it
+    allows."""
     joint = dict(_items(entry.get("parameters"))).get("joint")
     joints = [""]
     if joint is not None:
@@ -93,7 +94,7 @@ def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _numbers(raw: Any) -> dict[str, dict[str, float | None]]:
-    """Published parameters that are numbers; others are for people."""
+    """Published parameters with a finite value, by effect and name; other values are left out."""
     parameters = {}
     for name, p in _items(raw):
         value = _finite(dict(_items(p)).get("value"))

@@ -1,4 +1,4 @@
-"""What is scored: the truth of each case, and what each method claimed about it."""
+"""The truth of each case, and what each method claimed about it: all that is scored."""
 
 import json
 import math
@@ -53,10 +53,10 @@ class Oracle:
 
 @dataclass(frozen=True)
 class Answer:
-    """The truth of a case; its salt makes the hash of the file impossible to guess.
+    """The truth of a case; its salt keeps the file's hash from being guessed.
 
-    Only the referee knows what an oracle would answer, and minor imperfections of efforts have no
-    gap.
+    ``oracle`` is known for the referee's cases only; cases of efforts have no gap of minor
+    imperfections.
     """
 
     case: str
@@ -77,7 +77,7 @@ class Answer:
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Effects that this very data cannot tell from the true ones, and these."""
+        """The true effects, and those that no data of this case tell from them."""
         return (*self.effects, *(name for c in self.causes for name in c.alike))
 
     def to_bytes(self) -> bytes:
@@ -124,7 +124,7 @@ class Claim:
 
     @property
     def where(self) -> str | None:
-        """First subsystem that it names."""
+        """First subsystem that the method named; None if it named none."""
         return self.subsystem or (subsystem(self.causes[0][0]) if self.causes else None)
 
 
