@@ -1,8 +1,8 @@
 """Channels, one file each: what a sensor reads of the placed robot, and what is fitted away of it.
-Imports data, effects, physics and registry; never a diagnosis.
-Never: name a cause; what a channel fits away is nobody's fault.
 Read first: `base` (the contract), then `response` (how readings change with effects).
-Used by: diagnosis, drives, monitoring.
+Free: how readings are computed and cached; tests/channels runs the contract on every channel.
+Others rely on: names of columns, and floors and sizes behind the learnt probabilities.
+Never: name a cause; what a channel fits away is nobody's fault.
 """
 
 SUPPORT = ("response", "own_noise", "posterior", "held")

@@ -23,8 +23,8 @@ turn gravity too little in the sensor."""
 class Accelerometer(Channel):
     """a = A Rᵀ g + b, R the sensor's orientation; A (3, 3) and b (3,) are nuisance.
 
-    So neither mounting nor scales, cross-axis sensitivity, sign and zero matter. No accelerometer
-    is linear within its noise: square and cube of what an axis reads are imperfections.
+    So mounting, scales, cross-axis sensitivity, sign and zero do not matter. Accelerometers are not
+    linear within their noise: square and cube of each axis are imperfections.
 
     Attributes:
         gain: Aᵀ as it fits the recording.
@@ -67,7 +67,7 @@ class Accelerometer(Channel):
 
 
 def seen(scene: Scene, pose: Pose) -> np.ndarray:
-    """Gravity in sensor axes (M, 3) [m/s²]."""
+    """Gravity in sensor axes (M, 3) [m/s²] for a pose of the sensor."""
     return np.asarray(scene.gravity @ value(pose.rotation))
 
 

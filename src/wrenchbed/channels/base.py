@@ -1,10 +1,10 @@
 """The contract of a channel: columns that one sensor records of a robot, and what predicts them.
 
-A channel knows the robot as effects leave it: where the sensor is, what it carries. It knows no
-effect: an effect that moves the arm speaks through every channel that depends on `PLACING`.
+A channel gets the robot as effects leave it: the sensor's pose and its load. It knows no effect: an
+effect that moves the arm shows in every channel that depends on `PLACING`.
 
-What a user never knows of a sensor (its mounting, its zero) is *nuisance*: it is fitted away from
-whatever is measured, always, and never a cause.
+What a user never knows of a sensor (its mounting, its zero) is *nuisance*: it is always fitted to
+the readings, and never named as a cause.
 """
 
 from abc import ABC, abstractmethod
@@ -24,12 +24,12 @@ PLACING = frozenset(("model", "joint", "pose"))
 
 
 def flat(slopes: np.ndarray) -> np.ndarray:
-    """Slopes (M, k, n) as columns (M k, n)."""
+    """Slopes (M, k, n) reshaped to columns (M k, n)."""
     return slopes.reshape(slopes.shape[0] * slopes.shape[1], slopes.shape[2])
 
 
 class Channel(ABC):
-    """One kind of observable; the instance of a module is its constant ``CHANNEL``."""
+    """One kind of measured quantity; a plug-in module holds its instance ``CHANNEL``."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -54,66 +54,67 @@ class Channel(ABC):
     @property
     @abstractmethod
     def columns(self) -> Mapping[str, str]:
-        """Units of the columns of a recording, k of them, by their names."""
+        """Units by column name, k of them."""
 
     def of(self, recording: Recording) -> Self:
-        """The channel with the columns that a recording holds, which it applies to."""
+        """Copy for the joints of a recording to which the channel applies."""
         return self
 
     def applies(self, recording: Recording) -> bool:
-        """Whether a recording holds the channel."""
+        """Whether a recording holds the columns, in a mode in which the channel is compared."""
         recorded = all(c in recording.columns for c in self.columns)
         return recorded and recording.metadata.mode in self.modes
 
     def measured(self, recording: Recording, data: Observations) -> np.ndarray:
-        """Means of the rows of each observation (H, k)."""
+        """Mean readings of each observation (H, k)."""
         rows = self.rows(recording, data)
         starts = np.cumsum(data.count) - data.count
         return np.asarray(np.add.reduceat(rows, starts) / data.count[:, None])
 
     def rows(self, recording: Recording, data: Observations) -> np.ndarray:
-        """Readings of the rows that are used (N, k)."""
+        """Readings (N, k) of the rows that ``data`` keeps."""
         return np.stack([recording.columns[c][data.keep] for c in self.columns], axis=1)
 
     def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
-        """The channel with its nuisance parameters as they fit readings; None if these do not
-        determine them.
+        """Copy with nuisance parameters fitted to readings; None if the readings do not determine
+        them.
 
         Args:
-            read: of the held rows (H, k).
-            scene: the rows.
-            pose: of the sensor in all rows; as without effects if None.
+            read: readings of the held rows (H, k).
+            scene: the rows, before any effect.
+            pose: of the sensor in all rows; by default that without effects.
         """
         return self
 
     def facing(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
-        """The channel with nuisance as `fitted` to readings, where these are not linear in it."""
+        """Copy with nuisance `fitted` to readings, where these are not linear in it."""
         return self
 
     @abstractmethod
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-        """Mean readings of every row (M, k).
+        """Mean readings of every row (M, k) with effects.
 
         Args:
-            chain: effects that act.
+            chain: the effects.
             scene: the rows, before any effect.
             pose: of the sensor, after the stages in `PLACING`.
             load: of the tool on the sensor (M, 6) [N, N·m], after these stages.
         """
 
     def nuisance(self, scene: Scene) -> np.ndarray:
-        """Slopes of all readings (M, k, n) by n nuisance parameters of any unit."""
+        """Slopes of all readings (M, k, n) with respect to n nuisance parameters of any unit."""
         return np.zeros((len(scene), len(self.columns), 0))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
-        """What a sensor without a fault may add to all readings (M, k, m), one standard deviation
-        of each of m ways."""
+        """Changes of all readings (M, k, m) by m imperfections of a healthy sensor, one standard
+        deviation of each."""
         return np.zeros((len(scene), len(self.columns), 0))
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """`imperfections` by kind (M, k, m) each, of usual sizes: of its sensors, and of others."""
+        """`imperfections` by kind, (M, k, m) each and of usual size: the sensors' own, then
+        others."""
         return [self.imperfections(scene)], []
 
     def sized(self, sizes: np.ndarray) -> Self:
-        """The channel with imperfections of others of some sizes, over the usual ones."""
+        """Copy whose ``others`` of `kinds` are ``sizes`` times the usual ones."""
         return self

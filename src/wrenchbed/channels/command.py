@@ -1,4 +1,4 @@
-"""Targets of position servos: how far from a joint each must be told to go to hold it there."""
+"""Targets of position servos: how far beyond its position each joint's target holds it there."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -22,14 +22,13 @@ USUAL_GIVE = 0.05
 class CommandedJoints(Channel):
     """u − q = c τ + z: joint values q and targets u as read, and the torque τ that holds the arm.
 
-    Readings are what u is beyond q. Nuisance are how far each servo gives way, c = 1/kp, and its
-    zero z. What speed, acceleration, friction and delay add in motion is in
-    `wrenchbed.drives.servo`.
+    Readings are u − q. Nuisance are each servo's compliance c = 1/kp and its zero z. What speed,
+    acceleration, friction and delay add in motion is in `wrenchbed.drives.servo`.
 
     Attributes:
         joints: number of columns.
         give: c (J,) [rad/(N·m)] as it fits the recording.
-        zero: z (J,) [rad or m] likewise.
+        zero: z (J,) [rad or m] as it fits the recording.
     """
 
     joints: int = 6
@@ -52,8 +51,8 @@ class CommandedJoints(Channel):
         return replace(self, joints=many, give=np.full(many, USUAL_GIVE), zero=np.zeros(many))
 
     def applies(self, recording: Recording) -> bool:
-        """Whether nothing else was measured: controllers that feed torque forward follow a command
-        whatever the load."""
+        """Whether commands are all that was recorded: with torque feed-forward they do not show the
+        load."""
         return super().applies(recording) and recording.only_commanded
 
     def rows(self, recording: Recording, data: Observations) -> np.ndarray:

@@ -31,13 +31,13 @@ upright carry none, yet their sensors and drives have zeros."""
 class EffortAtRest(Channel):
     """τ = −Σ m g·∂p/∂q − Jᵀ w: weight of all links, and the load w on the sensor.
 
-    At rest a joint is stuck anywhere within its friction, so that the scatter from pose to pose is
-    friction rather than noise, whatever the rows of one pose scatter. Links have ordinary errors of
-    mass and centre, sensors of gain and zero.
+    At rest static friction holds a joint anywhere within a band, so the scatter from pose to pose
+    is friction, whatever the rows of one pose scatter. Links have ordinary errors of mass and
+    centre, sensors of gain and zero.
 
     Attributes:
         joints: number of columns.
-        sizes: of friction and of errors of links, over the usual ones.
+        sizes: of friction and of link errors, as multiples of the usual ones.
     """
 
     joints: int = 6
@@ -63,7 +63,7 @@ class EffortAtRest(Channel):
         return self if isinstance(scene.robot, SimulatedRobot) else None
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-        """Readings of poses; on the ways between them 0."""
+        """Torque readings (M, J) at poses; 0 on the ways between them."""
         return chain.sensed(held_torques(chain, scene, pose, load))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
@@ -72,7 +72,7 @@ class EffortAtRest(Channel):
         return np.concatenate([*sensors, *sized], axis=2)
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """Gains and zeros of each joint; friction by the direction of approach, and links."""
+        """Gain and zero of each sensor; friction by direction of approach, and link errors."""
         torque = self.predict(EffectChain(()), scene, Pose(*scene.pose), scene.load)
         size = np.abs(torque).max(axis=0)
         size = np.maximum(size, _LEAST * size.max())

@@ -1,4 +1,4 @@
-"""What the joints of an arm hold at rest: its weight, a wrench on its sensor, faulty links."""
+"""Torques that hold an arm at rest: against its weight, a wrench on its sensor, link errors."""
 
 from functools import lru_cache
 
@@ -22,13 +22,13 @@ _SCENES = 4
 
 @lru_cache(_SCENES)
 def nominal(scene: Scene) -> np.ndarray:
-    """Torques (H, J) of the arm as configured, at the poses that are held."""
+    """Torques (H, J) that hold the arm as configured at the scene's held poses; cached."""
     return held_weight(scene.robot, scene.joints[scene.held], scene.theta, scene.gravity[None])
 
 
 @lru_cache(_SCENES)
 def nominal_ways(scene: Scene) -> np.ndarray:
-    """`ways` (J, H, 6) of the arm as configured, at the poses that are held."""
+    """`ways` (J, H, 6) of the arm as configured at the scene's held poses; cached."""
     return ways(scene.robot, scene.joints[scene.held], scene.theta)
 
 
@@ -42,7 +42,7 @@ def ways(robot: Robot, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
 
 
 def held(way: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """Torques (N, J, …) [N·m, of slides N] that hold wrenches (N, 6, …) [N, N·m], by `ways`."""
+    """Torques (N, J, …) that hold wrenches (N, 6, …) on the sensor, with `ways` (J, N, 6)."""
     return -np.einsum("jni,ni...->nj...", way, wrench)
 
 
@@ -55,10 +55,10 @@ def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndar
 
 
 def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-    """Torques (M, J) that hold arm and load as effects leave them; on ways between poses 0.
+    """Torques (M, J) that hold arm and load with effects; 0 on the ways between poses.
 
     Args:
-        pose: of the sensor, placed by the effects.
+        pose: of the sensor, with the effects.
         load: on the sensor (M, 6) [N, N·m].
     """
     robot, theta, at = scene.robot, chain.theta(scene.robot, scene.theta), scene.held
@@ -77,8 +77,8 @@ def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray)
 
 
 def of_links(scene: Scene) -> np.ndarray:
-    """Torques (M, J, 4 L) of ordinary errors of every link: of its mass, then of its centre along
-    its own axes."""
+    """Torques (M, J, 4 L) by an ordinary error of each link's mass and of its centre along 3
+    axes."""
     robot, gravity = scene.robot, scene.gravity
     assert isinstance(robot, SimulatedRobot)
     still = Jet(scene.joints, 0.0 * scene.joints, 0.0 * scene.joints)

@@ -1,8 +1,8 @@
-"""Noise of a channel when nobody states it: what neither nuisance nor any effect explains of it.
+"""Noise of a channel that nobody states, from what neither nuisance nor effects explain.
 
-Scatter within a pose misses what a sensor lacks beside noise, its residual over all poses holds
-the cause that is sought as well. Here effects and noise share the residual by marginal likelihood
-(MacKay 1992, doi 10.1162/neco.1992.4.3.415): y = J c + e, c ~ N(0, s²), e ~ N(0, v).
+The scatter within a pose lacks a sensor's systematic errors; the residual over all poses also holds
+the cause that is sought. Here effects and noise share the residual by marginal likelihood (MacKay
+1992, doi 10.1162/neco.1992.4.3.415): y = J c + e, c ~ N(0, s²), e ~ N(0, v).
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ _RANK = 1e-9
 
 
 def own_noise(residual: np.ndarray, nuisance: np.ndarray, columns: np.ndarray) -> float:
-    """Standard deviation of one reading.
+    """Standard deviation of one reading, in the unit of ``residual``.
 
     Args:
         residual: measured less expected (n,).
@@ -40,7 +40,7 @@ def own_noise(residual: np.ndarray, nuisance: np.ndarray, columns: np.ndarray) -
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (n, r) of columns (n, k), in any units."""
+    """Orthonormal basis (n, r) of the space that columns (n, k) span, whatever their units."""
     norm = np.linalg.norm(columns, axis=0)
     scaled = columns / np.where(norm > 0.0, norm, 1.0)
     u, s, _ = np.linalg.svd(scaled, full_matrices=False)

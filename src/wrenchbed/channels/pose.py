@@ -1,4 +1,4 @@
-"""A tracker's view of a target on the flange: where the robot really is, at rest."""
+"""A tracker's readings of a target on the flange: where the robot really is, at rest."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -30,8 +30,8 @@ class TargetPose(Channel):
     """m = T (x + R p) + s, x and R the sensor's place and orientation.
 
     Nuisance is where the tracker stands, T (3, 3) and s (3,), and where the target sits, p (3,) in
-    sensor axes. So zeros of the first joint, a tilt of the base and the like do not show, while
-    all other zeros, lengths and compliances do.
+    sensor axes. So a zero of the first joint or a tilt of the base does not show, while all other
+    zeros, lengths and compliances do.
 
     Attributes:
         turn: T as it fits the recording.
@@ -94,7 +94,7 @@ class TargetPose(Channel):
         return np.asarray((position + apply(rotation, self.target)) @ self.turn.T + self.shift)
 
     def _moved(self, change: np.ndarray) -> Self:
-        """The channel with its nine nuisance parameters changed."""
+        """Copy with its nine nuisance parameters changed by ``change`` (9,)."""
         turn = value(exp(*change[:3]))
         return replace(
             self, turn=turn @ self.turn, shift=self.shift + change[3:6],

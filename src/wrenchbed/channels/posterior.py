@@ -1,8 +1,8 @@
-"""A linear fit whose noise, and the sizes of whose ordinary errors, nobody knows.
+"""Linear fit with unknown noise, and unknown sizes of ordinary (healthy) errors.
 
 y = F a + Σ sₕ Bₕ bₕ + C c + e with b, c ~ N(0, 1) and e ~ N(0, vₖ) in the rows of group k. Noise
-and sizes are those of marginal likelihood (MacKay 1992, doi 10.1162/neco.1992.4.3.415); a size
-counts one error of the usual size that was seen before.
+and sizes maximise the marginal likelihood (MacKay 1992, doi 10.1162/neco.1992.4.3.415), with a
+prior on each size worth one earlier error of the usual size.
 """
 
 from collections.abc import Sequence
@@ -24,15 +24,15 @@ the part of an amplitude in such directions from which it is."""
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Result of a fit: coefficients, their covariance, and which of them the data determine.
+    """Result of `posterior`: amplitudes, their covariance, and which of them the data determine.
 
     Attributes:
-        free: amplitudes a (p,); 0 along directions that no row tells.
+        free: amplitudes a (p,); 0 along directions that the rows do not determine.
         covariance: of them (p, p).
-        determined: which of them the rows determine (p,), boolean.
+        determined: whether the rows determine each (p,), boolean.
         noise: standard deviation of a reading of each group (G,).
-        sizes: of the ordinary errors of each kind, over the usual ones.
-        fitted: what all columns make (n,), noise left out.
+        sizes: s of each kind of ordinary errors, as a multiple of the usual one.
+        fitted: fitted readings (n,).
     """
 
     free: np.ndarray
@@ -50,7 +50,7 @@ def posterior(
     known: np.ndarray,
     group: np.ndarray,
 ) -> Posterior:
-    """Fit readings.
+    """Fit amplitudes, noise and sizes of ordinary errors to readings.
 
     Args:
         y: readings (n,).
@@ -94,7 +94,7 @@ def posterior(
 
 
 def _determined(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (p, r) of amplitudes that columns (n, p) tell, and which amplitudes (p,) are."""
+    """Directions (p, r) that columns (n, p) determine, and whether each amplitude (p,) is."""
     norm = np.linalg.norm(free, axis=0)
     norm = np.where(norm > 0.0, norm, 1.0)
     _, scale, vt = np.linalg.svd(free / norm, full_matrices=True)

@@ -1,4 +1,4 @@
-"""Readings of all channels of a recording with effects acting, and how they change with one effect.
+"""Readings of all channels of a recording under effects, and their change with one effect.
 
 Readings (M, C) hold the columns of one channel after the other, the wrench's first.
 """
@@ -32,7 +32,7 @@ rounding 1e-12."""
 def readings(
     channels: Sequence[Channel], scene: Scene, active: Sequence[ActiveEffect] = ()
 ) -> np.ndarray:
-    """Mean readings (M, C) of every row of a scene with effects acting."""
+    """Mean readings (M, C) of every row of a scene with effects."""
     chain = EffectChain(active)
     return _predicted(channels, chain, scene, *chain.placed(scene))
 
@@ -41,8 +41,8 @@ def refitted(
     channels: Sequence[Channel], scene: Scene, active: Sequence[ActiveEffect], read: np.ndarray,
     seen: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Predicted readings (M, C) of all rows, with nuisance fitted to what was ``read`` (H, C) at
-    those held rows that are ``seen`` (H,), boolean."""
+    """Predicted readings (M, C) with effects, nuisance fitted to the readings ``read`` (H, C) of
+    those held rows that ``seen`` (H,), boolean, selects."""
     chain = EffectChain(active)
     pose, load = chain.placed(scene)
     some, each = _only(scene, seen), zip(channels, slices(channels), strict=True)
@@ -51,14 +51,14 @@ def refitted(
 
 
 def _only(scene: Scene, seen: np.ndarray) -> Scene:
-    """The scene with those of its held rows as held that are seen (H,), boolean."""
+    """Copy of a scene in which only the held rows that ``seen`` (H,) selects are held."""
     held = np.zeros(len(scene), dtype=bool)
     held[np.flatnonzero(scene.held)[seen]] = True
     return replace(scene, held=held)
 
 
 def slices(channels: Sequence[Channel]) -> tuple[slice, ...]:
-    """Places of each channel's columns among all C."""
+    """Columns of each channel among all C."""
     ends = np.cumsum([0, *(len(c.columns) for c in channels)]).tolist()
     return tuple(slice(a, b) for a, b in pairwise(ends))
 
@@ -71,25 +71,25 @@ def _predicted(
 
 
 class Responses:
-    """Readings of one scene with many sets of effects, as `readings` makes them.
+    """Cache of the readings of one scene with many sets of effects, as `readings` makes them.
 
-    Nuisance that is not linear follows each set, so that readings stay near the measured ones: what
-    is left of it is small, and a fit takes it linearly. A fit changes one number after the other:
-    what the stages up to the pose make is kept while the effects that act there stay as they are,
-    and readings are kept while all do.
+    Nuisance in which readings are not linear is refitted for each set, so that readings stay near
+    the measured ones and the rest is linear. A fit changes one number at a time: poses are kept
+    while the effects up to that stage stay as they are, readings while all effects do.
     """
 
     def __init__(
         self, scene: Scene, channels: Sequence[Channel], read: np.ndarray, seen: np.ndarray
     ) -> None:
-        """Keep what was read at the held rows (H, C), and which of them are seen (H,), boolean."""
+        """Take readings of the held rows (H, C); nuisance is fitted to those ``seen`` (H,)
+        selects."""
         self.scene, self.channels = scene, channels
         self._read, self._seen = read[seen], _only(scene, seen)
         self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
         self._readings: dict[_Key, np.ndarray] = {}
 
     def of(self, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Mean readings (M, C) of every row with effects acting; not to be changed."""
+        """Mean readings (M, C) of every row with effects; a cached array, not to be changed."""
         return _kept(self._readings, _key(active), lambda: self._made(active))
 
     def _made(self, active: Sequence[ActiveEffect]) -> np.ndarray:
@@ -116,23 +116,23 @@ def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """How readings (M, C) of a scene change with one amplitude of one effect."""
+    """Derivative of a scene's readings with respect to amplitudes of one effect."""
 
     scene: Scene
     channels: tuple[Channel, ...]
 
     def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
-        """Change of all readings (M, C) per typical size, by central differences."""
+        """Change of all readings (M, C) per typical size of a parameter, by central differences."""
         ((_, change),) = self.changes(effect, [parameter], variant.at)
         return change
 
     def changes(
         self, effect: Effect, parameters: Sequence[Parameter], at: Values
     ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-        """Changes (M, C) of the readings by an effect's amplitudes, and the names of each change.
+        """Changes (M, C) of the readings per typical size of amplitudes, each with their names.
 
         Amplitudes that act on different columns of the wrench, or on different joints, are changed
-        at once: where there are several names, each change is that of its own column.
+        at once: with several names, each change is that of its own column.
         """
         names_of_joints = [f"q{k + 1}" for k in range(self.scene.joints.shape[1])]
         groups: dict[str, list[Parameter]] = {}
@@ -157,7 +157,7 @@ class Response:
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]
     ) -> tuple[EffectChain, EffectChain]:
-        """Copies of an effect with amplitudes half their typical size above and below zero."""
+        """Chains of one effect with amplitudes half a typical size above and below zero."""
         start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
         steps = ({p.name: s * p.tolerance for p in parameters} for s in (0.5, -0.5))
         up, down = (EffectChain([ActiveEffect(effect, start | step)]) for step in steps)
@@ -167,15 +167,15 @@ class Response:
         return _predicted(self.channels, chain, self.scene, *chain.placed(self.scene))
 
     def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
-        """Change of all readings (M, C) by one joint's small shift, of those of all (M, J)."""
+        """Change of all readings (M, C) by one joint's part of a small shift (M, J)."""
         given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
         parts = [s[joint] * x[:, joint, None] for s, x in zip(self._slopes, given, strict=False)]
         return np.asarray(sum(parts))
 
     @cached_property
     def _slopes(self) -> tuple[np.ndarray, ...]:
-        """Slopes of the readings (J, M, C) by joint values, in motion by their rates and
-        accelerations too."""
+        """Slopes of the readings (J, M, C) by joint values; in motion also by speeds and
+        accelerations."""
         scene, orders = self.scene, 3 if self.scene.moving else 1
 
         def read(order: int, shift: np.ndarray) -> np.ndarray:

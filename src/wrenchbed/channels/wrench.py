@@ -13,9 +13,9 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 
 class Wrench(Channel):
-    """Load of the tool and of what else pulls, as the sensor reads it.
+    """Wrench of the tool and of whatever else pulls, as the sensor reads it.
 
-    Its zero and the tool are no nuisance: they are stated, fitted, and causes where they are wrong.
+    Its zero and the tool are no nuisance: they are stated and fitted, and causes where wrong.
     """
 
     name = "wrench"

@@ -1,6 +1,6 @@
 """Joint torques and motor currents: predicted and fitted.
-
-Imports channels, robots, data and what lies below. Open `identify` first, of poses at rest
-`at_rest`. Used by: cli, diagnosis.
+Read first: `identify`; of poses at rest `at_rest`, of commands `servo`.
+Free: filters and iterations; tests/drives recovers truths of other formulas (held-out errors).
+Others rely on: names of groups and parameters, the fit's JSON (docs/contracts.md).
 Never: formulas of `simulation.drives`; what makes the data may not fit them.
 """

@@ -1,10 +1,10 @@
 """Payload, zeros of torque sensors and drive constants of an arm, from its joints' efforts at rest.
 
 y = g (τ₀ + P δ + z) + friction: τ₀ the torque that holds the stated arm, δ changes of the load's
-mass and first moment, z zeros, and g = 1/K where currents are measured. A joint at rest is stuck
-anywhere within its friction: what of it goes with the direction from which it came has a prior, the
-rest is noise from pose to pose, of each joint. Stated links, sensors and zeros of joints have
-ordinary errors, whose common size the same data tell (`channels.posterior`).
+mass and first moment, z zeros, and g = 1/K where currents are measured. Static friction holds a
+joint at rest anywhere within a band: the part that follows the direction of approach has a prior,
+the rest is noise from pose to pose, of each joint. Stated links, sensors and zeros of joints have
+ordinary errors, whose common size is fitted too (`channels.posterior`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,15 +51,15 @@ _SMALL = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class RestProblem:
-    """Efforts of H poses at rest, and torques of all that may add to them.
+    """Measured efforts of H poses at rest, and the torques that may explain them.
 
     Attributes:
         y: measured efforts (H, J) [N·m, of slides N; A].
-        nominal: of the stated arm and tool (H, J).
-        load: of a unit of mass and first moment (H, J, 4); (H, J, 0) where the tool is held.
-        zeros: of unit zeros (H, J, J); (H, J, 0) where they are held.
-        ordinary: of ordinary errors by kind (H, J, m).
-        friction: by the direction of approach (H, J, J), one standard deviation each.
+        nominal: torques of the stated arm and tool (H, J).
+        load: torques per unit of mass and first moment (H, J, 4); (H, J, 0) where the tool is held.
+        zeros: torques per unit zero (H, J, J); (H, J, 0) where zeros are held.
+        ordinary: torques of ordinary errors by kind (H, J, m).
+        friction: torques by direction of approach (H, J, J), one standard deviation each.
         gains: whether each joint has a free gain g.
     """
 
@@ -73,7 +73,7 @@ class RestProblem:
 
     @property
     def free(self) -> np.ndarray:
-        """Torques of units of the free numbers but gains (H, J, F)."""
+        """Torques per unit of each free parameter except gains (H, J, F)."""
         return np.concatenate([self.load, self.zeros], axis=2)
 
 
@@ -83,7 +83,7 @@ def calibrate_at_rest(
     free: Sequence[str] = (),
     constants: Sequence[float] | None = None,
 ) -> DriveFit:
-    """Fit of efforts at rest, one row a pose or many.
+    """Fit payload, zeros and drive constants to efforts at rest, one row a pose or many.
 
     Args:
         free: of ``tool``, ``drive.offset`` and ``drive.constant``, or ``drive`` for both of these;
@@ -92,7 +92,7 @@ def calibrate_at_rest(
 
     Raises:
         CalibrationError, RecordingError: no efforts, or too few poses.
-        ParameterError: ``free`` names what is not told at rest.
+        ParameterError: ``free`` names what poses at rest do not determine.
     """
     prefix, rows = efforts_of(recording)
     if constants is not None:
@@ -175,7 +175,7 @@ def _problem(scene: Scene, y: np.ndarray, groups: frozenset[str]) -> RestProblem
 
 
 def _gains(p: RestProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Gains (J,) and free numbers (F,) that fit efforts best without ordinary errors."""
+    """Gains (J,) and free parameters (F,) of the least-squares fit without ordinary errors."""
     joints = p.y.shape[1]
     x = np.zeros(p.free.shape[2])
     if not p.gains:
@@ -197,14 +197,14 @@ def _gains(p: RestProblem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_gains(body: np.ndarray) -> np.ndarray:
-    """Columns (H, J, J) of the joints' gains, for torques (H, J)."""
+    """Columns (H, J, J) of each joint's gain: its torque in torques (H, J), 0 elsewhere."""
     return np.asarray(body[:, :, None] * np.eye(body.shape[1]))
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Efforts less the stated arm's (N,), and columns (N, …) of free numbers and gains, of ordinary
-    errors by kind, and of friction."""
+    """Linearised fit: residual efforts (N,), columns (N, …) of free parameters and gains, of
+    ordinary errors by kind, and of friction."""
 
     y: np.ndarray
     free: np.ndarray
@@ -213,7 +213,7 @@ class _Columns:
 
 
 def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
-    """Columns about gains (J,) and free numbers (F,)."""
+    """Problem linearised about gains (J,) and free parameters x (F,)."""
     free = gain[:, None] * p.free
     if p.gains:
         free = np.concatenate([free, _of_gains(p.nominal + p.free @ x)], axis=2)
@@ -228,7 +228,7 @@ def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
 
 
 def _held_out(c: _Columns, fit: Posterior, joints: int) -> np.ndarray:
-    """Errors of efforts (H, J) at poses that a fit with the same noise and sizes did not see."""
+    """Errors of efforts (H, J) at poses left out of a fit with the same noise and sizes."""
     y, free = c.y, c.free
     ordinary = (s * errors for s, errors in zip(fit.sizes, c.ordinary, strict=True))
     wide = np.column_stack([free, *ordinary, c.friction])
@@ -247,7 +247,7 @@ def _held_out(c: _Columns, fit: Posterior, joints: int) -> np.ndarray:
 def _identified(
     scene: Scene, p: RestProblem, gain: np.ndarray, fit: Posterior
 ) -> tuple[tuple[IdentifiedValue, ...], np.ndarray]:
-    """Published values and their covariance (K, K)."""
+    """Published parameters, and their covariance (K, K) by linear propagation."""
     joints, stated = scene.robot.joints, np.append(scene.tool.mass, scene.tool.cog).astype(float)
     loads, zeros, gains = p.load.shape[2], p.zeros.shape[2], len(joints) * p.gains
     load = stated * np.append(1.0, np.full(3, stated[0]))

@@ -1,4 +1,4 @@
-"""Which inertial parameters of an arm its joint torques can tell, alone or grouped with others.
+"""Which inertial parameters of an arm its joint torques determine, alone or grouped with others.
 
 Columns of the torque regressor at random motions, by QR with pivoting: Gautier 1991, "Numerical
 calculation of the base inertial parameters of robots", doi 10.1002/rob.4620080405.
@@ -26,10 +26,10 @@ NAMES = ("m", "mx", "my", "mz", "xx", "yy", "zz", "xy", "xz", "yz")
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """Independent columns of the regressor, and what is grouped into each.
+    """Independent columns of the torque regressor, and the parameters grouped into each.
 
     Attributes:
-        columns: of Y that are kept (B,), in order.
+        columns: indices of the kept regressor columns (B,), in order.
         grouping: (B, 10 L): base parameters = grouping @ φ.
         names: ``link.<k>.<m, mx …>`` of the kept columns, k from 1.
     """
@@ -40,8 +40,8 @@ class BaseParameters:
 
 
 def base_parameters(robot: SimulatedRobot, theta: np.ndarray) -> BaseParameters:
-    """Base parameters of an arm with parameters theta (P,), the load's first: a payload keeps its
-    name."""
+    """Base parameters of an arm with parameters theta (P,); the load's link comes first, so that a
+    payload keeps its name."""
     rng, links = np.random.default_rng(_SEED), len(robot.link_frames(robot.home[None], theta))
     at = robot.sample(-(-_ROWS * INERTIAL * links // len(robot.joints)), rng)
     q = Jet(at, rng.normal(size=at.shape), rng.normal(0.0, 3.0, at.shape))
@@ -57,7 +57,7 @@ def base_parameters(robot: SimulatedRobot, theta: np.ndarray) -> BaseParameters:
 
 
 def _independent(y: np.ndarray, links: Sequence[int]) -> np.ndarray:
-    """Indices of independent columns, those of the first of the links first."""
+    """Sorted indices of independent columns of y, preferring those of the first ``links``."""
     chosen: list[int] = []
     basis = np.zeros((len(y), 0))
     for link in links:

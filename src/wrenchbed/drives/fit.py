@@ -1,4 +1,4 @@
-"""The result of a fit of joint torques: values with uncertainty, and errors on held-out rows."""
+"""Result of a fit of joint torques: values with uncertainty, and errors on held-out rows."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -20,14 +20,14 @@ POSITIVE = (
 
 @dataclass(frozen=True)
 class JointError:
-    """Errors of one joint in the filter's band [N·m, N of slides, or A], rows that count.
+    """Errors of one joint in the filter's band [N·m, N of slides, or A], over the rows used.
 
     Attributes:
         joint: from 1.
         measured: standard deviation of the torque or current itself.
-        nominal: rms of what the nominal robot leaves; None of currents, whose constant is unknown.
-        left: rms of what the fit leaves.
-        held_out: rms on blocks of time that the fit did not see.
+        nominal: rms residual of the nominal robot; None of currents, whose constant is unknown.
+        left: rms residual of the fit.
+        held_out: rms residual on blocks of time left out of the fit.
     """
 
     joint: int
@@ -40,17 +40,17 @@ class JointError:
 
     @property
     def explained(self) -> float:
-        """Share of the effort's rms that the fit explains on held-out rows; below 0: none."""
+        """Share of the effort's rms that the fit explains on held-out rows; ≤ 0 for none."""
         return 1.0 - self.held_out / self.measured if self.measured else 0.0
 
 
 @dataclass(frozen=True)
 class AtRest:
-    """Parts of a drive fit that only a fit to poses at rest has.
+    """Results that only a drive fit to poses at rest has.
 
     Attributes:
         noise: of each joint from pose to pose, friction at rest included (J,), as the efforts.
-        ordinary: size of ordinary errors by kind, over the usual one.
+        ordinary: size of ordinary errors by kind, as a multiple of the usual one.
     """
 
     poses: int
@@ -58,7 +58,7 @@ class AtRest:
     ordinary: Mapping[str, float]
 
     def sentence(self, unit: str) -> str:
-        """Note on what the uncertainties hold."""
+        """Sentence on what the uncertainties include."""
         low, high = min(self.noise), max(self.noise)
         return (
             f"friction of unknown sign at rest and noise are {low:.2g} to {high:.2g} {unit} a "
@@ -99,14 +99,14 @@ class DriveFit(WrittenFit):
 
     @property
     def about(self) -> str:
-        """How much data stood behind it, for people."""
+        """Words on the amount of data."""
         if self.rest is not None:
             return f"{self.rest.poses} poses at rest, {self.rows} rows"
         return f"{self.seconds:.0f} s, {self.rows} rows below {self.cutoff:.3g} Hz"
 
     @property
     def word(self) -> str:
-        """What was fitted of each joint, for people."""
+        """Word for the fitted quantity: tracking error or effort."""
         return "tracking error" if self.channels == COMMAND_FIT else "effort"
 
     @property
@@ -164,13 +164,13 @@ def joint_errors(
     y: np.ndarray, nominal: np.ndarray | None, left: np.ndarray, unseen: np.ndarray,
     use: np.ndarray, units: Sequence[str],
 ) -> tuple[JointError, ...]:  # fmt: skip
-    """Errors joint by joint.
+    """Rms errors of each joint over the rows used.
 
     Args:
         y: measured efforts (M, J).
-        nominal: what the nominal robot leaves (M, J), where it is known.
-        left, unseen: what the fit leaves, and on rows that it did not see (M, J).
-        use: rows that count (M, J).
+        nominal: residual of the nominal robot (M, J), where known.
+        left, unseen: residual of the fit, and of fits without the row's block (M, J).
+        use: rows to use (M, J), boolean.
     """
 
     def rms(error: np.ndarray, joint: int) -> float:
@@ -186,7 +186,7 @@ def joint_errors(
 
 
 def impossible(values: Iterable[IdentifiedValue]) -> str | None:
-    """Which value is surely below zero and cannot be, for people; None if none is."""
+    """Sentence on a value that is surely negative though it cannot be; None without one."""
     for p in values:
         half = p.interval95
         if p.name.startswith(POSITIVE) and half is not None and p.value + half < 0.0:

@@ -62,15 +62,15 @@ def calibrate_efforts(
 
     Args:
         recording: of an arm, with ``tau1…`` or ``i1…``.
-        free: of `GROUPS`; if none, friction, and the tool, and the constants where currents are
+        free: names of `GROUPS`; by default friction and tool, and the constants where currents are
             measured and nobody states them.
         constants: known drive constants (J,) [N·m/A, of slides N/A], gear included: currents
             become torques.
-        force: give the values all the same where the data refute them.
+        force: return values that held-out rows refute, instead of raising.
 
     Raises:
         RecordingError, CalibrationError: the recording cannot be fitted, or refutes the fit.
-        ParameterError: ``free`` names what is no group.
+        ParameterError: ``free`` has a name that is no group.
         NotFoundError: the robot's model has no joint torques.
     """
     if recording.metadata.mode == "static":
@@ -127,8 +127,8 @@ def _groups(free: Sequence[str], prefix: str) -> tuple[str, ...]:
 def problem_of(
     recording: Recording, signals: Sequence[DriveSignals], groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
-    """Columns of `GROUPS` for the signals of an arm's pieces of motion, one after the other, and
-    the nominal values of what is free."""
+    """Least-squares problem for the pieces of an arm's motion in order, with the columns of
+    ``groups``, and the nominal values of its load and rotor parameters."""
     parts, starts = zip(*(_of_piece(recording, s, groups) for s in signals), strict=True)
     y, nominal, loads, own, use = (
         np.concatenate([getattr(p, name) for p in parts])
@@ -178,7 +178,7 @@ def _of_piece(
 
 
 def arm_of(recording: Recording) -> SimulatedRobot:
-    """The robot of a recording.
+    """Robot of a recording, with a model of its links.
 
     Raises:
         NotFoundError: it has no model with links.
@@ -190,7 +190,7 @@ def arm_of(recording: Recording) -> SimulatedRobot:
 
 
 def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Columns of each joint alone (N, J, F), and what they are."""
+    """Columns of each joint alone (N, J, F), and the group of each of the F."""
     speed, kinds = signals.q.d, tuple(g for g in FRICTION if g in groups)
     shapes = (np.sign(speed), speed, np.ones_like(speed), signals.q.dd)
     columns = [shape for kind, shape in zip(FRICTION, shapes, strict=True) if kind in kinds]
@@ -198,7 +198,7 @@ def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarra
 
 
 def check_moves(name: str, problem: Problem) -> None:
-    """Refuse a motion of too few rows, or in which a joint rests."""
+    """Raise CalibrationError if too few rows are left or a joint never moves."""
     use = problem.use
     rows = len(use)
     if rows < 2 * FOLDS or not use.any(axis=0).all():
@@ -215,7 +215,7 @@ def about_origin(tool: Tool) -> np.ndarray:
 
 
 def carrier_columns(robot: SimulatedRobot) -> slice:
-    """Columns of the torque regressor that are of the link with the load."""
+    """Columns of the torque regressor that belong to the link that carries the load."""
     return slice(INERTIAL * robot.carrier, INERTIAL * (robot.carrier + 1))
 
 
@@ -239,8 +239,8 @@ def of_mass(place: np.ndarray) -> np.ndarray:
 
 
 def of_moment(place: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Change of inertial parameters (10,) by 1 kg·m along a way (3,), of a mass at a place (3,)
-    [m]."""
+    """Change of inertial parameters (10,) per 1 kg·m along a way (3,) that a mass at a place (3,)
+    [m] makes as it moves."""
     return np.array([0.0, *way, *six_of(2.0 * _second(place, way))])
 
 
@@ -253,7 +253,7 @@ def values_of(
     problem: Problem, solution: Solution, starts: dict[str, float], joints: Sequence[Joint],
     covariance: np.ndarray,
 ) -> tuple[IdentifiedValue, ...]:  # fmt: skip
-    """The published parameters of a fit, of a covariance (K, K)."""
+    """Published parameters of a fit, with their covariance (K, K)."""
     names, determined = _names(problem, _certain(problem, solution, starts), joints)
     values = published(problem, solution.x, starts)
     before = published(problem, start(problem), starts)
@@ -262,16 +262,16 @@ def values_of(
 
 
 def jackknife(folds: np.ndarray) -> np.ndarray:
-    """Covariance (K, K) of values that were found without each block (FOLDS, K)."""
+    """Covariance (K, K) by the jackknife, from the values without each block (FOLDS, K)."""
     off = folds - folds.mean(axis=0)
     return np.asarray((FOLDS - 1) / FOLDS * off.T @ off)
 
 
 def _certain(p: Problem, solution: Solution, starts: dict[str, float]) -> np.ndarray:
-    """Which parameters (K,) the data determine; divisors must be surely above or below zero.
+    """Whether the data determine each parameter (K,), boolean; divisors must surely differ from 0.
 
-    The interval of 1/g has no end where that of g holds zero (Fieller 1954), and no mass has no
-    centre.
+    The interval of 1/g is unbounded where that of g contains zero (Fieller 1954), and a mass that
+    may be zero has no centre.
     """
     determined = solution.determined.copy()
     half = WIDE * np.sqrt(np.diagonal(jackknife(solution.folds)))
@@ -288,7 +288,7 @@ def _certain(p: Problem, solution: Solution, starts: dict[str, float]) -> np.nda
 def _names(
     p: Problem, determined: np.ndarray, joints: Sequence[Joint]
 ) -> tuple[list[tuple[str, str]], np.ndarray]:
-    """Names and units of the reported parameters, and whether the data determine each."""
+    """Names and units of the published parameters, and whether the data determine each."""
 
     def of_joints(kind: str, unit: str) -> list[tuple[str, str]]:
         return [(f"{kind}.{j}", joint.own(unit)) for j, joint in enumerate(joints, start=1)]
@@ -310,7 +310,7 @@ def _names(
 
 
 def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray:
-    """Reported parameters from the parameters x (K,) of the fit."""
+    """Published parameters from those of the fit, x (K,), and nominal values ``starts``."""
     gain, change, friction = parts(p, x)
     change = change + [starts[c] for c in p.changes]
     if p.changes == LOAD:
@@ -321,13 +321,13 @@ def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray
 
 
 def _about_cog(load: np.ndarray) -> np.ndarray:
-    """Mass, CoG and inertia about the CoG (10,) from `LOAD`."""
+    """Mass, CoG and inertia about the CoG (10,) from the parameters `LOAD` (10,)."""
     mass, cog, inertia = about_centre(load)
     return np.array([mass, *cog, *six_of(inertia)])
 
 
 def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
-    """Errors of each joint, those on held-out blocks by the fit without each."""
+    """Errors of each joint; held-out blocks by the fit without that block."""
     unseen = np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]
@@ -336,7 +336,7 @@ def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[Joi
 
 
 def refutation(joints: Sequence[JointError], values: Sequence[IdentifiedValue]) -> str | None:
-    """Why held-out rows or a value refute a fit, for people; None if they do not."""
+    """Sentence on why held-out rows or an impossible value refute a fit; None if they do not."""
     bad = [e for e in joints if not e.held_out < _WORSE * e.measured]
     if bad:
         return (

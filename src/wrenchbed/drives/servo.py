@@ -1,9 +1,9 @@
-"""Gains, friction and delay of position servos, fitted to what was commanded and what was reached.
+"""Gains, friction and delay of position servos, fitted to commanded and reached joint values.
 
 M q̈ + C + g = kp (u(t − T) − q) − kv q̇ − friction, u the target that is held from one row to the
-next: so the tracking error is the effort of a drive whose constant is kp, what `identify` fits to
-currents, and T joins as a column that is linear near it. Of kv and viscous friction only the sum is
-told. Pieces between gaps and episodes are filtered apart.
+next. So the tracking error is the effort of a drive whose constant is kp, as `identify` fits it to
+currents; T is one more column, linear near its value. Only the sum of kv and viscous friction is
+identifiable. Pieces between gaps and episodes are filtered apart.
 """
 
 from collections.abc import Callable, Sequence
@@ -61,39 +61,39 @@ _NOTHING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Rows that follow each other.
+    """Consecutive rows of a motion, with its commands.
 
     Attributes:
-        signals: motion, and joint values as read in the place of efforts.
-        target: integral of each joint's targets over time.
+        signals: motion; its ``effort`` are the joint values as read.
+        target: antiderivative in time of each joint's target.
     """
 
     signals: DriveSignals
     target: tuple[Callable[[np.ndarray], np.ndarray], ...]
 
     def noise(self, rng: np.random.Generator) -> np.ndarray:
-        """Noise (N, J) like that of the encoders."""
+        """Random noise (N, J) of the encoders' size."""
         std = [encoder_noise(x, self.signals.rate) for x in self.signals.effort.T]
         return rng.normal(size=self.signals.effort.shape) * std
 
     def shaken(self, noise: np.ndarray) -> "Piece":
-        """The piece with more noise (N, J) on its joint values."""
+        """Copy of the piece with added noise (N, J) on its joint values."""
         s, q = self.signals, self.signals.effort + noise
         return replace(self, signals=motion_signals("", s.t, q, q, s.prefix, s.cutoff, s.edges))
 
     def error(self, delay: np.ndarray) -> np.ndarray:
-        """Tracking error (M, J), filtered, of targets that came delays (J,) [s] ago."""
+        """Filtered tracking error (M, J) of targets delayed by ``delay`` (J,) [s]."""
         return self.signals.filtered(self.held(delay) - self.signals.effort)
 
     def by_speed(self, delay: np.ndarray) -> np.ndarray:
-        """Tracking error by the square of the targets' speed, and by a longer delay (M, J, 2)."""
+        """Filtered columns (M, J, 2): signed square of the targets' speed, and their speed."""
         step = 0.5 / self.signals.rate
         speed = (self.held(delay - step) - self.held(delay + step)) / (2.0 * step)
         return self.signals.filtered(np.stack([speed * np.abs(speed), speed], axis=2))
 
     def held(self, delay: np.ndarray) -> np.ndarray:
-        """Targets (N, J), each held until the next: means of their smooth course over a row's
-        time, which lack what is too fast for any filter here."""
+        """Delayed targets (N, J), each held for one row's time (a mean over it of their smooth
+        course)."""
         t, period = self.signals.t, 1.0 / self.signals.rate
         each = zip(self.target, delay.tolist(), strict=True)
         means = [(s(t - d) - s(t - d - period)) / period for s, d in each]
@@ -106,14 +106,14 @@ def calibrate_servos(
     """Fit the position servos of an arm to commanded and reached joint values of a motion.
 
     Args:
-        recording: with ``q_target1…`` beside ``q1…``; ``segment`` or gaps of the clock part its
+        recording: with ``q_target1…`` beside ``q1…``; ``segment`` or gaps of the clock separate its
             pieces.
-        free: of ``servo`` and ``tool``; the servos are always free, and the load if none is named.
-        force: give the values all the same where the data refute them.
+        free: of ``servo`` and ``tool``; the servos are always free, the load if ``free`` is empty.
+        force: return values that the data refute, instead of raising.
 
     Raises:
         RecordingError, CalibrationError: the recording cannot be fitted, or refutes the fit.
-        ParameterError: ``free`` names what is no group.
+        ParameterError: ``free`` has a name that is no group.
         NotFoundError: the robot's model has no joint torques.
     """
     if unknown := [name for name in free if name not in (SERVO, TOOL)]:
@@ -146,7 +146,7 @@ def calibrate_servos(
 def _extrapolated(
     solution: Solution, once: Sequence[Solution], twice: Sequence[Solution]
 ) -> Solution:
-    """A solution less what encoders' noise moves it by, from what as much noise again does, once
+    """Solution without the bias by encoder noise, extrapolated from fits with that noise added once
     and twice (SIMEX: Cook & Stefanski 1994, doi 10.1080/01621459.1994.10476871)."""
 
     def without(name: str) -> np.ndarray:
@@ -157,10 +157,10 @@ def _extrapolated(
 
 
 def pieces_of(recording: Recording) -> list[Piece]:
-    """Pieces of a motion between gaps of its clock and between its segments.
+    """Split a motion at gaps of its clock and between its segments.
 
     Raises:
-        CalibrationError: no targets, none that differ from what was reached, or short pieces.
+        CalibrationError: no targets, targets that equal the joint values, or pieces too short.
     """
     name, t, q = recording.name, recording.t, recording.q
     channel = CHANNEL.of(recording)
@@ -191,7 +191,7 @@ def _piece(signals: DriveSignals, target: np.ndarray) -> Piece:
 
 
 def _solved(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solution, np.ndarray]:
-    """The problem about the best delays, its solution, and these (J,) [s]."""
+    """Iterate the delays (J,) [s]: last linearised problem, its solution, the delays."""
     delay, most = _begun(problem, pieces), 1.0 / pieces[0].signals.rate
     for _ in range(_STEPS):
         about = _about(problem, pieces, delay)
@@ -204,8 +204,8 @@ def _solved(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solutio
 
 
 def _about(problem: Problem, pieces: Sequence[Piece], delay: np.ndarray) -> Problem:
-    """A problem about delays (J,) [s], with two more columns of each joint: by the square of the
-    targets' speed, and last by its delay."""
+    """Problem linearised about delays (J,) [s]: tracking errors, and two more columns of each
+    joint, by the square of the targets' speed and, last, by its delay."""
     y = np.concatenate([p.error(delay) for p in pieces])
     more = np.concatenate([p.by_speed(delay) for p in pieces])
     own = np.concatenate([problem.own, more], axis=2)
@@ -213,7 +213,7 @@ def _about(problem: Problem, pieces: Sequence[Piece], delay: np.ndarray) -> Prob
 
 
 def _begun(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
-    """Delays (J,) [s] of a grid that fit each joint alone best, with the stated load."""
+    """Initial delays (J,) [s]: those of a grid at which each joint alone fits best."""
     period, joints = 1.0 / pieces[0].signals.rate, problem.y.shape[1]
     grid = np.arange(-period, LATEST, period / _PER_ROW)
     errors = np.stack([
@@ -230,12 +230,12 @@ def _begun(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
 
 
 def _delays(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Entries (…, J) of the last column of each joint, among those of parameters (…, K)."""
+    """Entries (…, J) of parameters (…, K) that are the joints' delays."""
     return np.asarray(_of_joints(problem, x)[..., -1])
 
 
 def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Entries (…, J, F) of columns of single joints, among those of parameters (…, K)."""
+    """Entries (…, J, F) of parameters (…, K) that belong to columns of single joints."""
     joints = problem.y.shape[1]
     numbers = x[..., joints + len(problem.changes) :]
     return numbers.reshape(*x.shape[:-1], joints, -1)
@@ -278,7 +278,7 @@ def _fit(
 
 
 def _own(p: IdentifiedValue, joints: Sequence[Joint]) -> IdentifiedValue:
-    """A parameter by the name and unit that servos have for it."""
+    """Parameter under the name and unit of servos: a drive constant is a stiffness."""
     kind, _, number = p.name.rpartition(".")
     if kind != CONSTANT:
         return p
@@ -290,8 +290,8 @@ def _ratios(
     problem: Problem, solution: Solution, identified: Sequence[IdentifiedValue],
     joints: Sequence[Joint],
 ) -> tuple[str, ...]:  # fmt: skip
-    """Friction and damping over stiffness, of joints whose stiffness itself the data do not
-    tell."""
+    """Sentences on friction and damping relative to stiffness, of joints whose stiffness is
+    undetermined."""
     determined = {p.name: p.std is not None for p in identified}
     numbers, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
     sentences = []

@@ -1,8 +1,8 @@
 """Joint torques or currents of a recording, with speeds and accelerations, all filtered alike.
 
 Joint values are smoothed without phase and differentiated; torques and every regressor pass the
-same filter and are decimated to its band. What all columns lose alike does not bias a fit. Gautier
-1997, doi 10.1109/ROBOT.1997.619069, Section IV.
+same filter and are decimated to its band. What the filter removes alike from all columns does not
+bias a fit. Gautier 1997, doi 10.1109/ROBOT.1997.619069, Section IV.
 """
 
 from collections.abc import Sequence
@@ -57,15 +57,15 @@ _LEAST_ROWS = 100
 
 @dataclass(frozen=True, eq=False)
 class DriveSignals:
-    """Signals of the drives at the recording's own rate.
+    """Motion and efforts of all joints at the recording's own rate.
 
     Attributes:
         t: (N,) [s], equal steps.
         q: joint values, speeds and accelerations (N, J), smoothed.
         effort: torques [N·m] or currents [A] (N, J) as measured.
         prefix: ``tau`` or ``i``.
-        cutoff: of the filter [Hz].
-        edges: of the filters of joint values (J,) [Hz].
+        cutoff: of the filter of efforts and regressors [Hz].
+        edges: of the low-pass filters of joint values (J,) [Hz].
     """
 
     t: np.ndarray
@@ -87,20 +87,20 @@ class DriveSignals:
 
     @property
     def coarse(self) -> int:
-        """Rows between those at which the rigid body's torques need to be known."""
+        """Number of rows from one evaluation of the rigid body's torques to the next."""
         return max(1, int(self.rate / (_CONTENT * self.cutoff)))
 
     @property
     def step(self) -> int:
-        """Rows from one kept row to the next, a multiple of `coarse`."""
+        """Number of rows from one kept row to the next, a multiple of `coarse`."""
         return max(1, int(self.rate / (_KEPT * self.cutoff)) // self.coarse) * self.coarse
 
     def filtered(self, columns: np.ndarray, every: int = 1) -> np.ndarray:
-        """Columns through the filter, decimated, without their ends (M, …).
+        """Columns low-passed, decimated, without their ends (M, …).
 
         Args:
-            columns: (N, …), or of one row in `every` (⌈N / every⌉, …): what has no content beyond
-                half of that rate comes out the same.
+            columns: (N, …), or every ``every``-th row of them (⌈N / every⌉, …); the result is the
+                same for what has no content beyond half of that rate.
             every: 1 or `coarse`.
         """
         half, rows = self._half(), len(self.t)
@@ -113,7 +113,7 @@ class DriveSignals:
         return np.asarray(low_passed[first : first + len(range(half, rows - half, self.step))])
 
     def moving(self) -> np.ndarray:
-        """Which joints move (M, J) at the filtered rows through the filter's memory, boolean."""
+        """Whether each joint moves all through the filter's memory of a filtered row (M, J)."""
         speed = np.abs(self.q.d)
         still = speed < _MOVING * speed.max(axis=0)
         memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
@@ -122,7 +122,7 @@ class DriveSignals:
         return np.asarray(~near[half : len(self.t) - half : self.step])
 
     def _half(self) -> int:
-        """Rows of the filter before and behind a row, a multiple of `step`."""
+        """Half length of the filter in rows, a multiple of `step`."""
         cycles = round(_EDGE * self.rate / self.cutoff / self.step)
         return max(1, min(cycles, len(self.t) // 4 // self.step)) * self.step
 
@@ -174,8 +174,8 @@ def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSig
 
 
 def signals_of_pieces(recording: Recording, effort: np.ndarray, prefix: str) -> list[DriveSignals]:
-    """Speeds and accelerations of each piece of a motion between gaps of its clock and between its
-    segments, beside what drives report (N, J), all with one cutoff.
+    """Signals of each piece of a motion, split at gaps of its clock and between segments, with
+    efforts (N, J); all with one cutoff.
 
     Raises:
         CalibrationError: no piece is long enough, or nothing moves.
@@ -202,8 +202,8 @@ def motion_signals(
     name: str, t: np.ndarray, q: np.ndarray, effort: np.ndarray, prefix: str,
     cutoff: float | None = None, edges: Sequence[float] | None = None,
 ) -> DriveSignals:  # fmt: skip
-    """Speeds and accelerations of joint values (N, J) at times (N,) [s], beside what drives
-    report (N, J); see `drive_signals`. The edges of their filters are found if none."""
+    """Smoothed motion of joint values (N, J) at times (N,) [s], beside efforts (N, J); see
+    `drive_signals`. Without ``edges`` they are estimated."""
     t, q = np.asarray(t, dtype=float), np.asarray(q, dtype=float)
     steps = np.diff(t)
     if len(t) < _LEAST_ROWS or np.ptp(q, axis=0).max() == 0.0:
@@ -230,10 +230,10 @@ def motion_signals(
 
 
 def _edge(q: np.ndarray, rate: float, most: float) -> float:
-    """Frequency [Hz] above which a joint's values (N,) are an encoder's noise alone.
+    """Frequency [Hz] above which a joint's values (N,) are only encoder noise.
 
-    Differentiated twice, that noise would be a torque: of an outstretched arm several times the
-    noise of its first joint.
+    Differentiated twice, that noise would look like a torque: on an outstretched arm several times
+    the noise of its first joint's effort.
     """
     frequency, power, floor = _spectrum(q, rate)
     above_noise = np.flatnonzero(power > _OVER_NOISE * floor)
@@ -242,19 +242,19 @@ def _edge(q: np.ndarray, rate: float, most: float) -> float:
 
 
 def _smoothed(q: np.ndarray, rate: float, edge: float) -> np.ndarray:
-    """A joint's values (N,) without frequencies above an edge [Hz]."""
+    """Joint values (N,) low-passed at ``edge`` [Hz], without phase."""
     return np.asarray(
         scipy.signal.sosfiltfilt(scipy.signal.butter(_ORDER, edge, fs=rate, output="sos"), q)
     )
 
 
 def encoder_noise(q: np.ndarray, rate: float) -> float:
-    """Standard deviation of the white noise of a joint's values (N,), counts of an encoder."""
+    """Standard deviation of a joint's white encoder noise, from its values (N,)."""
     return float(np.sqrt(0.5 * rate * _spectrum(q, rate)[2]))
 
 
 def _spectrum(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Frequencies [Hz], power of a joint's values (N,) there, and that of its noise."""
+    """Frequencies [Hz], power density of a joint's values (N,) there, and that of its noise."""
     rows = min(len(q), int(_SPECTRUM_S * rate))
     straight = np.asarray(scipy.signal.detrend(q), dtype=np.float64)
     frequency, power = scipy.signal.welch(straight, rate, window="blackmanharris", nperseg=rows)
@@ -262,7 +262,7 @@ def _spectrum(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, float
 
 
 def cutoff_of(q: np.ndarray, rate: float) -> float:
-    """Five times the frequency below which nearly all of the speeds' power lies [Hz]."""
+    """Cutoff [Hz]: five times the frequency below which nearly all of the speeds' power lies."""
     ramp = np.linspace(0.0, 1.0, len(q))[:, None] * (q[-1] - q[0])
     each = ((np.gradient(q, axis=0), _SHARE, "boxcar"), (q - ramp, _PLACES, "blackman"))
     bands = list[float]()

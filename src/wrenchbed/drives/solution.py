@@ -19,17 +19,17 @@ _START_CONSTANT = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Filtered columns of all joints.
+    """Filtered efforts of all joints, and the columns that explain them.
 
     Attributes:
         y: measured effort (M, J).
         nominal: torque of the nominal rigid body (M, J).
-        loads: columns of inertial parameters (M, J, D), and ``changes`` their names.
-        own: columns of each joint alone (M, J, F): friction, by ``kinds``.
-        use: rows that count (M, J).
+        loads: columns of inertial parameters (M, J, D), named by ``changes``.
+        own: columns of each joint alone (M, J, F): friction and the like, named by ``kinds``.
+        use: rows to use (M, J), boolean.
         fold: block of each row (M,).
         gains: whether each joint's drive constant is free.
-        spread: standard deviation of each change before the data (D,).
+        spread: prior standard deviation of each inertial change (D,).
     """
 
     y: np.ndarray
@@ -46,10 +46,8 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Parameters of all rows (K,), and without each block (FOLDS, K); which the data fix (K,).
-
-    In order: gains (J,) if currents, changes (D,), own (J F,) joint by joint.
-    """
+    """Parameters of all rows (K,) and without each block (FOLDS, K); whether data determine
+    each."""
 
     x: np.ndarray
     folds: np.ndarray
@@ -57,7 +55,7 @@ class Solution:
 
 
 def solve(problem: Problem) -> Solution:
-    """Fit weighted by each joint's residual, and fits without each fold, one step further."""
+    """Fit, weighted by each joint's residual; fits without a block are one more step from there."""
     spread, known = problem.y.std(axis=0), _known(problem)
     x, weight = start(problem), 1.0 / np.where(spread > 0.0, spread, 1.0)
     for _ in range(_ROUNDS):
@@ -78,8 +76,8 @@ def solve(problem: Problem) -> Solution:
 
 
 def _known(p: Problem) -> np.ndarray:
-    """Precision (K,) of what is known of the parameters before the data, of changes alone. Rows of
-    a block count as one there: what a model lacks is alike in them."""
+    """Prior precision (K,) of the parameters: of inertial changes, else 0. Rows of a block count as
+    one, because model errors are alike in them."""
     result = np.zeros(len(start(p)))
     at = p.y.shape[1] * p.gains
     result[at : at + len(p.changes)] = len(p.y) / FOLDS / p.spread**2
@@ -94,7 +92,7 @@ def residual(p: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def parts(p: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gains (J,), changes (D,) and own (J, F) of parameters or of flags (K,)."""
+    """Split parameters or flags (K,) into gains (J,), inertial changes (D,), joints' own (J, F)."""
     joints = p.y.shape[1]
     at = joints * p.gains
     gain = x[:at] if at else np.ones(joints, dtype=x.dtype)
@@ -103,14 +101,14 @@ def parts(p: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def start(p: Problem) -> np.ndarray:
-    """Start parameters (K,): those of the nominal robot."""
+    """Initial parameters (K,): those of the nominal robot."""
     joints = p.y.shape[1]
     gains = np.full(joints * p.gains, 1.0 / _START_CONSTANT)
     return np.concatenate([gains, np.zeros(len(p.changes) + joints * len(p.kinds))])
 
 
 def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """JᵀWJ (FOLDS, K, K) and JᵀWr (FOLDS, K) block by block."""
+    """Normal equations of each block: JᵀWJ (FOLDS, K, K) and JᵀWr (FOLDS, K)."""
     rest, (gain, change, _) = residual(p, x), parts(p, x)
     body = p.nominal + p.loads @ change
     joints, changes, kinds = p.y.shape[1], len(p.changes), len(p.kinds)
@@ -141,14 +139,14 @@ def _blocks(fold: np.ndarray) -> np.ndarray:
 
 
 def _scaled(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lengths of the columns (K,), eigenvalues and eigenvectors of their cosines."""
+    """Column lengths (K,), and eigenvalues and eigenvectors of the columns' cosines."""
     scale = np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
     value, vector = np.linalg.eigh(normal / np.outer(scale, scale))
     return scale, value, vector
 
 
 def _shortest(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Least squares; of many solutions the shortest, columns scaled to 1."""
+    """Solution (K,) of normal equations; the shortest in scaled columns where many solve them."""
     scale, value, vector = _scaled(normal)
     inverse = np.divide(1.0, value, out=np.zeros_like(value), where=value > _NULL * value[-1])
     return np.asarray(vector @ (inverse * (vector.T @ (right / scale))) / scale)
