@@ -1,7 +1,8 @@
 """Drivers move a real or simulated robot; transducers read a force/torque sensor.
 
-May import: simulation, twin, effects, calibration, robots, sensors, data, physics, registry.
-Never: a codec of `robot_emulators`, nor a vendor's library at import.
+Free: the inside of a device; tests/hardware speak (those marked ``wire`` against emulators).
+Others rely on: the contracts `drivers.base` and `transducers.base` (campaigns, cli, monitoring),
+names of options (the command line's flags), columns and metadata of recordings.
+Never: a codec of `robot_emulators`, a vendor's library at import, a move that was not checked.
 Read first: ``device.py``, then ``drivers/base.py`` and ``transducers/base.py``.
-Used by: campaigns, cli and monitoring.
 """

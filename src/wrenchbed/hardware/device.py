@@ -71,10 +71,10 @@ def only_here(host: str) -> bool:
 
 
 class ClockFit:
-    """A device's clock against this machine's: a line through the least late of many readings.
+    """Fits a device's clock to this machine's: a line through the least late of many readings.
 
-    Delays make readings late and never early, so only the least late one of each stretch counts.
-    A stretch [s] is so long that one of its readings is in time.
+    Delays make readings late and never early, so only the least late one of each stretch counts. A
+    stretch [s] is so long that one of its readings is in time.
     """
 
     def __init__(self, stretch: float) -> None:
@@ -107,18 +107,21 @@ class ClockFit:
                 self._slope, self._offset = float(line[0]), float(line[1])
 
     def host(self, device: float) -> float:
-        """When a reading of a time of the device arrives without extra delay [s]."""
+        """Time on this machine's clock [s] at which a reading of a device's time [s] arrives
+        without extra delay."""
         return device + self._offset + self._slope * (device - self._from)
 
     @property
     def ppm(self) -> float | None:
-        """How much faster than this machine's clock it runs [1e-6]; None until `LEAST_S`."""
+        """How much faster the device's clock runs than this machine's [1e-6]; None until
+        `LEAST_S`."""
         long = len(self._marks) >= _FEW and self._marks[-1][0] - self._marks[0][0] >= LEAST_S
         return -1e6 * self._slope if long else None
 
 
 class Device:
-    """Something that is connected, used and closed. Use as a context manager."""
+    """Hardware that is connected, used and closed: base of drivers and transducers, a context
+    manager."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -154,7 +157,7 @@ class Device:
         return self._health() if self._connected else Health("closed", "call connect() first")
 
     def _connect(self) -> None:
-        """Nothing to open, unless a device says otherwise."""
+        """Open the device; by default there is nothing to open."""
 
     def _close(self) -> None:
         """Release what is open; the device may be half open."""

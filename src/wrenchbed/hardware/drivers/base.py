@@ -53,7 +53,8 @@ class ArmSample:
 
 @dataclass(frozen=True, eq=False)
 class Applied:
-    """The result of a target: joint values (J,) as sent, or None and why they were refused."""
+    """Result of streaming a target: joint values (J,) as sent, or None and why they were
+    refused."""
 
     sent: np.ndarray | None
     reason: str = ""
@@ -65,7 +66,7 @@ class Applied:
 
 
 def block_of(rows: Sequence[Mapping[str, float]]) -> Block:
-    """Rows as columns."""
+    """Turn rows (a mapping each) into columns by name."""
     dtypes = {"status": np.uint32, "saturated": np.uint32, "lost": np.int64}
     return {k: np.array([r[k] for r in rows], dtype=dtypes.get(k, float)) for k in rows[0]}
 
@@ -134,11 +135,11 @@ class Move(ABC):
         return None
 
     def _failed(self, error: BaseException) -> None:
-        """Stop a robot that may still move after an error; nothing by default."""
+        """Stop the robot if it may still move after an error; by default do nothing."""
         return None
 
     def _halt(self) -> None:
-        """Bring the robot to rest after `cancel`; nothing by default."""
+        """Bring the robot to rest after `cancel`; by default do nothing."""
         return None
 
 
@@ -237,7 +238,7 @@ class Driver(Device, ABC):
         self.activate()
 
     def position(self) -> np.ndarray:
-        """Joint values (J,) now [rad or m]."""
+        """Present joint values (J,) [rad or m]."""
         self._check_connected()
         return self._position()
 
@@ -252,7 +253,7 @@ class Driver(Device, ABC):
         return self._touch(np.asarray(point, dtype=float))
 
     def settle(self) -> float:
-        """Wait until joints and wrench are steady; the time that it took [s].
+        """Wait until joints and wrench are steady; return the time that it took [s].
 
         Raises:
             LateError: they are not steady by the deadline.
@@ -261,7 +262,7 @@ class Driver(Device, ABC):
         return self._settle()
 
     def sample(self, n: int, rate: float) -> Block:
-        """n rows at rest: ``t``, ``q1``…, ``fx``…``tz``, ``status``."""
+        """Record n rows at rest, in columns ``t``, ``q1``…, ``fx``…``tz``, ``status``."""
         self._check_connected()
         return self._sample(n, rate)
 
@@ -281,17 +282,17 @@ class Driver(Device, ABC):
         return np.asarray(known.calibration().range)
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
-        """A plan (N, J) is about to run; most devices ignore it."""
+        """Tell the device of the plan (N, J) that is about to run; most devices ignore it."""
 
     @abstractmethod
     def metadata(self, mode: str, rate: float) -> Metadata:
         """Metadata of a recording made with this driver."""
 
     def _activate(self) -> None:
-        """Nothing to switch on."""
+        """Switch the robot on; by default do nothing."""
 
     def _deactivate(self) -> None:
-        """Nothing to switch off."""
+        """Switch the robot off; by default do nothing."""
 
     @abstractmethod
     def _read(self) -> ArmSample: ...
@@ -312,7 +313,7 @@ class Driver(Device, ABC):
     def _stop(self, kind: str) -> None: ...
 
     def _recover(self, unlock: bool) -> None:
-        """Nothing to clear."""
+        """Clear stops and faults; by default do nothing."""
 
     def _settle(self) -> float:
         return 0.0

@@ -70,7 +70,8 @@ _WAIT_POLL_S = 0.005
 
 
 def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
-    """Stop: hard after a limit was exceeded, else soft; a stop that fails is noted in the error."""
+    """Stop the robot after an error: hard after a limit was exceeded, else soft; if the stop fails,
+    note that in the error."""
     try:
         stop("hard" if isinstance(error, LimitError) else "soft")
     except DriverError as failed:
@@ -78,7 +79,7 @@ def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
 
 
 def check_ready(health: Health) -> None:
-    """Raise the error that a bad state stands for.
+    """Raise the error of a device whose health is not ok.
 
     Raises:
         StoppedError: the robot stopped or is in fault.
@@ -134,7 +135,8 @@ class WatchedMove(Move):
 
 
 def pace(due: float, period: float) -> float:
-    """Sleep until ``due`` [s]; the next due time, later where this one was missed by a period."""
+    """Sleep until ``due`` [s]; return the next due time, later where this one was missed by a
+    period."""
     now = time.monotonic()
     if now < due:
         time.sleep(due - now)
@@ -144,7 +146,7 @@ def pace(due: float, period: float) -> float:
 
 
 def settled(wrench: np.ndarray) -> bool:
-    """Whether the second half (n, 6) has the mean of the first, within `_SIGMAS`."""
+    """Whether readings (n, 6) are steady: both halves have the same mean within `_SIGMAS`."""
     first, second = np.array_split(wrench, 2)
     if len(first) < 4 or len(second) < 4:
         return False
@@ -281,7 +283,7 @@ class LiveDriver(Driver):
         return WatchedMove(self, goal, seconds)
 
     def guard(self) -> None:
-        """Stop the robot when the sensor reads more than the limits allow."""
+        """Stop the robot, and raise, if the sensor reads more than the limits allow."""
         try:
             self.limits.check_wrench(self._read_wrench().wrench)
         except DriverError:
@@ -356,7 +358,7 @@ class LiveDriver(Driver):
         raise LinkError(f"{self.name}: {total - done} rows of the motion never came")
 
     def _collect(self, even: Resampler, due: float, period: float) -> float:
-        """Take all states that arrive until the next target is due."""
+        """Feed all states that arrive until ``due`` [s] into ``even``; return the next due time."""
         until = due + period
         if time.monotonic() - until > max(period, self.lead):
             until = time.monotonic()  # stay late: a robot must not catch up by a jump
@@ -403,11 +405,11 @@ class LiveDriver(Driver):
         return row | {"age": max(arm.age, wrench.age)}
 
     def _fresh_arm(self, after: float) -> ArmSample:
-        """A state that arrived after a time and is not stale; waits at most `GONE_S`."""
+        """Wait, at most `GONE_S`, for a state that arrived after a time [s] and is not stale."""
         return self._fresh(self._read, self._arm_health, after)
 
     def _fresh_wrench(self) -> WrenchSample:
-        """A reading that arrived after the last row's; waits at most `GONE_S`."""
+        """Wait, at most `GONE_S`, for a reading that arrived after the last row's."""
         return self._fresh(self.transducer.read, self.transducer.health, self._last_row)
 
     def _fresh(

@@ -128,9 +128,9 @@ class SimOptions:
 
 
 class Beside:
-    """What is read at rest beside the wrench: by a tracker somewhere in the room of a target
-    somewhere on the flange, and by an accelerometer mounted anyhow, its scales off by 2 % and its
-    zeros by 0.3 m/s².
+    """Simulates what is read at rest beside the wrench: by a tracker somewhere in the room of a
+    target somewhere on the flange, and by an accelerometer mounted anyhow, its scales off by 2 %
+    and its zeros by 0.3 m/s².
 
     The rows of a pose share an error, as of the target's seat and the air, of half the noise of a
     row.
@@ -205,7 +205,7 @@ class SimDriver(Driver):
 
     @staticmethod
     def drive_faults() -> dict[str, str]:
-        """One line on each fault of a drive, by the name that ``effects`` take."""
+        """One line of text for each fault of a drive, by the name that ``effects`` take."""
         return {f"{PREFIX}{kind}": fault.title for kind, fault in FAULTS.items()}
 
     def _reported(
@@ -247,7 +247,7 @@ class SimDriver(Driver):
         return ArmSample(self._time, self._time, 0.0, plant.q, plant.qd, plant.target)
 
     def _read_wrench(self) -> WrenchSample:
-        """One row at rest; takes a microsecond of simulated time."""
+        """Simulate one row at rest, which takes a microsecond of simulated time."""
         block = self._sample(1, 1e6)
         reading, status = np.array([block[c][0] for c in CHANNELS]), int(block["status"][0])
         return WrenchSample(self._time, self._time, 0, 0.0, True, reading, status, status)
@@ -270,7 +270,13 @@ class SimDriver(Driver):
             self._playback.way((begun, self._time), start, self._plant.q)
 
     def _touch(self, point: np.ndarray) -> Reached:
-        """The tip rests within `TOUCH_STD` of the point, pushed by an unknown force."""
+        """Move the tip to a point of the world [m], off by a random error of standard deviation
+        `TOUCH_STD` an axis, and return where the joints stand. An unknown force then pushes the tip
+        until it moves.
+
+        Raises:
+            DriverError: the tip cannot reach the point.
+        """
         seat = point + self._touch_rng.normal(0.0, TOUCH_STD, 3)
         start = self._plant.q
         target = self._simulation.seated(start, seat)
@@ -304,7 +310,7 @@ class SimDriver(Driver):
         yield self._arrived(start, seconds + waited)
 
     def _arrived(self, start: np.ndarray, seconds: float) -> Reached:
-        """The robot rests where it is, after a move of some duration [s]."""
+        """Note the end of a move that took some time [s]; return where the joints stand."""
         arrived = self._time + seconds
         if self._playback is not None:
             self._playback.way((self._time, arrived), start, self._plant.q)
@@ -329,7 +335,8 @@ class SimDriver(Driver):
         return columns
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Block by block; effects and efforts need the complete motion first."""
+        """Yield the rows of a motion block by block; effects and efforts need the complete motion
+        first."""
         moved: Iterable[Samples] = self._moved(targets, rate)
         readings: np.ndarray | None = None
         efforts: dict[str, np.ndarray] = {}
@@ -375,8 +382,8 @@ class SimDriver(Driver):
 
 
 def _moving(t: np.ndarray, q: np.ndarray) -> Jet:
-    """A complete motion (n, J) with the speeds and accelerations of a spline through it: MuJoCo's
-    own are those of half a step before (semi-implicit Euler)."""
+    """Speeds and accelerations of a complete motion (n, J) by a spline: MuJoCo's own are those of
+    half a step before (semi-implicit Euler)."""
     if len(t) < _LEAST_ROWS:
         raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
     from scipy.interpolate import make_interp_spline  # slow to load: only when it is used

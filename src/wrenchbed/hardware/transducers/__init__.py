@@ -1,7 +1,7 @@
 """Transducers of force/torque sensors, one file or folder each.
 
-May import: ``hardware.device``, registry, sensors, physics, errors; no sibling and no driver.
-Never: scale by a number that the device does not state.
+Free: the inside of one transducer; tests/hardware/test_transducer_contract.py speaks for all.
+Others rely on: `base` (drivers), and the addresses of options such as ``netft://HOST``.
+Never: import a sibling or a driver; scale by a number that the device does not state.
 Read first: ``base.py``, then ``ur_wrench.py``, the shortest transducer.
-Used by: drivers.
 """

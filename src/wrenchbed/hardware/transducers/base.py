@@ -65,7 +65,7 @@ class PastReading(NamedTuple):
 
 
 class Past:
-    """The last readings, in batches; written by one thread, read by others."""
+    """Holds the last readings, in batches; written by one thread, read by others."""
 
     def __init__(self) -> None:
         self._batches: deque[tuple[np.ndarray, ...]] = deque(maxlen=_BATCHES)

@@ -1,10 +1,11 @@
 """Driver of MedRUE over CAN: six CiA 402 drives and an ATI sensor on a NETCANOEM board, on one bus.
 
-May import: driver base, transducer base, robots, registry, errors.
+Free: timing inside a cycle; tests/hardware/test_can_safety.py, test_can_setpoints.py and
+test_medrue_can.py speak.
+Others rely on: the driver's name ``can`` and the fields of `CanOptions` (flags).
 Never: the emulator's codec; both sides are written from the standards.
 Read first: ``driver.py``, then ``cycle.py`` (the cyclic exchange) and ``network.py`` (power-up);
 ``board.py`` reads the sensor.
-Used by: the registry, by the driver's name ``can``.
 """
 
 from wrenchbed.hardware.drivers.can.driver import CanDriver

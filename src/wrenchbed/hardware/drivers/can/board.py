@@ -45,7 +45,8 @@ class GaugeCalibration(NamedTuple):
 
 
 class BoardQueries:
-    """Queries of one board on a bus, one at a time; base is the upper seven bits of its ids."""
+    """Sends queries to one board on a bus, one at a time; ``base`` is the upper seven bits of its
+    ids."""
 
     def __init__(self, link: CanLink, base: int) -> None:
         self._link, self._base = link, base
@@ -53,7 +54,7 @@ class BoardQueries:
         self._answers: list[Reply] = []
 
     def take(self, reply: Reply) -> None:
-        """Take an answer that is not a gauge reading."""
+        """Receive a frame of an answer; the reader passes all but gauge readings here."""
         with self._came:
             if len(self._answers) < _MOST_ANSWERS:
                 self._answers.append(reply)
@@ -96,7 +97,7 @@ class BoardQueries:
         return (*parts[2], *parts[3], *parts[4])
 
     def _collect(self, opcode: int, data: bytes = b"", n: int = 1) -> list[Reply]:
-        """The n frames that answer a query."""
+        """Send a query, and return the n frames that answer it."""
         for tries in range(TRIES):
             with self._came:
                 self._answers.clear()
@@ -112,7 +113,8 @@ class BoardQueries:
         )
 
     def _wait(self, opcode: int, each: int, n: int) -> list[Reply]:
-        """Answers to an opcode, which come in some frames each, when n are there or time is up."""
+        """Wait for n answers to an opcode, which come in ``each`` frames; return fewer when time is
+        up."""
 
         def answers() -> list[Reply]:
             return [a for a in self._answers if 0 <= a.opcode - opcode < each]
@@ -125,8 +127,8 @@ class BoardQueries:
 def in_si(
     raw: np.ndarray, counts: tuple[Any, ...], units: tuple[Any, ...], slot: int
 ) -> np.ndarray:
-    """Gauge counts to N and N·m (6, 6), from the matrix (6, 6) that the board holds in a slot, its
-    counts per unit of force and torque, and the codes of both units.
+    """Matrix (6, 6) from gauge counts to N and N·m, made of the matrix (6, 6) that the board holds
+    in a slot, its counts per unit of force and torque, and the codes of both units.
 
     Raises:
         DriverError: a matrix, counts or units that make no sense.
@@ -252,7 +254,7 @@ class GaugeBoard(Transducer):
             self._doubt()
 
     def _doubt(self) -> None:
-        """The board may have restarted: publish nothing until its calibration is in force."""
+        """Publish nothing until the calibration is selected again: the board may have restarted."""
         self._calibration = None
         self._suspect.set()
 

@@ -30,7 +30,7 @@ class CanLink:
     """An open bus of python-can.
 
     Attributes:
-        dead: why nothing more will come, empty while the bus lives.
+        dead: why no frame will come any more, empty while the bus works.
         error_frames: seen on the wire.
         full: how often the kernel's transmit queue took nothing and was tried again.
         failures: exceptions of listeners, which do not affect other listeners.
@@ -85,7 +85,7 @@ class CanLink:
             time.sleep(_AGAIN_S)
 
     def close(self) -> None:
-        """Stop reading; may be called twice."""
+        """Stop reading and release the bus; may be called twice."""
         if not self._running:
             return
         self._running = False
@@ -142,7 +142,8 @@ def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -
 
 
 def _check_server(host: str, port: int, channel: str) -> None:
-    """Shake hands once with a deadline: python-can has none, and keeps its socket on failure."""
+    """Connect to a socketcand server once with a deadline: python-can has none, and keeps its
+    socket on failure."""
     where = f"CAN server at {host}:{port}"
     try:
         with socket.create_connection((host, port), OPENING_S) as trial:

@@ -53,7 +53,7 @@ class DriveStatus(enum.Enum):
 
 
 class Want(enum.Enum):
-    """The master's command to its drives."""
+    """What the master wants of its drives."""
 
     NOTHING = "no commands at all"
     DISABLE = "voltage off"
@@ -106,7 +106,7 @@ def controlword(want: Want, state: DriveStatus, last: int) -> int:
 
 
 def error_words(code: int) -> str:
-    """An error code in words."""
+    """Text for an error code."""
     return f"0x{code:04X}" + (f" ({ERRORS[code]})" if code in ERRORS else "")
 
 
@@ -150,7 +150,7 @@ class DriveState:
         return state_of(self.statusword)
 
     def take_answer(self, data: bytes) -> bool:
-        """Take a TPDO; False where its length is not the expected one."""
+        """Read an answer (TPDO) of the drive; False where its length is not the expected one."""
         if len(data) not in (6, 8):
             return False
         self.statusword, self.position = struct.unpack_from("<Hi", data)
@@ -161,12 +161,12 @@ class DriveState:
         return True
 
     def take_emergency(self, data: bytes) -> None:
-        """Take an EMCY."""
+        """Read an emergency message (EMCY) of the drive."""
         if len(data) == 8:
             (self.error,) = struct.unpack_from("<H", data)
 
     def take_heartbeat(self, data: bytes) -> None:
-        """Take a heartbeat or a boot-up message."""
+        """Read a heartbeat or a boot-up message of the drive."""
         if len(data) == 1:
             self.others = 0
             self.nmt = data[0] & 0x7F

@@ -1,11 +1,12 @@
 """The cyclic exchange with the drives: one thread, absolute deadlines.
 
 Each cycle first evaluates the answers to the last SYNC, then sends the six RPDOs, the request to
-the sensor and SYNC. A drive in error, or mute while others answer, makes every other drive stop in
-the same cycle. When the complete bus is silent, the targets brake and the drives' watchdogs stop.
+the sensor and SYNC. A drive in error, or silent while others answer, makes every other drive stop
+in the same cycle. When the complete bus is silent, the targets brake and the drives' watchdogs
+stop.
 
 A drive monitors its own following error, but cannot detect an encoder that froze; `Following` does.
-No voltage is taken off an axis that moves; `Rest` tells.
+No voltage is switched off while an axis moves (`Rest`).
 """
 
 import contextlib
@@ -59,8 +60,9 @@ _SWITCH_S = 5e-4
 
 
 class CycleAnswers(NamedTuple):
-    """Answers of all drives to one SYNC: when that was sent [s], positions and speeds (J,) in units
-    of the joints, torque in thousandths of the rated one (J,), and the number of such answers."""
+    """Answers of all drives to one SYNC: time of that SYNC [s], positions and speeds (J,) in units
+    of the joints, torque in thousandths of the rated one (J,), and how many complete sets of
+    answers came so far."""
 
     t: float
     q: np.ndarray
@@ -78,7 +80,7 @@ class Following:
         self._reference = np.zeros(len(speed))
 
     def forget(self) -> None:
-        """Start a new comparison."""
+        """Start a new comparison: after a stop or a restart."""
         self._last = None
 
     def check(
@@ -103,7 +105,7 @@ class Following:
 
 
 class Rest:
-    """Whether the axes stand still, by the drives' newest answers.
+    """Judges whether the axes stand still, by the drives' newest answers.
 
     Args:
         speed: top speed of each joint (J,).
@@ -180,13 +182,13 @@ class Cycle:
         self._by_node = {drive.node: drive for drive in drives}
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread of the exchange."""
         self._link.listen(self._received)
         self._running = True
         self._thread.start()
 
     def stop(self) -> None:
-        """End; may be called twice."""
+        """End the exchange and its thread; may be called twice."""
         self._running = False
         self._link.leave(self._received)
         if self._thread.ident is not None:
@@ -213,7 +215,7 @@ class Cycle:
                 self.want = Want.QUICK_STOP
 
     def all_in(self, *states: DriveStatus) -> bool:
-        """Whether every drive is in one of some states."""
+        """Whether every drive is in one of the given states."""
         return all(drive.state in states for drive in self.drives)
 
     def _received(self, _: float, can_id: int, data: bytes) -> None:
@@ -343,7 +345,7 @@ class Cycle:
         self.cycles += 1
 
     def _targets(self, want: Want) -> list[int]:
-        """Targets [count]; the present positions until every drive follows."""
+        """Targets of all drives [count]: their present positions until every drive follows."""
         if want is not Want.ENABLE:
             self.following = False
         elif not self.following and self.all_in(DriveStatus.ENABLED):
@@ -356,7 +358,7 @@ class Cycle:
 
 
 def _slope(recent: Sequence[tuple[float, np.ndarray]]) -> np.ndarray:
-    """Speeds (J,) by a line through the last positions."""
+    """Joint speeds (J,): slopes of lines through the last positions."""
     q = np.array([row[1] for row in recent])
     t = np.array([row[0] for row in recent])
     t = t - t.mean()

@@ -61,7 +61,7 @@ def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
 
 
 def faults(status: int) -> tuple[str, ...]:
-    """Meaning of a status word."""
+    """Texts of the faults in a status word; empty if there is none."""
     return tuple(name for bit, name in enumerate(STATUS[:15]) if name and status >> bit & 1) or (
         ("error without a name",) if status >> 15 & 1 else ()
     )
@@ -84,7 +84,7 @@ class Pairs:
         self._excess: list[float] = []
 
     def poll(self, t: float) -> bool:
-        """Whether to send a request at a time [s]."""
+        """Whether a request may be sent at a time [s]; it then counts as sent."""
         if self._waiting:
             if t - self._asked > PATIENCE_S:
                 self.lost += 1
@@ -95,7 +95,8 @@ class Pairs:
         return True
 
     def take(self, t: float, reply: Reply) -> GaugeReading | None:
-        """Take a frame of gauges that arrived at a time [s]; the reading that it completes."""
+        """Add a gauge frame that arrived at a time [s]; return the reading that it completes, else
+        None."""
         if reply.opcode == GAUGES:
             self._count(t)
             if not self._waiting or self._first is not None:
@@ -112,7 +113,7 @@ class Pairs:
         return GaugeReading(begun, status, (g0, g1, g2, g3, g4, g5))
 
     def clash(self, t: float) -> bool:
-        """Whether there were more answers than requests: a second node uses the board's ids."""
+        """Whether more answers than requests came: a second node uses the board's ids."""
         return sum(t - when < _EXCESS_S for when in self._excess) >= _EXCESS
 
     def _count(self, t: float) -> None:

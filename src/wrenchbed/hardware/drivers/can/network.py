@@ -86,7 +86,7 @@ class Drives:
         link.listen(self._received)
 
     def close(self) -> None:
-        """Stop listening."""
+        """Stop receiving the drives' answers."""
         self._link.leave(self._received)
 
     def configure(self, nodes: Sequence[int]) -> None:
@@ -127,7 +127,7 @@ class Drives:
         return {f"without 0x{index:04X}": float(len(n)) for index, n in self._lacking.items() if n}
 
     def release(self) -> None:
-        """Switch off the expected heartbeat before it ends on purpose."""
+        """Switch off the drives' watch for this master's heartbeat before it ends on purpose."""
         with contextlib.suppress(DriverError):
             while self._expecting:
                 self.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
@@ -162,7 +162,7 @@ class Drives:
                     self.write(node, index + further, 1, now % (1 << 32) | _OFF, 4)
 
     def _set(self, node: int) -> None:
-        """Set mode and periods, and what else makes a drive stop, where it has it."""
+        """Set mode, periods and all objects of a drive that make it stop, as far as it has them."""
         options = self._options
         ticks, power = options.interpolation or (0, 0)
         beats = round((options.watchdog + _BEATS * HEARTBEAT_S) * _MS)
@@ -198,7 +198,7 @@ class Drives:
             )
 
     def _try(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
-        """Write a value that a drive may lack or refuse; whether it took it."""
+        """Write a value that a drive may lack or refuse; return whether the drive took it."""
         without = self._lacking.setdefault(index, set())
         without.discard(node)
         try:

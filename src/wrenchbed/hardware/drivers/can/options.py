@@ -51,7 +51,7 @@ def _need(fits: bool, refusal: str) -> None:
 
 
 def master(base: int, nodes: Sequence[int]) -> int:
-    """A node id for this program's heartbeat: the highest unused one."""
+    """Node id for this program's heartbeat: the highest unused one."""
     return next(
         n for n in range(MOST_NODE, 0, -1) if n not in nodes and (HEARTBEAT + n) >> 4 != base
     )
@@ -163,7 +163,7 @@ class CanOptions:
 
     @property
     def torque(self) -> bool:
-        """Whether drives report torque or current."""
+        """Whether drives report torque (True) or current."""
         return self.effort != "off"
 
     @property

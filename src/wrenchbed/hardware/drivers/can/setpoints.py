@@ -56,12 +56,13 @@ class TimedTargets:
         """Time that the last step took [s]."""
 
     def add(self, q: np.ndarray, at: float) -> None:
-        """Be at q (J,) at a time [s]; one that is not after the last one is left out."""
+        """Append a target: joint values q (J,) at a time [s]; one that is not after the last is
+        left out."""
         if at > self._last:
             self._coming.append((at, np.array(q)))
 
     def lose(self, seconds: float) -> None:
-        """Cycles were lost [s]: few are made up for by the next step, many slowly."""
+        """Note that cycles were lost [s]: the next step makes up for a few, later ones for many."""
         if seconds <= _AT_ONCE_S:
             self._lost += seconds
         else:
@@ -93,7 +94,7 @@ class TimedTargets:
         return self._coming[-1][0] if self._coming else self._end
 
     def _enter(self) -> None:
-        """Begin the next part; what follows it is known, or it ends as a straight line."""
+        """Begin the cubic to the next target; without one after that it ends as a straight line."""
         self._begin, self._one, self._leaves = self._end, self._two, self._arrives
         self._end, self._two = self._coming.popleft()
         after, beyond = self._coming[0] if self._coming else (self._end, self._two)
@@ -108,7 +109,7 @@ class TimedTargets:
 
 
 class Setpoints:
-    """Joint values to command in each cycle, of the motion under way; several threads may use it.
+    """Computes the joint values to command in each cycle; several threads may use it.
 
     Cycles have a period [s], joints lower and upper limits and a top speed, (J,) each.
     """
@@ -146,14 +147,14 @@ class Setpoints:
         return None
 
     def hold(self, q: np.ndarray) -> None:
-        """Stay where the robot is (J,)."""
+        """Command q (J,), where the robot is, from now on."""
         with self._lock:
             self._command, self._speed = np.array(q), np.zeros(len(q))
             self._path = self._timed = None
             self._braking = False
 
     def move(self, goal: np.ndarray, seconds: float) -> None:
-        """Go to rest at a goal (J,)."""
+        """Begin a move to rest at a goal (J,) in some time [s]."""
         with self._lock:
             start = self._command
             self._start(
@@ -161,7 +162,7 @@ class Setpoints:
             )
 
     def follow(self, q: np.ndarray, at: float, t: float) -> None:
-        """Be at q (J,) at a time; t is now [s]."""
+        """Stream a target: be at q (J,) at a time ``at``; ``t`` is now [s]."""
         with self._lock:
             if self._timed is None or self._timed.rests:
                 timed = TimedTargets(self._command, self._speed, t)
@@ -170,7 +171,7 @@ class Setpoints:
             self._timed.add(q, at)
 
     def lose(self, seconds: float) -> None:
-        """Cycles were lost [s]: targets with a time are late by that."""
+        """Note that cycles were lost [s]: targets with a time are late by that."""
         with self._lock:
             if self._timed is not None:
                 self._timed.lose(seconds)
@@ -188,7 +189,7 @@ class Setpoints:
             self._braking = True
 
     def step(self) -> np.ndarray:
-        """Joint values (J,) for the next cycle."""
+        """Advance by a cycle; return the joint values (J,) to command."""
         with self._lock:
             wanted = self._command
             if self._path is not None:

@@ -1,9 +1,10 @@
 """Driver of UR robots over RTDE; ur_rtde commands in a process, because it can hang and crash.
 
-May import: driver base, transducers; ``control_worker`` imports the standard library only.
-Never: ur_rtde outside ``control_worker``, or the emulator's codec.
+Free: the inside of a file; tests/hardware/test_rtde_*.py and test_doctor.py speak.
+Others rely on: the driver's name ``rtde``, the fields of `RtdeOptions` (flags), `doctor` (cli).
+Never: ur_rtde outside ``control_worker``, which imports the standard library only; the emulator's
+codec.
 Read first: ``driver.py``, then ``connection.py``, ``states.py`` and ``control_worker.py``.
-Used by: the registry, by the driver's name ``rtde``; cli, for its doctor.
 """
 
 from wrenchbed.hardware.drivers.rtde.connection import RtdeOptions

@@ -158,7 +158,7 @@ class ControlProcess:
         return self._wire.send({"do": do} | more)
 
     def ask(self, do: str, timeout: float, **more: Any) -> str:
-        """Send a command; empty when it was done, else the reason.
+        """Send a command and wait for its answer: empty when it was done, else the reason.
 
         Raises:
             LinkError: the worker is gone or did not answer in time [s].
@@ -205,7 +205,7 @@ class ControlProcess:
             self._wire.close()
 
     def _drain(self) -> None:
-        """Take in what the process sent; the last eight answers are kept."""
+        """Read the messages that the process sent; the last eight answers are kept."""
         with self._lock, contextlib.suppress(Closed):
             while (message := self._wire.receive(0.0)) is not None:
                 why = str(message.get("why", ""))
@@ -231,7 +231,8 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class Links:
-    """Shared memory, heartbeat and stream of states of one robot; starts control processes."""
+    """Holds shared memory, heartbeat and stream of states of one robot; starts control
+    processes."""
 
     def __init__(self, options: RtdeOptions) -> None:
         self.shared = SharedNumbers.create()
@@ -290,7 +291,7 @@ class Links:
             self.open_state()
 
     def open_control(self) -> ControlProcess:
-        """A process that controls the robot, with the robot's watchdog on.
+        """Start a process that controls the robot, with the robot's watchdog on.
 
         Raises:
             StoppedError: the robot does not take a program.
@@ -330,7 +331,7 @@ class Links:
         self.shared.put("state", state.t)
 
     def _beat(self) -> None:
-        """The driver's heartbeat; without it the control process stops the robot."""
+        """Write the driver's heartbeat; without it the control process stops the robot."""
         while not self._closed.wait(PERIOD_S):
             self.shared.beat("driver")
 

@@ -109,7 +109,7 @@ class MessageChannel:
         return dict(json.loads(raw))
 
     def close(self) -> None:
-        """Release it; may be called twice."""
+        """Close this end; may be called twice."""
         self._end.close()
 
 
@@ -133,7 +133,7 @@ class SharedNumbers:
         return cls(descriptor)
 
     def close(self) -> None:
-        """Release it; may be called twice."""
+        """Release this process's view of the memory; may be called twice."""
         if self.descriptor >= 0:
             self._numbers.release()
             self._memory.close()
@@ -159,7 +159,8 @@ class SharedNumbers:
 
 
 def printed(lost: Callable[[str], None]) -> deque[str]:
-    """The last lines that the library printed in this process; one that reports a loss calls."""
+    """Collect the last lines that the library prints in this process; call ``lost`` with one that
+    reports a lost connection."""
     last: deque[str] = deque(maxlen=8)
     out, into = os.pipe()
     for standard in (1, 2):
@@ -178,7 +179,7 @@ def printed(lost: Callable[[str], None]) -> deque[str]:
 
 
 class TargetStream:
-    """Streamed targets that wait for their time, so that each reaches the robot in its own cycle.
+    """Holds streamed targets until their time, so that each reaches the robot in its own cycle.
 
     Where targets are as far apart as states, a period [s], their times are shifted slowly until
     they lie between two states. Clocks that drift apart would otherwise put two targets into one
@@ -192,7 +193,7 @@ class TargetStream:
 
     @property
     def due(self) -> float:
-        """When the next target is due (`time.monotonic`, [s]); never, if none waits."""
+        """Time at which the next target is due (`time.monotonic`, [s]); infinite if none waits."""
         return self._waiting[0][0] + self._shift if self._waiting else math.inf
 
     def add(self, q: list[float], at: float) -> None:
@@ -225,7 +226,7 @@ class TargetStream:
 
 
 class Control:
-    """Obeys the driver; all calls of ur_rtde are made in the thread of `serve`."""
+    """Executes the driver's commands; all calls of ur_rtde are made in the thread of `serve`."""
 
     def __init__(
         self, robot: Any, shared: SharedNumbers, wire: MessageChannel, hz: float, period: float
@@ -237,7 +238,8 @@ class Control:
         self._began, self._hard = 0.0, False
 
     def serve(self) -> None:
-        """Obey and kick until ``quit``; stop the robot when the driver is gone."""
+        """Execute commands and kick the watchdog until ``quit``; stop the robot when the driver is
+        gone."""
         try:
             while self._alive():
                 self._kick()
@@ -252,7 +254,8 @@ class Control:
         os._exit(0)
 
     def mind(self) -> None:
-        """End this process when the driver is gone and `serve` hangs in a call."""
+        """Watch the driver in a thread; end this process if the driver is gone while `serve` hangs
+        in a call."""
         while self._shared.silence("driver") < DRIVER_SILENT_S:
             time.sleep(_MIND_S)
         time.sleep(_STUCK_S)
@@ -281,18 +284,18 @@ class Control:
         return idle - _TICK_S
 
     def _release(self) -> None:
-        """Send the newest target that is due."""
+        """Send the newest due target to the robot."""
         q = self._stream.take(time.monotonic(), self._shared.get("state"))
         if q is not None and (why := self._servo(q)):
             self._wire.send({"event": "unsent", "why": why})
 
     def _blind(self) -> bool:
-        """Whether the robot moves and no recent state shows where."""
+        """Whether the robot moves while no recent state shows where it is."""
         silent = self._shared.silence("state") > BLIND_S
         return silent and (self._servoing or self._under_way())
 
     def _ended(self) -> None:
-        """The program on the robot does not run any more."""
+        """Note, and report to the driver, that the program on the robot does not run any more."""
         self._stream.clear()
         self._playing = self._servoing = self._moving = False
         self._wire.send({"event": "ended"})
@@ -311,7 +314,7 @@ class Control:
         self._wire.send({"id": message["id"], "why": why})
 
     def _servo(self, q: list[float]) -> str:
-        """Stream one target; the reason if it is refused."""
+        """Stream one target; return the reason if it is refused, else ""."""
         if not self._playing:
             return _OVER
         if not sound(q):
@@ -326,7 +329,8 @@ class Control:
         return ""
 
     def _move(self, message: Message) -> str:
-        """Start a move after any other motion has come to rest; the reason if it is refused."""
+        """Start a move once any other motion has come to rest; return the reason if it is refused,
+        else ""."""
         q, speed, acceleration = message["q"], message["speed"], message["acceleration"]
         if not sound(q) or not math.isfinite(speed + acceleration):
             return "a goal must be 6 finite angles"
@@ -361,7 +365,7 @@ class Control:
             self._moving, self._hard, self._began = True, hard, time.monotonic()
 
     def _under_way(self) -> bool:
-        """Whether a move or its stop goes on."""
+        """Whether a move, or the stop of one, is under way."""
         if not self._moving or time.monotonic() - self._began < _BEGINS_S:
             return self._moving
         if not self._robot.getAsyncOperationProgressEx().isAsyncOperationRunning():
@@ -369,7 +373,8 @@ class Control:
         return self._moving
 
     def _rest(self, within: float = _REST_S) -> bool:
-        """Kick until the joints rest and no operation runs; False if they do not in time [s]."""
+        """Kick the watchdog until the joints rest and no operation runs; False if they do not in
+        time [s]."""
         end = time.monotonic() + within
         while time.monotonic() < end and self._alive() and self._playing:
             self._kick()
@@ -389,7 +394,8 @@ def sound(q: object) -> bool:
 
 
 def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) -> None:
-    """Take control, report it, and obey until ``quit`` or until the driver is gone."""
+    """Take control of the robot, report that to the driver, and obey until ``quit`` or until the
+    driver is gone."""
 
     def end(event: str, why: str, code: int) -> None:
         wire.send({"event": event, "why": why})
@@ -413,7 +419,7 @@ def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) 
 
 
 def main(argument: str) -> None:
-    """Run as a process of its own, with the setting as JSON."""
+    """Run this file as a process, with the setting as JSON."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(OSError):  # where the system allows it
         os.setpriority(os.PRIO_PROCESS, 0, _PRIORITY)

@@ -73,7 +73,7 @@ def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
 
 
 def _line(name: str, fine: bool, text: str, remedy: str, grade: Grade = "note") -> Line:
-    """A line that is ok, or has a grade and a remedy."""
+    """Result of one check: ok if ``fine``, else of a grade and with a remedy."""
     return Line(name, "ok", text) if fine else Line(name, grade, text, remedy)
 
 
@@ -153,8 +153,8 @@ def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
 def _stream(
     times: Sequence[tuple[float, float]], least: float, what: str, *, clocked: bool
 ) -> Iterator[Line]:
-    """Rate, gaps and clock of a stream of (arrival, device clock or NaN) [s]; it needs a least rate
-    [Hz], and if ``clocked``, a clock."""
+    """Check rate, gaps and clock of a stream of (arrival, device clock or NaN) [s], which needs a
+    least rate [Hz] and, if ``clocked``, a clock."""
     at, clock = np.transpose(times) if len(times) > 2 else (np.zeros(2), np.zeros(2))
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf

@@ -63,15 +63,16 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
 
 
 class Followed:
-    """Whether the controller's own targets follow those that were sent: ur_rtde confirms targets
-    that it drops."""
+    """Checks that the controller's own targets follow those that were sent: ur_rtde confirms
+    targets that it drops."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._count = 0
 
     def add(self, t: float, sent: np.ndarray, target: np.ndarray) -> str:
-        """Add a sent target (J,) and the controller's (J,); a reason if it does not follow."""
+        """Compare a sent target (J,) with the controller's (J,); return the reason if it does not
+        follow, else ""."""
         pairs = self._pairs
         if pairs and t - pairs[-1][0] > _LAG_S:  # a stream begins anew
             pairs.clear()

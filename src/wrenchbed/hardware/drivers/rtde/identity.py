@@ -63,7 +63,7 @@ def settings(host: str) -> dict[str, Any]:
 
 
 def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
-    """The outputs that a controller sent by the names of a recording, modes in words."""
+    """Outputs of a controller renamed as in a recording's metadata, with modes as texts."""
     values: dict[str, Any] = {
         name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
     }
@@ -121,10 +121,10 @@ def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange:
 
 
 class Flange:
-    """Where the controller's TCP is in the flange of the nominal robot, looked at twice a second.
+    """Tracks where the controller's TCP is in the flange of the nominal robot, twice a second.
 
-    RTDE does not report the TCP's offset. It must stay where it was while joints move; where it
-    does not, the arm has other lengths than the robot, or its TCP was changed.
+    RTDE does not report the TCP's offset. It must stay constant while joints move; where it does
+    not, the arm has other lengths than the robot, or its TCP was changed.
 
     Attributes:
         at_tcp: whether the TCP counts as the flange.

@@ -69,7 +69,7 @@ class OwnWrench(Transducer):
 
 
 def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
-    """The sensor that an option names.
+    """Make the transducer that the option ``sensor`` names.
 
     Raises:
         ParameterError: it names none.
@@ -84,7 +84,7 @@ def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
 
 
 def reading(state: Snapshot, robot: Robot) -> WrenchSample:
-    """The robot's own wrench of a state; the sensor's pose is that of the nominal robot."""
+    """Convert a state's own wrench to a sample in the axes of the nominal robot's sensor."""
     wrench = np.array(state.raw)
     if not np.isfinite(wrench).all():
         rotations, origins = robot.sensor_pose(np.array([state.q]), robot.parameters.nominal)
@@ -98,8 +98,8 @@ def reading(state: Snapshot, robot: Robot) -> WrenchSample:
 
 
 def facts(state: Snapshot, controller: Mapping[str, Any]) -> Mapping[str, Any]:
-    """How the controller states its wrench, before the change to the sensor's axes; a payload among
-    its settings is what a compensated wrench lacks."""
+    """Metadata of a recording: how the controller states its wrench, before the change to the
+    sensor's axes; a payload among its settings is what a compensated wrench lacks."""
     if np.isfinite(state.raw).all():
         raw = {"source": "ft_raw_wrench", "frame": "flange", "reference": "flange"}
         return raw | {"compensated": False}

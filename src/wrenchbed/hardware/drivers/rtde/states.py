@@ -160,7 +160,8 @@ class Outputs:
         self.close()
 
     def _ask(self, kind: int, body: bytes, end: float) -> bytes:
-        """The answer to a request; texts before it are skipped."""
+        """Send a request to the controller and return the content of its answer, by ``end`` [s];
+        text messages that arrive before it are skipped."""
         try:
             self._link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
         except OSError as error:
@@ -247,7 +248,7 @@ class Snapshot(NamedTuple):
     back: float = 0.0
 
     def followed_by(self, new: "Snapshot", period: float) -> "Snapshot":
-        """The state after a new one was judged and counted; states come a period [s] apart."""
+        """Judge and count the next state ``new``; states come a period [s] apart."""
         wrong = implausible(new, self)
         if wrong:
             return self._replace(bad=self.bad + 1, wrong=wrong)

@@ -1,4 +1,5 @@
-"""A UR robot in words, with remedies; and its dashboard server's commands: power, brakes, stops.
+"""State of a UR robot as texts with remedies; and its dashboard server's commands: power, brakes,
+stops.
 
 A protective stop only pauses the program; playing it again would continue the interrupted move. So
 the program is stopped instead, and the next `activate` sends a new one. Sources: Universal Robots,
@@ -146,7 +147,7 @@ def judge(
 
 
 def request(host: str, command: str, timeout: float = 1.0) -> str:
-    """The answer to one command.
+    """Send one command to the dashboard; return its answer.
 
     Raises:
         LinkError: none came in time [s].
@@ -163,7 +164,7 @@ def request(host: str, command: str, timeout: float = 1.0) -> str:
 
 
 def _line(link: socket.socket, end: float) -> bytes:
-    """The next line, complete by ``end`` (`time.monotonic`, [s])."""
+    """Receive the next line, complete by ``end`` (`time.monotonic`, [s])."""
     line = b""
     while not line.endswith(b"\n"):
         link.settimeout(max(end - time.monotonic(), 1e-3))
@@ -177,7 +178,7 @@ def _line(link: socket.socket, end: float) -> bytes:
 
 
 def _done(host: str, command: str, done: Callable[[], bool], seconds: float, trouble: str) -> None:
-    """Send a command and wait until it is done [s]; else raise with the trouble."""
+    """Send a command and wait, at most ``seconds``, until ``done``; else raise with ``trouble``."""
     answer = request(host, command)
     if not wait_until(done, seconds):
         raise StoppedError(f"{trouble}, the dashboard says {answer!r}")
@@ -223,7 +224,7 @@ def switch_on(host: str, look: Look) -> None:
 
 
 def halt(host: str, timeout: float) -> str:
-    """Stop the program; empty when the dashboard confirms it, else the reason."""
+    """Stop the program; return "" when the dashboard confirms it, else the reason."""
     try:
         answer = request(host, "stop", timeout)
     except LinkError as error:

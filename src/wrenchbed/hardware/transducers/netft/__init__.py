@@ -1,9 +1,9 @@
 """Transducer for ATI Net F/T: RDT over UDP, scaled by the box's web page.
 
-May import: transducer base, ``hardware.device``, registry, physics, errors; no other transducer.
+Free: the inside of a file; tests/hardware/test_netft_parsers.py and test_netft_transducer.py speak.
+Others rely on: the name ``netft`` and its address `FORM`; `rdt` and `get_any` (the UR doctor).
 Never: the emulator's codec; both sides are written from the manual.
 Read first: ``transducer.py`` (its web page too), then ``rdt.py``.
-Used by: the registry, by the transducer's name ``netft``.
 """
 
 from wrenchbed.hardware.transducers.netft.transducer import NetftOptions, NetftTransducer

@@ -66,7 +66,8 @@ _NO_ERROR = SATURATED | 1 << 16 | 1 << 1
 
 
 def faults(status: int) -> tuple[str, ...]:
-    """Meaning of a status word; the summary bit only where no other bit is set."""
+    """Texts of the faults in a status word; the summary bit counts only where no other bit is
+    set."""
     words = tuple(word for bit, word in _WORDS.items() if status >> bit & 1)
     unknown = status & ~_ANY & ~sum(1 << bit for bit in _WORDS)
     if unknown:
@@ -93,7 +94,7 @@ def decode(data: bytes) -> np.ndarray:
 
 
 def signed(difference: int) -> int:
-    """A difference of 32-bit counters, −2³¹ … 2³¹ − 1."""
+    """Difference of two 32-bit counters as a signed number, −2³¹ … 2³¹ − 1."""
     return (difference + 2**31) % 2**32 - 2**31
 
 
@@ -119,7 +120,7 @@ class Tracker:
         self._jump: tuple[int, int] | None = None
 
     def asked(self) -> None:
-        """A new request was sent: the stream may begin again at 1."""
+        """Note that a new request was sent: the stream may begin again at 1."""
         self._asked = True
 
     def take(self, records: np.ndarray) -> np.ndarray:
@@ -153,7 +154,8 @@ class Tracker:
         return True
 
     def _begin(self, pair: tuple[int, int]) -> None:
-        """The stream goes on elsewhere; the device's own clock tells what was lost between."""
+        """Continue at another place of the stream; the device's own clock tells what was lost
+        between."""
         if self._begun:
             samples = signed(pair[1] - self.last[1])
             if samples > 0:
@@ -165,7 +167,8 @@ class Tracker:
 
 
 class DeviceClock:
-    """A device's clock: a 32-bit counter over its rate [Hz], unwrapped, against this machine's."""
+    """Unwraps a device's clock, a 32-bit counter over its rate [Hz], and fits it to this
+    machine's."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
@@ -206,7 +209,7 @@ class Received:
 
 
 class Receiver:
-    """Takes the records of one box.
+    """Receives the records of one box in a thread.
 
     Args:
         box: address of its RDT.
@@ -282,7 +285,8 @@ class Receiver:
             time.sleep(_PAUSE_S)
 
     def _drain(self) -> int:
-        """Fill the buffer with all that arrived; number of bytes of complete records."""
+        """Fill the buffer with all datagrams that arrived; return the number of bytes of complete
+        records."""
         view, used = memoryview(self._buffer), 0
         while used < _ROOM - LARGEST - 1:
             try:
@@ -320,7 +324,7 @@ class Receiver:
 
 
 def _socket(box: tuple[str, int]) -> socket.socket:
-    """A socket that listens only at the address of this machine that faces the box."""
+    """Open a socket that listens only at the address of this machine that faces the box."""
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.connect(box)

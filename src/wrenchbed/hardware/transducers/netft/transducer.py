@@ -73,7 +73,7 @@ and relative drift of the clock, `_PPM`."""
 
 
 def get(host: str, port: int, target: str) -> bytes:
-    """Content of a page.
+    """Fetch a page from a box's web server.
 
     Raises:
         LinkError: nobody listens, or nothing complete came in time.
@@ -223,7 +223,7 @@ class NetftOptions:
 
 
 class NetftTransducer(Transducer):
-    """Reads the newest record, however fast the box sends.
+    """Reads the newest record of a Net F/T box, however fast the box sends.
 
     A box that was switched off and on has lost its zero: the bias id changes then.
     """
@@ -373,7 +373,7 @@ class NetftTransducer(Transducer):
 
 
 def at_address(address: str) -> NetftTransducer:
-    """The box that an address of `FORM` names; closed.
+    """Make a closed transducer for the box at an address of `FORM`.
 
     Raises:
         ParameterError: it names none.
