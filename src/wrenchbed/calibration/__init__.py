@@ -1,7 +1,7 @@
 """Weighted least squares for a robot's parameters, and what the data can identify.
-May import: simulation (closed form), robots, sensors, data, physics, pages (numbers).
+Read first: `calibrate`; then `fit_problem` (what is fitted), `weighting` (with which weights).
+Free: search, weights, thresholds; tests/calibration and `scripts/corruptions` judge them.
+Others rely on: fit.json, reasons of `checks`, and `Observations`, on which the learnt probabilities
+of a diagnosis rest.
 Never: MuJoCo, effects or a diagnosis; a fit to its own simulation proves nothing.
-Read first: `calibrate`; then `problem` (what is fitted) and `weighting` (with which weights).
-Used by: benchmark, campaigns, cli, diagnosis, drives, environments, monitoring, planning,
-reports, studies.
 """

@@ -1,4 +1,4 @@
-"""From the covariance of parameters to the position error of the tool where it matters."""
+"""Position error of the tool, where it matters, from the covariance of parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,14 +40,14 @@ def tip_jacobian(
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Poses at which the tool must be accurate, as the derivative (T, 3, K) of its position [m] by
-    the parameters."""
+    """Derivatives (T, 3, K) of the tool's position [m] by the parameters, at the T poses that
+    matter."""
 
     sensitivity: np.ndarray
 
     @property
     def weight(self) -> np.ndarray:
-        """mean GᵀG (K, K): trace(weight · covariance) is the mean square error [m²]."""
+        """Mean GᵀG (K, K): trace(weight · covariance) is the mean square position error [m²]."""
         flat = self.sensitivity.reshape(-1, self.sensitivity.shape[-1])
         return flat.T @ flat / len(self.sensitivity)
 
@@ -60,7 +60,7 @@ class Goal:
         return np.linalg.norm(np.einsum("tik,...k->...ti", self.sensitivity, deviation), axis=-1)
 
     def quantile(self, covariance: np.ndarray, share: float) -> float:
-        """Value [m] below which the rms over the target of one robot stays with probability
+        """Error [m] below which one robot's rms over the target stays with probability
         ``share``."""
         half = np.linalg.cholesky(
             self.weight + 1e-15 * np.trace(self.weight) * np.eye(len(covariance))

@@ -50,7 +50,7 @@ _NOISE = {"repeats": "the noise of the repeats", "stated": "the stated noise"}
 
 @dataclass(frozen=True)
 class IdentifiedLoad:
-    """mass [kg], cog (3,) [m] in sensor axes from its origin, bias (6,) [N, N·m]."""
+    """Fitted mass [kg], cog (3,) [m] in sensor axes from its origin, bias (6,) [N, N·m]."""
 
     mass: float
     cog: np.ndarray
@@ -121,7 +121,7 @@ def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> l
 def initial_values(
     model: Model, theta: np.ndarray, data: Observations, free: tuple[int, ...]
 ) -> np.ndarray:
-    """The linear solution for mass, CoG and bias, as far as these are free.
+    """Start values of the free parameters (K,), with the linear solution for mass, CoG and bias.
 
     Raises:
         CalibrationError: one orientation only, or a wrench of opposite sign.
@@ -147,8 +147,8 @@ def initial_values(
 def _rotated_mount(
     model: Model, theta: np.ndarray, data: Observations, g: np.ndarray, mass: float
 ) -> np.ndarray:
-    """The sensor's mount rotated to where forces and gravity agree best; reflections are
-    refused."""
+    """Parameters (P,) with the mount's rotation that best aligns forces with gravity; not for
+    mirrors."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     turn = best_turn(g, data.wrench[:, :3])
@@ -163,7 +163,7 @@ def _rotated_mount(
 
 
 def check_mass(mass: float) -> None:
-    """Refuse a tool that would weigh nothing or less.
+    """Raise if a fitted mass is not above 0.
 
     Raises:
         CalibrationError: the wrench or the gravity has the opposite sign.
@@ -196,7 +196,7 @@ class CalibrationOptions:
 
 
 def _without_unknown_joints(recording: Recording) -> Recording:
-    """An unknown robot's joints mean nothing here; its sensor's orientation does."""
+    """Recording without joints if the robot is not known: the sensor's orientation remains."""
     known = registry.is_known("robots", recording.metadata.robot)
     if known or not recording.joints or QUATERNION[0] not in recording.columns:
         return recording
@@ -236,7 +236,7 @@ def calibrate(
 def _checked(
     recording: Recording, options: CalibrationOptions, touches: Touches | None
 ) -> tuple[Problem, Finding | None]:
-    """Fit problem of a recording that passed the checks, and what these found."""
+    """Fit problem of a recording, and what the checks object to without refusing it."""
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
     if POINT[0] in recording.columns:
@@ -285,7 +285,7 @@ def _checked(
 
 
 def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
-    """Residual of a fit on the recording that it was fitted to.
+    """Residual of a fit on the recording that was fitted.
 
     Returns:
         The observations, and measured minus fitted of each (M, 6) [N, N·m].
@@ -299,7 +299,7 @@ def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
 def _refuted(
     problem: Problem, outcome: Outcome, finding: Finding | None, fault: Fault | None
 ) -> str | None:
-    """Why the values are not to be used; None if they may be."""
+    """Sentence on why the fitted values must not be used; None if they may be."""
     solution = outcome.solution
     if finding is not None and finding.reason not in GENERAL:
         return finding.sentence
@@ -449,7 +449,7 @@ def _status(
 
 
 def _unlike_stated(stated: ToolInfo, mass: float, cog: np.ndarray) -> Iterator[str]:
-    """What of a fitted tool [kg, m] is far from what the recording states."""
+    """Sentences on a fitted mass [kg] and CoG (3,) [m] that differ much from the stated ones."""
     if stated.mass is not None and abs(mass / stated.mass - 1.0) > _OTHER_MASS:
         yield f"{stated.mass:.4g} kg is stated, the load is another"
     away = cog - np.asarray(cog if stated.cog is None else stated.cog)

@@ -1,8 +1,7 @@
-"""A wrench from which a controller subtracted its payload's weight gets that weight back.
+"""Adds a payload's weight back to a wrench from which a controller had subtracted it.
 
-Metadata ``wrench`` say what was subtracted: ``compensated``, and ``payload`` with ``mass`` [kg] and
-``cog`` (3,) in flange axes [m]. What remains of the tool is not the tool: without the payload its
-mass comes out as nearly nothing.
+Metadata ``wrench`` state what was subtracted: ``compensated``, and ``payload`` with ``mass`` [kg]
+and ``cog`` (3,) in flange axes [m]. Fitted without it, the tool would weigh nearly nothing.
 """
 
 from collections.abc import Mapping
@@ -22,11 +21,11 @@ _REMEDY = "record with payload 0, or with a Net F/T box (--sensor netft://HOST)"
 
 
 def restored(recording: Recording) -> Recording:
-    """The recording with all of the load in its wrench, by the nominal robot; itself where nothing
-    was subtracted.
+    """Recording whose wrench holds the whole load, by the nominal robot; unchanged if nothing was
+    subtracted.
 
     Raises:
-        CalibrationError: what was subtracted is not known, or the robot moved.
+        CalibrationError: the subtracted payload is unknown, or the robot moved.
     """
     notes = recording.metadata.extra.get(_WRENCH)
     if not isinstance(notes, Mapping) or not notes.get("compensated") or notes.get(_RESTORED):

@@ -1,4 +1,4 @@
-"""The result of a calibration: values with uncertainty, residuals, and what it could not tell."""
+"""Result of a calibration: values with uncertainty, residuals, and what was not identifiable."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,8 +22,8 @@ class IdentifiedValue:
     """Value of one identified parameter, with its uncertainty.
 
     Attributes:
-        value, nominal: [unit]; nominal is where the fit started from.
-        std: standard uncertainty [unit], None if this data fixes only a combination of it.
+        value, nominal: [unit]; nominal is the fit's start.
+        std: standard uncertainty [unit], None if the data determine only a combination of it.
         interval95: half width of the 95 % interval [unit], Student's t.
     """
 
@@ -37,15 +37,15 @@ class IdentifiedValue:
 
 @dataclass(frozen=True)
 class FitNoise:
-    """Noise as the data show it, per channel (6,) [N, N·m].
+    """Noise by channel (6,) [N, N·m], as used by the fit.
 
     Attributes:
         row: standard deviation of one row, from ``source``.
         source: ``repeats``, ``stated`` or ``residual``.
-        expected: of the mean of one hold if its rows were independent.
-        scatter: of the hold means about the fit, found.
-        effective: independent rows that all rows are worth (6,).
-        rows: rows that one hold has, on average.
+        expected: standard deviation of a hold's mean if its rows are independent.
+        scatter: standard deviation of the holds' means about the fit.
+        effective: number of independent rows with as much information as all rows (6,).
+        rows: mean number of rows in a hold.
         inflated: whether the uncertainties were widened from ``expected`` to ``scatter``.
     """
 
@@ -59,7 +59,7 @@ class FitNoise:
 
 
 class WrittenFit(ABC):
-    """What every fit can do: give a parameter by its name, and write itself."""
+    """Base of all fits: values by name, and a JSON file."""
 
     identified: tuple[IdentifiedValue, ...]
 
@@ -80,9 +80,9 @@ class Fit(WrittenFit):
     """Result of a calibration: identified parameters, noise and residual.
 
     Attributes:
-        status: one sentence: converged or not, and how far to trust it.
+        status: sentence: converged or not, and how far to trust the values.
         identified: the free parameters.
-        theta: all parameters by name, fitted or held.
+        theta: all parameters by name, fitted or not.
         gravity: under which they were fitted, world axes (3,) [m/s²].
         tool: the load in the contract's terms: mass [kg], cog (3,) [m] in sensor axes.
         covariance: of the free parameters (K, K), minimum-norm where they are redundant.
@@ -90,8 +90,8 @@ class Fit(WrittenFit):
         observability: rank and null directions of the robot's candidates.
         target_rms: expected position error of the tool in the robot's target workspace [m], rms;
             only with a prior, which bounds what the data cannot tell, and touches that agree.
-        touches: how they agree with the rest, if there were any.
-        refuted: why the data refute these values, which were wanted all the same; else None.
+        touches: agreement of the touches with the other data; None without touches.
+        refuted: why the data refute values that were asked for nevertheless; else None.
     """
 
     recording: str
@@ -163,12 +163,12 @@ def identified_values(
     names: Iterable[tuple[str, str]], values: np.ndarray, std: np.ndarray, nominal: np.ndarray,
     determined: np.ndarray, wide: float,
 ) -> tuple[IdentifiedValue, ...]:  # fmt: skip
-    """Parameters of a fit, those that the data do not determine without an uncertainty.
+    """Values with uncertainties; without one where the data do not determine them.
 
     Args:
-        names: with units, of the K parameters.
+        names: (name, unit) of the K parameters.
         values, std, nominal: (K,).
-        determined: by the data (K,), boolean.
+        determined: whether the data determine each (K,), boolean.
         wide: half width of a 95 % interval in standard uncertainties.
     """
     return tuple(
@@ -183,7 +183,7 @@ def identified_values(
 
 
 def head(recording: str, robot: str, status: str, refuted: str | None) -> dict[str, Any]:
-    """First entries of every fit's JSON file, and a robot that a user described."""
+    """First entries of every fit's JSON file, with the description of a user's robot."""
     named = {"format": FORMAT, "recording": recording, "robot": robot, "status": status}
     said = {} if refuted is None else {"refuted": refuted}
     return named | said | carried_robot(robot)

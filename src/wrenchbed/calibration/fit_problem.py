@@ -1,4 +1,4 @@
-"""A least-squares fit of a model to observations, for any whitening and loss."""
+"""A least-squares problem: model, observations, free parameters, any whitening and loss."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,10 +24,10 @@ Whitening = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A fit of the parameters at ``free``, beginning at ``theta`` (P,).
+    """Fit of the parameters at indices ``free``, starting from ``theta`` (P,).
 
-    With a prior, each free parameter is drawn to ``centre`` (K,) within its tolerance. Touches, if
-    there are any, add the tool's position to the wrenches.
+    With a prior, each free parameter has the mean ``centre`` (K,) and its tolerance as standard
+    deviation. Touches add the tool's position to the wrenches.
     """
 
     model: Model
@@ -43,7 +43,7 @@ class Problem:
     def _once(
         self, what: str, x: np.ndarray, make: Callable[[np.ndarray], np.ndarray], near: float = 0.0
     ) -> np.ndarray:
-        """Cached result of ``make`` at x, valid within ``near`` tolerances of the cached x."""
+        """Cached result of ``make`` at x, reused within ``near`` tolerances of its x."""
         known = self._last.get(what)
         if known is None or np.abs((known[0] - x) / self.scale).max(initial=0.0) > near:
             known = self._last[what] = (x.copy(), make(x))
@@ -92,7 +92,7 @@ class Problem:
         return np.asarray((_MAD * np.median(np.abs(r), axis=0)) ** 2 * len(r) / self.dof)
 
     def solve(self, whiten: Whitening, start: np.ndarray) -> Solution:
-        """The weighted fit; with a robust loss, reweighted until outliers have little weight."""
+        """Weighted fit from ``start`` (K,); with a robust loss, reweighted against outliers."""
         weight = np.ones((len(self.data), 6))
         solution = self._solve(whiten, start, weight)
         for _ in range(_ROBUST_STEPS if self.loss != "linear" else 0):
@@ -128,7 +128,7 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A fit, the covariance (K, K) of its parameters, its degrees of freedom and its noise."""
+    """A fit, with the covariance (K, K) of its parameters, its degrees of freedom and its noise."""
 
     solution: Solution
     covariance: np.ndarray

@@ -1,4 +1,4 @@
-"""A fit in words and numbers for people: one object for the terminal and for pages."""
+"""Text and rounded numbers of a fit, the same for terminal and pages."""
 
 from dataclasses import dataclass
 
@@ -17,11 +17,11 @@ UNKNOWN = "in sum only"
 
 @dataclass(frozen=True)
 class ParameterWords:
-    """One parameter in units of people, with as many digits as its uncertainty deserves.
+    """One parameter as text: common units, and as many digits as its uncertainty justifies.
 
     Attributes:
-        start: where the fit began.
-        interval: its 95 % interval, empty where the data fix only a combination of it.
+        start: value at which the fit started.
+        interval: 95 % interval, empty where the data determine only a combination.
         change: from ``start`` to ``value``, in the same unit.
     """
 
@@ -36,16 +36,16 @@ class ParameterWords:
 
 @dataclass(frozen=True)
 class FitWords:
-    """Text of a fit for people.
+    """Text of a fit.
 
     Attributes:
         data: robot and amount of data.
         residuals: label and numbers of the six channels, one line each.
-        limits: what this data cannot tell.
+        limits: sentences on what the data do not identify.
         pairs: the strongest correlations, the strongest first.
-        touches, position: of the touches and of the tool's position; empty where there are none.
+        touches, position: on the touches and the tool's position error; empty without them.
         status: convergence, and how far to trust the values.
-        refuted: why the data refute them, empty if they do not.
+        refuted: why the data refute the values, empty if they do not.
     """
 
     data: str
@@ -60,7 +60,7 @@ class FitWords:
 
     @property
     def sections(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Headings with their lines, those that have any; the status last."""
+        """Headings with their lines, without empty ones; the status last."""
         sections = (
             ("what this data cannot tell", self.limits),
             ("strongly correlated", self.pairs),
@@ -73,7 +73,7 @@ class FitWords:
 
 
 def fit_words(fit: Fit) -> FitWords:
-    """Text of a fit for people."""
+    """Make the text of a fit."""
     rows = f"{fit.rows} rows"
     amount = rows if fit.rows == fit.poses else f"{fit.poses} poses, {rows}"
     noise, seats = fit.noise, fit.touches
@@ -107,12 +107,12 @@ def fit_words(fit: Fit) -> FitWords:
 def parameter_words(
     name: str, value: float, std: float | None, half: float | None, start: float, unit: str
 ) -> ParameterWords:
-    """A parameter in units of people.
+    """Make the text of one parameter.
 
     Args:
-        value, std: [unit], std None if the data fix only a combination of it.
+        value, std: [unit], std None if the data determine only a combination of it.
         half: half width of the 95 % interval [unit].
-        start: where the fit began [unit].
+        start: value at which the fit started [unit].
     """
     shown, factor = HUMAN.get(unit, (unit, 1.0))
     value, start = factor * value, factor * start
@@ -133,7 +133,7 @@ def parameter_words(
 
 
 def worst_channel(fit: Fit) -> tuple[str, float]:
-    """Channel whose poses scatter most about the fit, and how many times what noise explains."""
+    """Channel whose poses scatter most about the fit, and that scatter over what noise explains."""
     times = fit.noise.scatter / np.maximum(fit.noise.expected, 1e-300)
     k = int(np.argmax(times))
     return CHANNELS[k], float(times[k])
@@ -153,7 +153,7 @@ def _limits(fit: Fit) -> tuple[str, ...]:
 
 
 def _pairs(fit: Fit) -> tuple[str, ...]:
-    """Pairs of parameters that the data barely tell apart."""
+    """Lines on pairs of parameters that are almost fully correlated."""
     known = [k for k, p in enumerate(fit.identified) if p.std is not None]
     correlations = [
         (float(fit.correlation[i, j]), fit.identified[i].name, fit.identified[j].name)

@@ -1,7 +1,7 @@
 """A sensor's noise from a recording at rest: white and 1/f part, correlation, mains, drift, step.
 
-What the robot adds at rest (vibration of its servos) cannot be told from the sensor: it is in the
-numbers, and lines that stand out are named.
+Vibration that the robot adds at rest cannot be separated from the sensor: it is in the figures, and
+spectral lines that stand out are named.
 """
 
 import math
@@ -45,11 +45,11 @@ _MOST_LINES = 6
 
 @dataclass(frozen=True, eq=False)
 class LearnedSensor:
-    """A sensor with the noise of a recording at rest.
+    """A sensor whose noise was fitted to a recording at rest.
 
     Attributes:
         sensor: the sensor; range, resolution, mass and plate offset are those of ``like``.
-        like: registry name of the sensor that gave them.
+        like: name of the sensor that these were taken from.
         rest: noise of the recording, with its uncertainties.
     """
 
@@ -125,7 +125,7 @@ def learn_sensor(
 
 
 def _within_range(rows: np.ndarray, base: Sensor, name: str) -> SensorCalibration:
-    """The default calibration, or the first one that can have read these rows."""
+    """Default calibration of a sensor, or the first one whose range contains these rows."""
     most = np.abs(rows).max(axis=0)
     for calibration in (base.calibration(), *base.calibrations):
         if (most < calibration.range).all():
@@ -158,13 +158,13 @@ class RestNoise:
     Attributes:
         rows, rate: of the recording; rate in [Hz].
         spectra: white and 1/f part of each channel, with uncertainties.
-        row_std: standard deviation of a row (6,), where the channels drift without the drift.
+        row_std: standard deviation of a row (6,), without the drift where one is significant.
         drift, drift_std: slope over the recording (6,) [1/s].
         mains, mains_std, mains_hz: amplitudes (6,) of the mains line, 0 where none stands out,
             their standard uncertainty, and its frequency [Hz].
         correlation, correlation_std: of the channels (6, 6), and its standard uncertainty.
-        lines: frequencies [Hz] at which a channel stands out beside the mains, strongest first;
-            they are counted as white noise.
+        lines: frequencies [Hz] of other lines that stand out in a channel, strongest first; they
+            count as white noise.
     """
 
     def __init__(self, rows: np.ndarray, clock: Clock) -> None:
@@ -193,7 +193,7 @@ class RestNoise:
         self.lines = self._lines()
 
     def _mains(self) -> None:
-        """Search one frequency near 50 Hz or 60 Hz, and the amplitude of each channel there."""
+        """Find one frequency near 50 Hz or 60 Hz, and each channel's amplitude there."""
         clock = self._clock
         best, self.mains_hz = 0.0, MAINS_HZ[0]
         self.mains, self.mains_std = np.zeros(6), np.full(6, np.nan)
@@ -247,17 +247,17 @@ class RestNoise:
 
 
 def _slope_std(fits: list[Spectrum], clock: Clock) -> np.ndarray:
-    """Standard uncertainty of the slopes (6,); 1/f noise that does not show may be there."""
+    """Standard uncertainty of the drifts (6,), with insignificant 1/f noise at its upper limit."""
     return np.array([clock.slope_std(s.white, s.flicker or s.flicker_most) for s in fits])
 
 
 def seen_mains(rate: float) -> tuple[float, ...]:
-    """Mains frequencies that rows at a rate [Hz] show where they are."""
+    """Mains frequencies [Hz] that rows at a rate [Hz] resolve without aliasing."""
     return tuple(f for f in MAINS_HZ if rate > _LEAST_RATE * f)
 
 
 def _near_mains(clock: Clock) -> np.ndarray:
-    """Frequencies (K,) near the mains and its multiples."""
+    """Whether each Fourier frequency (K,) is near the mains or a multiple of it, boolean."""
     f = clock.frequency
     width = max(0.5, 2.0 * clock.rate / clock.rows)
     near = np.zeros(len(f), dtype=bool)
@@ -292,7 +292,7 @@ def grid_step(rows: np.ndarray) -> float:
 
 
 def _refined(gaps: np.ndarray, step: float) -> float:
-    """A step fitted to gaps of growing length, so that long ones count the right number."""
+    """Grid step refitted to ever longer gaps, so that their multiples are counted right."""
     for count in (len(gaps) // 4, len(gaps) // 2, len(gaps)):
         some = gaps[: max(count, 1)]
         times = np.rint(some / step)

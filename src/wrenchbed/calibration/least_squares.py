@@ -1,7 +1,7 @@
 """Least squares in the identifiable subspace: Gauss–Newton with step halving.
 
-Each step has minimum norm in units of the parameters' tolerances, so what the data cannot identify
-keeps its initial value. Björck, Numerical Methods for Least Squares Problems (1996), Section 9.2.
+Each step has minimum norm in units of the parameters' tolerances, so unidentifiable directions keep
+their initial value. Björck, Numerical Methods for Least Squares Problems (1996), Section 9.2.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ HALVINGS = 30
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Result of the iteration.
+    """Result of `solve`.
 
     Attributes:
         x: parameters (K,).
@@ -86,7 +86,8 @@ def solve(
 def _halve(
     residual: Callable[[np.ndarray], np.ndarray], x: np.ndarray, r: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, bool, float]:
-    """The longest of step, step/2, … that does not raise the cost; and by what share it fell."""
+    """First of step, step/2, … that does not raise the cost: the new x, its residual, whether one
+    was found, and the share by which the cost fell."""
     cost = r @ r
     with np.errstate(all="ignore"):
         for _ in range(HALVINGS):

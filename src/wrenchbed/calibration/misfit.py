@@ -1,10 +1,10 @@
-"""Uncertainty that grows with misfit: what noise does not explain is explained by suspects.
+"""Uncertainty that grows with misfit: faults ("suspects") are fitted to what noise leaves.
 
 A gain of one channel makes the readings disagree with every rigid load, and yet moves the mass that
 fits best. So parameters and suspects are fitted together, each family of suspects with a size of
-its own, found by maximum marginal likelihood (MacKay 1992, doi 10.1162/neco.1992.4.3.415). What
-they do to each parameter is added to its uncertainty; a fit that a large fault moves is refused by
-the name of the fault that explains most by itself.
+its own by maximum marginal likelihood (MacKay 1992, doi 10.1162/neco.1992.4.3.415). What they move
+each parameter by is added to its uncertainty. A fit that a large fault moves is refused; the fault
+that explains most by itself is named.
 """
 
 from dataclasses import dataclass, replace
@@ -49,7 +49,7 @@ _ROUNDS = 30
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that explains the residual of a fit, in a sentence; whether it moves the values."""
+    """A large fault that explains a fit's residual, and whether it moves the values."""
 
     sentence: str
     moves: bool
@@ -57,13 +57,13 @@ class Fault:
 
 @dataclass(frozen=True, eq=False)
 class _Whitened:
-    """Parameters, suspects and residual in units of noise.
+    """Columns of parameters and suspects, and the residual, all in units of noise.
 
     Attributes:
-        A: derivatives by the parameters, in tolerances (n, K).
-        S: changes by the suspects at ordinary size (n, C).
+        A: derivatives by the parameters, per tolerance (n, K).
+        S: changes by the suspects of ordinary size (n, C).
         r: residual (n,).
-        worth: independent readings that the n are worth.
+        worth: number of independent readings among the n.
         rest: degrees of freedom of the noise.
     """
 
@@ -75,7 +75,7 @@ class _Whitened:
 
 
 def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | None]:
-    """The outcome with an uncertainty that holds what suspects could move, and a large fault."""
+    """Outcome with uncertainties widened by what suspects may move, and a large fault or None."""
     some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
     fit = _Rows(problem, outcome, some, list(suspects(problem, outcome.solution.x, some)))
     if _explained(fit):
@@ -113,7 +113,7 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
 
 
 def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
-    """Sentence on the faults that explain the residual best, and on what they move in the fit."""
+    """Sentence on the likeliest faults, their size if it is a zero, and what they move."""
     if names[0] == "a zero of the sensor":
         values = ", ".join(f"{v:.3g}" for v in size * CONSTANT)
         return (
@@ -129,7 +129,7 @@ def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """A fit beside suspects, in units of readings: columns of parameters, suspects and residual."""
+    """A fit with suspects as rows [parameters K, suspects C, residual 1]."""
 
     problem: Problem
     outcome: Outcome
@@ -138,7 +138,7 @@ class _Rows:
 
     @cached_property
     def wrenches(self) -> np.ndarray:
-        """Rows of the observed wrenches (M, 6, K + C + 1); parameters in tolerances."""
+        """Rows of the observed wrenches (M, 6, K + C + 1) [N, N·m]; parameters per tolerance."""
         problem, x = self.problem, self.outcome.solution.x
         slopes, changes = problem.jacobian(x)[self.some] * problem.scale, self.every
         residual = problem.residual(x)[self.some][..., None]
@@ -146,7 +146,7 @@ class _Rows:
 
     @cached_property
     def others(self) -> np.ndarray:
-        """Rows of touches and prior (R, K + C + 1), in units of their noise."""
+        """Rows of touches and prior (R, K + C + 1) in units of their noise."""
         problem, x, count = self.problem, self.outcome.solution.x, len(self.problem.free)
         blocks, columns = [], self.wrenches.shape[2] - count - 1
         touches, robot, theta = problem.touches, problem.model.robot, problem.at(x)
@@ -164,19 +164,19 @@ class _Rows:
 
     @cached_property
     def least(self) -> np.ndarray:
-        """Least noise of the observations (6,); inf of a channel that reads nothing."""
+        """Smallest noise of an observation to assume (6,); inf for a channel that reads nothing."""
         largest = np.abs(self.problem.data.wrench).max(axis=0)
         least = np.maximum(self.outcome.noise.expected, FINEST * largest)
         return np.where(least > 0.0, least, np.inf)
 
     def white(self, noise: np.ndarray) -> np.ndarray:
-        """All rows (n, K + C + 1) in units of a noise (6,)."""
+        """All rows (n, K + C + 1), wrenches divided by a noise (6,)."""
         wrenches = (self.wrenches / noise[:, None]).reshape(-1, self.wrenches.shape[2])
         return np.concatenate([wrenches, self.others])
 
 
 def _explained(fit: _Rows) -> bool:
-    """Whether noise that was known before explains the residual, and along every suspect."""
+    """Whether noise known before the fit explains the residual, also along each suspect."""
     noise = fit.outcome.noise
     if noise.source == "residual" or noise.inflated:
         return False
@@ -187,7 +187,7 @@ def _explained(fit: _Rows) -> bool:
 
 
 def _whitened(fit: _Rows) -> _Whitened | None:
-    """Parameters and suspects in units of the noise that all of them leave; None if too few."""
+    """Fit in units of the noise that parameters and suspects leave; None with too few readings."""
     least, motion = fit.least, isinstance(fit.problem.data.q, Jet)
     noise, count = np.maximum(fit.outcome.noise.scatter, least), 6 * len(fit.some)
     for _ in range(2):  # the second time by the noise that suspects leave
@@ -209,7 +209,7 @@ def _whitened(fit: _Rows) -> _Whitened | None:
 
 
 def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
-    """What all columns but the last leave of the last (n,), and their rank."""
+    """Residual (n,) of the last column after a fit of all others, and the rank of these."""
     length = np.linalg.norm(white[:, :-1], axis=0)
     columns = white[:, :-1] / np.where(length > 0.0, length, 1.0)
     values, basis = np.linalg.eigh(columns.T @ columns)
@@ -219,7 +219,7 @@ def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -> bool:
-    """Whether suspects explain more of the residual than they do of noise."""
+    """Whether suspects explain significantly more of the residual than of mere noise."""
     if _clear(seen.S, alone, residual) > CLEAR:
         return True
     rest, rank = _rest(np.column_stack([alone, residual]))
@@ -228,12 +228,12 @@ def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -
 
 
 def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
-    """Standard deviations by which one shape (n, C) explains the residual (n,), at most.
+    """Most standard deviations by which one suspect's shape explains the residual (n,).
 
     Args:
-        S: shapes of the suspects.
-        alone: what parameters leave of them; of less than a millionth only rounding is left.
-        residual: what parameters leave of the residual.
+        S: shapes of the suspects (n, C).
+        alone: S without what parameters explain; a millionth of S is rounding.
+        residual: residual without what parameters explain.
     """
     least = 1e-6 * np.linalg.norm(S, axis=0) + 1e-300
     length = np.maximum(np.linalg.norm(alone, axis=0), least)
@@ -241,11 +241,11 @@ def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
 
 
 def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.ndarray:
-    """Size of each column's family (C,) that makes the residual likeliest (MacKay's updates).
+    """Size of each column's family (C,) at maximum marginal likelihood (MacKay's updates).
 
     Args:
-        alone: changes by the suspects that no parameter takes up (n, C), in units of noise.
-        residual: what no parameter takes up (n,), in units of noise.
+        alone: changes by the suspects without what parameters explain (n, C), in units of noise.
+        residual: without what parameters explain (n,), in units of noise.
     """
     R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
@@ -261,8 +261,8 @@ def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.
 
 
 def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shift (K,) and spread (K,) [tolerances] of the fitted parameters if suspects beside them have
-    standard deviations ``size`` (S,)."""
+    """Shift (K,) and standard deviation (K,) [tolerances] of the parameters when fitted with
+    suspects of standard deviations ``size`` (C,)."""
     both = np.column_stack([seen.A, seen.S])
     k = seen.A.shape[1]
     precision = np.concatenate([np.full(k, 1e-12), 1.0 / size**2])
@@ -274,10 +274,10 @@ def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _likeliest(
     every: list[Suspect], seen: _Whitened, alone: np.ndarray, residual: np.ndarray
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Names of the suspects that explain the residual best by themselves.
+    """Suspects that best explain the residual, one at a time.
 
-    What k shapes explain counts less by k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of
-    suspects that explain it alike, those of fewest shapes are named.
+    k shapes cost k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of suspects that explain it
+    alike, those with the fewest shapes are named.
 
     Returns:
         The names, the sizes of the first one, and what each that explains it alike changes (n, L).

@@ -29,7 +29,7 @@ that follows the law has more once in 1,000 (8 octaves)."""
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """Rows at an even rate.
+    """Sampling of rows at an even rate, with the band of the 1/f part.
 
     Attributes:
         rate: [Hz].
@@ -43,7 +43,7 @@ class Clock:
 
     @cached_property
     def frequency(self) -> np.ndarray:
-        """Fourier frequencies (K,) [Hz] without zero and the end."""
+        """Fourier frequencies (K,) [Hz] between zero and the Nyquist frequency."""
         return np.arange(1, (self.rows + 1) // 2) * (self.rate / self.rows)
 
     @cached_property
@@ -72,8 +72,8 @@ class Clock:
         return np.asarray(2.0 / (self.rate * self.rows) * np.abs(spectrum) ** 2)
 
     def slope_std(self, white: float, flicker: float) -> float:
-        """Standard deviation [1/s] of the slope that least squares fits to these rows' noise: white
-        of a standard deviation, and 1/f of an amplitude."""
+        """Standard deviation [1/s] of a least-squares slope by white noise of one standard
+        deviation and 1/f noise of one amplitude."""
         t = (np.arange(self.rows) - (self.rows - 1) / 2.0) / self.rate
         weight = t / (t @ t)
         padded = rfft(weight, next_fast_len(2 * self.rows, real=True))
@@ -85,13 +85,13 @@ class Clock:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """White and 1/f part of one channel, with standard uncertainties; of rows, not of a step.
+    """White and 1/f part of one channel with standard uncertainties; without the resolution's step.
 
     Attributes:
         white, flicker: see `NoiseModel`.
-        flicker_std: of ``flicker``; NaN where it does not stand out and is 0.
+        flicker_std: of ``flicker``; NaN where that is insignificant and 0.
         flicker_most: its 95 % upper limit.
-        misfit: mean squared misfit of the octaves in their variances, 1 where the law holds.
+        misfit: mean squared misfit of the octaves over their variances, 1 if the model holds.
     """
 
     white: float
@@ -103,7 +103,7 @@ class Spectrum:
 
     @property
     def follows(self) -> bool:
-        """Whether white and 1/f noise explain the octaves' powers."""
+        """Whether white and 1/f noise explain the power in each octave."""
         return self.misfit <= _MISFIT
 
     def density(self, clock: Clock) -> np.ndarray:
@@ -112,10 +112,10 @@ class Spectrum:
 
 
 def fit(density: np.ndarray, keep: np.ndarray, clock: Clock) -> Spectrum:
-    """Fit a periodogram (K,) at the frequencies ``keep`` (K,).
+    """Fit white and 1/f noise to a periodogram (K,) at the frequencies ``keep`` (K,), boolean.
 
-    Where white and 1/f noise do not explain it (a vibrating arm), the 1/f part is that below
-    `BELOW_ARM_HZ`, and the white part the rest of the variance: the deviation of a row is kept.
+    Where these do not explain it (a vibrating arm), the 1/f part is fitted below `BELOW_ARM_HZ`,
+    and the white part gets the rest, so that a row's variance is kept.
     """
     seen, basis = density[keep], np.stack([clock.white[keep], clock.flicker[keep]])
     power, information = _scored(seen, basis)
@@ -134,7 +134,7 @@ def fit(density: np.ndarray, keep: np.ndarray, clock: Clock) -> Spectrum:
 
 
 def _scored(seen: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Powers (2,) of white and 1/f part by Fisher scoring, and their information (2, 2)."""
+    """Powers (2,) of white and 1/f part by Fisher scoring, and their information matrix (2, 2)."""
     power = np.array([seen[len(seen) // 2 :].mean() / basis[0, 0], 0.0])
     low = slice(0, max(2, len(seen) // 50))
     power[1] = max(0.0, float(np.mean((seen[low] - power[0] * basis[0, low]) / basis[1, low])))
@@ -154,7 +154,7 @@ def _scored(seen: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _coloured(density: np.ndarray, keep: np.ndarray, clock: Clock, misfit: float) -> Spectrum:
-    """1/f part of the low frequencies, white part of the rest of the variance."""
+    """1/f part fitted to the low frequencies, white part as the rest of the variance."""
     low = np.flatnonzero(keep & (clock.frequency <= BELOW_ARM_HZ))
     low = low if len(low) > 1 else np.flatnonzero(keep)[:2]
     seen, basis = density[low], np.stack([clock.white[low], clock.flicker[low]])
@@ -175,12 +175,12 @@ def _coloured(density: np.ndarray, keep: np.ndarray, clock: Clock, misfit: float
 
 
 def _root_std(power: float, std: float) -> float:
-    """Standard uncertainty of √power."""
+    """Standard uncertainty of √power from that of power."""
     return float(std / (2.0 * np.sqrt(power)) if power > std else np.sqrt(std) / 2.0)
 
 
 def octaves(count: int) -> Iterator[slice]:
-    """Slices of so many frequencies, each twice as long as the one before, from 4 on."""
+    """Slices of ``count`` frequencies: the first of 4, each next one twice as long."""
     first, size = 0, 4
     while first < count:
         last = first + size if count - first - size >= size else count
@@ -189,6 +189,6 @@ def octaves(count: int) -> Iterator[slice]:
 
 
 def _misfit(ratio: np.ndarray) -> float:
-    """Mean square of the octaves' misfits; each density over its expectation is exponential."""
+    """Mean squared misfit of octaves, 1 if expected, from densities over their expectation (K,)."""
     parts = [ratio[part] for part in octaves(len(ratio))]
     return float(np.mean([(part.mean() - 1.0) ** 2 * len(part) for part in parts]))

@@ -1,4 +1,4 @@
-"""What data can and cannot tell: rank, and the null directions by parameter name."""
+"""What data can identify: rank, and null directions by parameter name."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class Redundancy:
-    """Parameters that enter only together.
+    """Parameters that the readings depend on only in combination.
 
     Attributes:
-        direction: how much each moves [its unit] along the change that leaves every reading alone.
+        direction: change of each [its unit] along which no reading changes.
     """
 
     names: tuple[str, ...]
@@ -26,21 +26,21 @@ class Redundancy:
     sentence: str
 
     def to_json(self) -> dict[str, Any]:
-        """The entry of ``redundancies`` in ``fit.json`` and of a study."""
+        """Entry of ``redundancies`` in ``fit.json`` and of a study."""
         names, direction = list(self.names), list(self.direction)
         return {"parameters": names, "direction": direction, "sentence": self.sentence}
 
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """Rank of a Jacobian, its singular values, and what it cannot tell.
+    """Rank, singular values and null space of a scaled Jacobian.
 
     Attributes:
         rank, singular_values: of the scaled Jacobian.
-        no_effect: names of the parameters that move no reading.
+        no_effect: names of the parameters that change no reading.
         scale: typical size of each other parameter (K,), its unit.
-        basis: orthonormal directions of these, scaled, that change no reading (K, D).
-        symmetries: directions with a known name.
+        basis: orthonormal null space of these, scaled (K, D).
+        symmetries: null directions with a known name, to be confirmed.
     """
 
     names: tuple[str, ...]
@@ -53,8 +53,8 @@ class Observability:
 
     @cached_property
     def redundancies(self) -> tuple[Redundancy, ...]:
-        """Parameters that enter only together, in directions that span all: known ones that are
-        confirmed, then those with few parameters. Looked for when somebody asks: it takes long."""
+        """Null directions as combinations of parameters: confirmed symmetries, then sparse ones.
+        Computed on first use, because it is slow."""
         names = [n for n in self.names if n not in self.no_effect]
         directions: list[np.ndarray] = []
         texts: list[str] = []
@@ -79,7 +79,7 @@ class Observability:
 
 
 def null_space(jacobian: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
-    """Rank, singular values and an orthonormal null basis (K, K − rank) of a scaled Jacobian."""
+    """Rank, singular values and orthonormal null space (K, K − rank) of a scaled Jacobian."""
     triangle = np.linalg.qr(jacobian, mode="r") if len(jacobian) > jacobian.shape[1] else jacobian
     _, s, vt = np.linalg.svd(triangle)
     rank = int((s > RANK_TOLERANCE * s[0]).sum()) if len(s) and s[0] > 0 else 0
@@ -92,12 +92,12 @@ def analyse(
     scale: np.ndarray,
     symmetries: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Observability:
-    """Rank and named null directions.
+    """Rank and null space of a Jacobian, with names.
 
     Args:
-        jacobian: whitened readings by parameters (M, K).
-        scale: typical size of each (K,), its unit.
-        symmetries: directions with a known name; each is used only if this Jacobian confirms it.
+        jacobian: derivatives of whitened readings by the parameters (M, K).
+        scale: typical size of each parameter (K,), in its unit.
+        symmetries: null directions with a known name, each used only if this Jacobian confirms it.
     """
     scaled = jacobian * scale
     norm = np.linalg.norm(scaled, axis=0)
@@ -120,7 +120,7 @@ def _in_span(x: np.ndarray, basis: np.ndarray) -> bool:
 
 
 def _sparsest(basis: np.ndarray) -> list[np.ndarray]:
-    """Null vectors with few entries: for each parameter the one of least 1-norm that moves it.
+    """Null vectors with few entries: for each parameter the one of least 1-norm that contains it.
 
     Minimum 1-norm as a proxy for fewest entries: Donoho 2006, doi 10.1002/cpa.20132.
     """

@@ -1,4 +1,4 @@
-"""What a calibration fits: one row a pose at rest, or one row a sample in motion."""
+"""What a calibration fits: the mean of each pose at rest, or samples of a motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,9 +40,9 @@ class Observations:
         row_covariance: noise of one row (6, 6); zero if there is no noise at all.
         dof: degrees of freedom of ``row_covariance``; inf if stated, 0 if unknown.
         source: ``repeats``, ``stated`` or ``residual``.
-        t: mean time of each (M,) [s].
-        keep: rows of the recording that are not saturated (N,), boolean.
-        flagged: rows used although a real device's status word is not 0.
+        t: mean time of each observation (M,) [s].
+        keep: rows of the recording that are used, being not saturated (N,), boolean.
+        flagged: number of used rows in which a real device's status word is not 0.
     """
 
     q: Value
@@ -65,12 +65,12 @@ class Observations:
 
 
 def observe(recording: Recording) -> Observations:
-    """Gather the rows of a recording, leaving saturated ones out.
+    """Make the observations of a recording, without saturated rows.
 
-    A motion without joints gives its rows as they are: orientations have no acceleration.
+    A motion known by orientations only gives single rows: orientations have no acceleration.
 
     Raises:
-        CalibrationError: nothing is left, or a motion of joints has no even clock.
+        CalibrationError: no row is left, or a motion of joints has no even clock.
     """
     keep = usable(recording)
     if not keep.any():
@@ -135,12 +135,12 @@ def _step(recording: Recording) -> float:
 
 
 def _long(recording: Recording, window: int) -> list[slice]:
-    """Pieces of a motion that are long enough for a window."""
+    """Pieces of a motion that are long enough for a smoothing window [rows]."""
     return [p for p in pieces(recording.columns) if p.stop - p.start >= 2 * window]
 
 
 def _smoothed(recording: Recording, parts: Sequence[slice], window: int, deriv: int) -> np.ndarray:
-    """Joint values (N, J) of pieces, or their derivatives, smoothed over a window."""
+    """Joint values (N, J) of pieces, or their derivatives, smoothed over a window [rows]."""
     from scipy.signal import savgol_filter  # slow to load: only when it is used
 
     h, q = _step(recording), recording.q.astype(float)
@@ -149,8 +149,8 @@ def _smoothed(recording: Recording, parts: Sequence[slice], window: int, deriv: 
 
 
 def window_of(recording: Recording) -> int:
-    """Rows over which joint values of a motion are smoothed: a wider window where their noise would
-    outweigh the sensor's, if it does not bend their path."""
+    """Number of rows over which a motion's joint values are smoothed. A wider window is taken where
+    their noise would exceed the sensor's, if it does not bend their path."""
     from scipy.signal import savgol_coeffs  # slow to load: only when it is used
 
     h = _step(recording)
@@ -172,12 +172,12 @@ def window_of(recording: Recording) -> int:
 
 
 def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
-    """Squares (J,) of the forces [N] of 1 kg that noise of joint values makes by acceleration.
+    """Variances (J,) [N²] of the force of 1 kg that joint noise makes through the acceleration.
 
     Args:
-        rough: joint values without their smooth course (N, J).
-        window: by which it was smoothed.
-        h: step [s].
+        rough: joint values minus smoothed ones (N, J).
+        window: rows of the smoothing window.
+        h: time step [s].
     """
     from scipy.signal import savgol_coeffs  # slow to load: only when it is used
 
@@ -186,14 +186,14 @@ def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
 
 
 def _allowed(recording: Recording) -> float:
-    """Force of the joints' noise on 1 kg [N] that goes under in the sensor's."""
+    """Force per kg of the tool [N/kg] by joint noise that the sensor's noise hides."""
     std = recording.metadata.sensor.noise_std
     force = float(_SCALE[0]) if std is None or min(std[:3]) == 0 else max(std[:3])
     return force / (recording.metadata.tool.mass or 1.0)
 
 
 def _check_smooth(recording: Recording, force: np.ndarray, rough: np.ndarray) -> None:
-    """Refuse joint readings (N, J, their roughness) whose acceleration would be mostly noise.
+    """Raise if the joints' acceleration is mostly noise, by ``rough`` of `_force_of_noise`.
 
     Noise in a regressor biases the fit towards a smaller mass further in, whatever the sensor.
     """
@@ -215,7 +215,7 @@ def _check_smooth(recording: Recording, force: np.ndarray, rough: np.ndarray) ->
 
 
 def scatter(recording: Recording, data: Observations) -> np.ndarray:
-    """Mean products of rows about the mean of their pose (M, 6, 6), 0 in motion."""
+    """Covariance of each pose's rows about their mean (M, 6, 6); 0 in motion."""
     products = np.zeros((len(data), 6, 6))
     if recording.metadata.mode == "dynamic":
         return products
@@ -238,8 +238,8 @@ def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:
 
 
 def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
-    """A channel cannot be quieter than its resolution, unless it reads between its counts as means
-    of rows do; without any noise, weigh by `_SCALE`."""
+    """Covariance whose variances are not below the sensor's resolution (unless readings are means
+    of rows, between its counts); relative weights `_SCALE` if there is no noise at all."""
     variance = np.diagonal(covariance)
     if not recording.has_wrench:
         return covariance
@@ -256,5 +256,5 @@ def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
 
 
 def fallback_covariance() -> np.ndarray:
-    """Relative weights (6, 6) for data without noise."""
+    """Relative weights (6, 6), as a covariance, for data without noise."""
     return np.diag(_SCALE**2)

@@ -22,7 +22,7 @@ many times the median change (Gaussian noise: 9 sigma, once in 10^17; 1/f noise 
 
 
 def check_rest(recording: Recording) -> float:
-    """Refuse what is no rest.
+    """Raise if a recording is no rest that a sensor's noise can be learnt from.
 
     Returns:
         Rate of the rows [Hz].
@@ -37,7 +37,7 @@ def check_rest(recording: Recording) -> float:
 
 
 def _reasons(recording: Recording) -> Iterator[str]:
-    """Why a recording is no rest; nothing if it is."""
+    """Reasons why a recording is no rest; empty if it is one."""
     t = recording.t
     seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     if len(t) < LEAST_ROWS or seconds < LEAST_S:

@@ -1,7 +1,7 @@
-"""Faults of sensor, mount, joints and clock, and what each would change in the readings of a fit.
+"""Suspects: faults of sensor, mount, joints and clock, and their change of a fit's readings.
 
-A suspect is linear in its size. An ordinary size is what a sound robot has: a hundredth of a gain,
-a fifth of a degree. What the list lacks is left to two of them that have many shapes: a zero that
+A suspect is linear in its size. Its ordinary size is that of a sound robot: a hundredth of a gain,
+a fifth of a degree. Two general suspects of many shapes stand for what the list lacks: a zero that
 drifts, and a dependence on the pose.
 """
 
@@ -33,10 +33,10 @@ WAVES = 4
 
 
 class Suspect(NamedTuple):
-    """A fault with its change of each reading (M, 6, k) at ordinary size, of k shapes.
+    """A fault, with its change of each reading (M, 6, k) at ordinary size, in k shapes.
 
     Attributes:
-        families: of each shape (k,); what is of one family is of about the same size.
+        families: of each shape (k,); shapes of one family have a common size.
         tips: its change of the touches' residuals (3T, k), None if it has none.
     """
 
@@ -47,7 +47,7 @@ class Suspect(NamedTuple):
 
 
 def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """All suspects of a fit that ended at x (K,), at some observations (M,)."""
+    """All suspects of a fit that ended at x (K,), for the observations ``some`` (indices)."""
     read = problem.data.wrench - problem.residual(x)
     yield from _of_channels(read[some])
     yield from _of_frames(problem, x, some)
@@ -59,9 +59,9 @@ def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Susp
 
 
 def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """What no other suspect explains: slow functions of time, smooth ones of gravity's direction.
+    """General suspects: slow functions of time, smooth nonlinear functions of gravity's direction.
 
-    Of these none is linear: linear ones are gains and crosstalk.
+    Linear functions of it are gains and crosstalk.
     """
     t = problem.data.t[some]
     along = np.pi * (t - t.min()) / max(float(np.ptp(t)), 1e-9)
@@ -79,7 +79,7 @@ def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 
 
 def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Suspect:
-    """Shapes (M, k) of any channel, by a part of the swing of its kind."""
+    """Suspect with shapes (M, k) in any channel, sized by the swing of forces or torques."""
     size = np.sqrt(problem.data.wrench.var(axis=0).reshape(2, 3).mean(axis=1)).repeat(3) * PART
     unit = shapes / np.maximum(np.sqrt((shapes**2).mean(axis=0)), 1e-3)
     each = np.einsum("mk,cd->mcdk", unit, np.diag(size))
@@ -88,7 +88,7 @@ def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Sus
 
 
 def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
-    """Suspects in the sensor's channels: gains and crosstalk."""
+    """Suspects in the sensor's channels, for predicted readings (M, 6): gains and crosstalk."""
     for i, to in enumerate(CHANNELS):
         for j, of in enumerate(CHANNELS):
             change = np.zeros((*read.shape, 1))
@@ -99,7 +99,7 @@ def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
 
 
 def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Tilt of gravity and zeros of joints."""
+    """Suspects in frames: a tilt of gravity, and zeros of joints."""
     model, theta, q = problem.model, problem.at(x), problem.data.q[some]
     read, gravity = model.predict(q, theta), np.asarray(model.gravity)
     tilted = [
@@ -127,7 +127,7 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 def _of_time(
     problem: Problem, x: np.ndarray, some: np.ndarray, read: np.ndarray
 ) -> Iterator[Suspect]:
-    """A delay; in motion also a clock of another rate."""
+    """Suspects in time: a delay; in motion also a clock of another rate."""
     model, theta, q = problem.model, problem.at(x), problem.data.q
     if not isinstance(q, Jet):
         for name, others in (

@@ -23,10 +23,10 @@ class Agreement:
     """Agreement of touches with the wrenches, the prior and each other.
 
     Attributes:
-        std: how far a tip was taken to sit from its point [m].
-        worst: index of the touch that agrees least when left out of the fit.
-        distance: of that one, in standard deviations of its prediction.
-        p_value: of so large a distance anywhere among the touches.
+        std: assumed distance of a tip from its point, per axis [m].
+        worst: index of the touch that agrees least with a fit without it.
+        distance: distance of that touch in standard deviations of its prediction.
+        p_value: probability of so large a distance among all touches.
     """
 
     count: int
@@ -43,12 +43,12 @@ class Agreement:
 
 @dataclass(frozen=True, eq=False)
 class Touches:
-    """T touches; their wrenches hold the contact's unknown force and are not used.
+    """T touches of known points; their wrenches, with the unknown contact force, are not used.
 
     Attributes:
         q: joint values (T, J).
-        points: where the tip was (T, 3) in the world [m].
-        std: of that, per axis [m].
+        points: position of the tip (T, 3) in the world [m].
+        std: uncertainty of that, per axis [m].
     """
 
     q: np.ndarray
@@ -79,21 +79,19 @@ class Touches:
         return cls(holds.q, points, std)
 
     def residual(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
-        """Stated − predicted position in standard deviations (3T,)."""
+        """Stated − predicted tip position (3T,) in standard deviations."""
         robot_theta = robot.robot_theta(theta)
         return ((self.points - robot.tool_pose(self.q, robot_theta)[1]) / self.std).ravel()
 
     def jacobian(self, robot: Robot, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-        """Derivative of the prediction in standard deviations (3T, K)."""
+        """Derivative of the predicted position in standard deviations (3T, K)."""
         return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
 
     def agreement(self, solution: Solution, first: int) -> Agreement:
-        """Agreement of each touch with its prediction by all other data (deletion residuals).
-
-        Cook & Weisberg, Residuals and Influence in Regression (1982), Section 2.2.
+        """Compare each touch with its prediction by all other data (deletion residuals).
 
         Args:
-            solution: of the fit of everything, whitened.
+            solution: whitened fit of all data.
             first: row of the solution at which the touches begin.
         """
         rows = slice(first, first + 3 * len(self))

@@ -1,9 +1,9 @@
-"""A robot's geometry from the places of a target on its flange, as a tracker measures them.
+"""A robot's geometry from positions of a target on its flange, measured by a tracker.
 
 m = T (x + R p) + s at joint values q + dq + c τ: x and R are the sensor's place and orientation, c
-the joints' compliances under the torques τ of weight. Where the tracker stands (T, s) and where the
-target sits (p) is fitted too, with so large a scale that they take all that geometry could hold as
-well: a zero of the first joint turns everything that the tracker sees.
+the joints' compliances under the torques τ of weight. The tracker's pose (T, s) and the target's
+position (p) are fitted too, with so large a scale that they also take what geometry could explain
+equally: a zero of the first joint turns everything that the tracker sees.
 """
 
 from dataclasses import dataclass, replace
@@ -63,15 +63,15 @@ _PLANNED_TARGET = (0.1, 0.0, 0.1)
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """H places of a target, and the robot that is fitted to them.
+    """H measured positions of a target, and the model of a robot to be fitted to them.
 
     Attributes:
         theta: its parameters (P,) as stated.
         q: joint values (H, J).
-        read: places (H, 3) in the tracker's axes [m].
-        columns: of the geometry that is free, among all parameters.
-        joints: numbers from 0 of the joints whose compliance is free.
-        turn: rotation (3, 3) of the tracker about which its rotation vector is counted.
+        read: measured positions (H, 3) in the tracker's axes [m].
+        columns: indices of the free geometric parameters.
+        joints: indices from 0 of the joints with a free compliance.
+        turn: rotation (3, 3) of the tracker from which its rotation vector counts.
     """
 
     model: Model
@@ -84,7 +84,7 @@ class Sight:
 
     @cached_property
     def parameters(self) -> ParameterSet:
-        """All that is free: geometry, compliances, stand and target."""
+        """All free parameters: geometry, compliances, pose of tracker and place of target."""
         robot = self.model.robot
         give = [
             Parameter(f"{COMPLIANCE}{j + 1}", 0.0, *GIVE[robot.joints[j].unit], -1.0, 1.0)
@@ -94,7 +94,7 @@ class Sight:
 
     @cached_property
     def start(self) -> np.ndarray:
-        """The stated geometry, rigid, with the tracker where it fits about (K,)."""
+        """Start values (K,): stated geometry, no compliance, the tracker roughly fitted."""
         x = np.concatenate([self.theta[list(self.columns)], np.zeros(len(self.joints) + 9)])
         middle = self._pose(self.q, self.theta)[1].mean(axis=0)
         x[-6:-3] = self.read.mean(axis=0) - self.turn @ middle
@@ -107,7 +107,7 @@ class Sight:
         return model.robot.gravity_torque(self.q, self.theta, np.asarray(model.gravity))
 
     def expected(self, x: np.ndarray) -> np.ndarray:
-        """Places (H, 3) at parameters (K,) [m]."""
+        """Predicted positions (H, 3) [m] for parameters (K,)."""
         return self._seen(*self._pose(self._moved(x), self.geometry(x)), x[-9:])
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
@@ -122,8 +122,8 @@ class Sight:
         return np.moveaxis(np.concatenate([by_geometry, by_joint, by_stand]).imag / STEP, 0, 2)
 
     def solve(self, noise: float, tolerances: float, start: np.ndarray) -> Solution:
-        """Least squares in units of a noise [m], each parameter within so many tolerances of its
-        stated value (one standard deviation), from ``start`` (K,)."""
+        """Least squares from ``start`` (K,), for a noise [m] and a prior of ``tolerances``
+        tolerances about each parameter's stated value."""
         scale, centre = self.parameters.tolerance, self.start
         pull = np.diag(1.0 / (tolerances * scale))
 
@@ -137,30 +137,30 @@ class Sight:
         return solve(residual, jacobian, start, scale)
 
     def stand(self, x: np.ndarray) -> dict[str, float]:
-        """Stand of the tracker and place of the target by name, at parameters (K,)."""
+        """The tracker's pose and the target's position, by name, from parameters (K,)."""
         turn = Rotation.from_matrix(exp(*x[-9:-6]) @ self.turn).as_rotvec()
         return dict(zip(_STAND.names, [*turn.tolist(), *x[-6:].tolist()], strict=True))
 
     def geometry(self, x: np.ndarray) -> np.ndarray:
-        """Parameters (P,) of the robot at parameters (K,)."""
+        """The robot's parameters (P,) from parameters (K,)."""
         theta = self.theta.copy()
         theta[list(self.columns)] = x[: len(self.columns)]
         return theta
 
     def _moved(self, x: np.ndarray) -> np.ndarray:
-        """Joint values (H, J) as weight bends the joints."""
+        """Joint values (H, J) with the joints' deflection under weight."""
         give = np.zeros(self.q.shape[1])
         give[list(self.joints)] = x[len(self.columns) : -9]
         return self.q + give * self.torque
 
     def _pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Orientation (…, 3, 3) and place (…, 3) [m] of the sensor, of parameters (P,) or
-        (K, 1, P)."""
+        """Orientation (…, 3, 3) and place (…, 3) [m] of the sensor for parameters (P,) or (K, 1,
+        P)."""
         rotation, position = self.model.robot.sensor_pose(q, theta)
         return rotation, np.broadcast_to(position, rotation.shape[:-1])
 
     def _seen(self, rotation: np.ndarray, position: np.ndarray, stand: np.ndarray) -> np.ndarray:
-        """Places (H, 3) in the tracker's axes, for stand and target (9,)."""
+        """Positions (H, 3) in the tracker's axes, for its pose and the target's place (9,)."""
         turn = exp(*stand[:3]) @ self.turn
         return np.asarray((position + apply(rotation, stand[6:])) @ turn.T + stand[3:6])
 
@@ -168,7 +168,7 @@ class Sight:
 def calibrate_tracker(
     recording: Recording, options: CalibrationOptions | None = None
 ) -> TrackerFit:
-    """Fit a robot's geometry and compliances to the places of a target, mx my mz.
+    """Fit a robot's geometry and compliances to positions mx my mz of a target.
 
     Args:
         recording: at rest, one row or many a pose.
@@ -176,8 +176,8 @@ def calibrate_tracker(
             free, and the compliance of every joint that weight loads.
 
     Raises:
-        CalibrationError: no such columns, too few poses, or poses that are too alike; or geometry
-            that predicts held-out poses no better than the stated one.
+        CalibrationError: no such columns, too few or too similar poses, or fitted geometry that
+            predicts held-out poses no better than the stated one.
     """
     options = options or CalibrationOptions()
     sight, repeats, rows = _sight(recording, options)
@@ -234,8 +234,8 @@ def calibrate_tracker(
 
 
 def planned_slopes(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Slopes (H, 3, K) [m] of a target's place at joint values (H, J) by all that a fit may free,
-    each by one standard deviation of what is known before, at most 1 rad or 1 m."""
+    """Derivatives (H, 3, K) [m] of a target's position at joint values (H, J) by all parameters
+    that may be free, per standard deviation of their prior, at most 1 rad or 1 m."""
     model = Model.of(robot)
     theta = robot.robot_theta(model.parameters.nominal)
     sight = Sight(model, theta, q, np.zeros((len(q), 3)), (), (), np.eye(3))
@@ -247,7 +247,7 @@ def planned_slopes(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, float, int]:
-    """The problem to fit, the noise of a pose's mean by its repeats [m] (0 without), and rows
+    """Problem to fit, noise of a pose's mean by its repeats [m] (0 without), and number of rows
     used."""
     name = recording.name
     if not all(c in recording.columns for c in TARGET):
@@ -275,10 +275,10 @@ def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, fl
 def _free(
     robot: Robot, loaded: np.ndarray, options: CalibrationOptions
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Columns of free geometry, and numbers of the joints with a free compliance.
+    """Indices of free geometric parameters, and of joints with a free compliance.
 
     Args:
-        loaded: range of the torque of weight on each joint (J,).
+        loaded: range of weight's torque on each joint (J,).
     """
     hidden = {p for p in robot.parameters.names if p.startswith(_HIDDEN)}
     places = [
@@ -295,10 +295,10 @@ def _free(
 
 
 def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> tuple[float, float]:
-    """Root mean square distance [m] of poses from fits that did not see them, and what noise and
-    the number of poses make of it where the model is right (Cramér–Rao).
+    """Rms distance [m] of poses from fits without them, and its expectation from noise and the
+    number of poses if the model is right (Cramér–Rao).
 
-    Each such fit is one Gauss–Newton step from that of all poses, x (K,): it is near.
+    Each fit is one Gauss–Newton step from that of all poses, x (K,): it is near.
     """
     order, scale = np.random.default_rng(0).permutation(len(sight.q)), sight.parameters.tolerance
     _, same = np.unique(sight.q.round(4), axis=0, return_inverse=True)
@@ -324,8 +324,8 @@ def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> t
 def _identified(
     sight: Sight, solution: Solution, dof: float, tolerances: float
 ) -> tuple[IdentifiedValue, ...]:
-    """Values with uncertainties, without where the data tell less than was known before; stand and
-    target left out."""
+    """Geometry and compliances with uncertainties; without one where the data add nothing to the
+    prior."""
     std = np.sqrt(np.diagonal(solution.covariance))
     determined = std < _TOLD * tolerances * sight.parameters.tolerance
     names = ((p.name, p.unit) for p in sight.parameters)

@@ -1,4 +1,4 @@
-"""The result of a fit to a tracker's readings: geometry with uncertainty, and held-out errors."""
+"""Result of a fit to a tracker's readings: geometry with uncertainty, and held-out errors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,14 +27,14 @@ class TrackerFit(WrittenFit):
         identified: the free parameters: geometry and compliances.
         theta: all parameters of robot and sensor by name, fitted or held.
         gravity: world axes (3,) [m/s²].
-        stand: of the tracker, rotation vector [rad] and shift [m] from the world to its axes, and
-            the target's place in sensor axes [m], by name.
+        stand: the tracker's pose, rotation vector [rad] and shift [m] from the world to its axes,
+            and the target's position in sensor axes [m], by name.
         covariance: of the identified parameters (K, K).
-        noise: what the fit leaves of a reading, per axis [m], free numbers counted.
+        noise: standard deviation of the fit's residual per axis [m], free parameters counted.
         repeats: noise of a pose's mean by its rows [m]; None without repeats.
-        held_out: rms distance of poses from fits that did not see them [m].
-        before: the same with the stated geometry, stand and target fitted.
-        bound: what noise and number of poses alone make of ``held_out`` (Cramér–Rao) [m].
+        held_out: rms distance of poses from fits without them [m].
+        before: held-out rms with the stated geometry; the tracker's pose and the target are fitted.
+        bound: expectation of ``held_out`` by noise and number of poses alone (Cramér–Rao) [m].
         accuracy: rms distance of the fit from the true places at these poses, by its covariance
             [m].
         extent: rms distance of the measured places from their mean [m].
@@ -69,7 +69,7 @@ class TrackerFit(WrittenFit):
 
     @property
     def errors(self) -> tuple[tuple[str, float], ...]:
-        """Labels and rms distances [m] of what is compared."""
+        """Labels and values [m] of the rms distances to compare."""
         return (
             ("held-out poses, geometry as stated", self.before),
             ("held-out poses, geometry as fitted", self.held_out),
@@ -79,7 +79,7 @@ class TrackerFit(WrittenFit):
 
     @property
     def cannot_tell(self) -> tuple[str, ...]:
-        """Sentences on what these places do not determine."""
+        """Sentences on what these poses do not determine."""
         hidden, rest = list(self.observability.no_effect), list[str]()
         for r in self.observability.redundancies:
             of_arm = [n for n in r.names if n not in self.stand]

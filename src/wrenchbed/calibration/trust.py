@@ -1,4 +1,4 @@
-"""Whether the data refute a fit before it is made: the checks on a recording's observations."""
+"""Checks of a recording's observations before a fit: whether the data refute it anyway."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"}
 def observed(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Observed:
-    """Observations in the form that the checks take.
+    """Observations in the form that `checks` take.
 
     Args:
         theta: parameters (P,) as the metadata states them.
@@ -47,9 +47,9 @@ def observed(
 def of_observations(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Finding | None:
-    """Finding against rows as repeats of their pose, then against the load if its mass is free.
+    """Finding against rows as repeats of their pose or, if the mass is free, against the load.
 
-    Takes what `observed` takes.
+    Arguments as in `observed`.
     """
     if recording.metadata.mode == "static":
         finding = contradicted(recording, data.keep, data.count)
@@ -61,7 +61,7 @@ def of_observations(
 
 
 def check(recording: Recording) -> Finding | None:
-    """Why a recording cannot be trusted, None if nothing speaks against it.
+    """First finding against a recording; None if nothing speaks against it.
 
     Raises:
         RecordingError, CalibrationError: it cannot be read as this robot's.

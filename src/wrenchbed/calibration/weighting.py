@@ -1,11 +1,9 @@
-"""Weights from the data itself: its repeats, its stated noise, or what the fit leaves over.
+"""Weights of a fit, from the data: repeats, stated noise, or the residual.
 
-Slow wander of a sensor over a campaign: found in the poses' residual, heeded by the weights.
-
-The mean of a hold is off by an independent part and by a part that wanders as 1/f noise does:
-neighbouring holds are off together, and the bias of a whole campaign is known no better than the
+The mean of a hold has an independent error and one that wanders slowly as 1/f noise does:
+neighbouring holds err together, and the bias of a whole recording run is known no better than the
 wander lets it. Both levels are found per channel by restricted maximum likelihood (Patterson &
-Thompson 1971, doi 10.1093/biomet/58.3.545), which knows that the fit has taken some of them away.
+Thompson 1971, doi 10.1093/biomet/58.3.545), which allows for the fitted parameters.
 """
 
 from collections.abc import Callable
@@ -41,9 +39,9 @@ _ENOUGH = 20
 
 @dataclass(frozen=True, eq=False)
 class Wander:
-    """Variance of a hold's mean: independent part (6,), and 1/f level (6,) [N², (N·m)²].
+    """Error of a hold's mean: variance of the independent part (6,), 1/f level (6,) [N², (N·m)²].
 
-    ``basis`` (N, N) and ``spread`` (N,) are the eigenvectors and eigenvalues of the 1/f kernel.
+    ``basis`` (N, N) and ``spread`` (N,) are eigenvectors and eigenvalues of the 1/f kernel.
     """
 
     independent: np.ndarray
@@ -52,7 +50,7 @@ class Wander:
     spread: np.ndarray
 
     def whiten(self, rows: np.ndarray) -> np.ndarray:
-        """Rows (N, 6) or (N, 6, K) turned so that all have unit variance and none is correlated."""
+        """Rows (N, 6) or (N, 6, K) transformed to unit variance without correlation in time."""
         turned = np.tensordot(self.basis.T, rows, axes=1)
         root = np.sqrt(self.independent + self.level * self.spread[:, None])
         return turned / root.reshape(root.shape + (1,) * (rows.ndim - 2))
@@ -89,13 +87,13 @@ def estimate(
     kernel_modes: tuple[np.ndarray, np.ndarray], residual: np.ndarray, design: np.ndarray,
     least: np.ndarray,
 ) -> Wander:  # fmt: skip
-    """Independent and 1/f noise levels of every channel.
+    """Levels of independent and 1/f noise of every channel.
 
     Args:
         kernel_modes: eigenvalues and eigenvectors, from `modes`.
         residual: measured − fitted (N, 6).
-        design: derivatives of the fit by its parameters (N, 6, K).
-        least: variance that the independent part has at least (6,).
+        design: derivatives of the readings by the parameters (N, 6, K).
+        least: smallest variance of the independent part (6,).
     """
     spread, basis = kernel_modes
     columns = basis.T @ np.moveaxis(design, 1, 0)
@@ -105,8 +103,8 @@ def estimate(
 
 
 def _levels(design: np.ndarray, residual: np.ndarray, spread: np.ndarray) -> tuple[float, float]:
-    """Independent variance and 1/f level of a channel: its derivatives (N, K) and residual (N,) in
-    the kernel's eigenvectors, and the eigenvalues (N,)."""
+    """Independent variance and 1/f level of one channel, from its derivatives (N, K), residual (N,)
+    and eigenvalues (N,), all in the kernel's eigenvectors."""
     from scipy.optimize import minimize_scalar  # slow to load: only when it is used
 
     u, s, _ = np.linalg.svd(design, full_matrices=False)
@@ -125,8 +123,8 @@ def _levels(design: np.ndarray, residual: np.ndarray, spread: np.ndarray) -> tup
 
 
 def _restricted(r: np.ndarray, span: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """Restricted −log likelihood of residuals (N,) at weights (N,), and the variance of unit
-    weight, beside orthonormal directions (N, k) of what moves them."""
+    """Restricted −log likelihood of residuals (N,) with weights (N,), and the variance of unit
+    weight, besides orthonormal directions (N, k) that the fit took."""
     weighted = weight * r
     gram, right = span.T @ (weight[:, None] * span), span.T @ weighted
     dof = len(r) - len(right)
@@ -136,13 +134,18 @@ def _restricted(r: np.ndarray, span: np.ndarray, weight: np.ndarray) -> tuple[fl
 
 
 def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Whitening of independent rows with a variance a channel (6,)."""
+    """Whitening of rows without correlation in time, by a variance of each channel (6,)."""
     root = np.sqrt(variance)
     return lambda rows: rows / root.reshape(root.shape + (1,) * (rows.ndim - 2))
 
 
 def fit(problem: Problem) -> Outcome:
-    """Fit with the known noise; if the residual denies it, fit again with the residual's own."""
+    """Fit with the weights of the known noise (repeats or stated) where the residual agrees with
+    it.
+
+    Else weights come from the residual: its scatter, of enough poses its 1/f wander too, of motions
+    always its correlation time. Uncertainties are never below those of the known noise.
+    """
     data = problem.data
     if data.source == "residual" or not data.row_covariance.any():
         return _blind(problem)
@@ -163,14 +166,14 @@ def fit(problem: Problem) -> Outcome:
 
 
 def _at_least(outcome: Outcome, known: np.ndarray) -> Outcome:
-    """An outcome no surer than the known noise alone lets it be, by its covariance (K, K)."""
+    """Outcome whose variances are at least those of the known noise alone, ``known`` (K, K)."""
     now, least = np.sqrt(np.diagonal(outcome.covariance)), np.sqrt(np.diagonal(known))
     factor = np.maximum(1.0, np.divide(least, now, out=np.ones_like(now), where=now > 0.0))
     return replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
 
 
 def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
-    """Whitening of means over ``count`` (M,) rows of one covariance (6, 6)."""
+    """Whitening of means over ``count`` (M,) rows, whose covariance is (6, 6)."""
     turn = np.linalg.inv(np.linalg.cholesky(covariance))
 
     def whiten(rows: np.ndarray) -> np.ndarray:
@@ -181,11 +184,10 @@ def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
 
 
 def _blind(problem: Problem) -> Outcome:
-    """Noise of readings whose noise nobody states: one level of forces and one of torques, from the
-    residual.
+    """Fit without known noise: one level of all forces and one of all torques, from the residual.
 
-    What is left is often an effect that the model lacks; to weigh each channel by its own share of
-    it would trust chance.
+    A residual is often an effect that the model lacks; a weight of each channel by its own residual
+    would depend on chance.
     """
     data = problem.data
     solution = problem.solve(_rows(fallback_covariance(), np.ones(len(data))), problem.start)
@@ -205,7 +207,7 @@ def _blind(problem: Problem) -> Outcome:
 
 
 def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> Outcome:
-    """The residual's own variance and correlation time, channel by channel."""
+    """Fit weighted by the residual's variance and correlation time, channel by channel."""
     data = problem.data
     expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     variance = np.zeros(6)
@@ -224,7 +226,7 @@ def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> O
 
 
 def _wandering(problem: Problem, solution: Solution) -> Outcome:
-    """The residual's own scatter, its 1/f wander and its channels' correlation."""
+    """Fit weighted by the residual's scatter, 1/f wander and correlation between channels."""
     data = problem.data
     least = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     order = np.argsort(data.t)
@@ -246,7 +248,7 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
 
 
 def _exact(found: np.ndarray, data: Observations) -> bool:
-    """Whether the residual is nothing but rounding."""
+    """Whether a residual's variance (6,) is rounding only."""
     size = np.abs(data.wrench).max()
     return bool(found.min() < (1e-12 * size) ** 2)
 
@@ -272,8 +274,8 @@ def correlation_time(r: np.ndarray) -> np.ndarray:
 
 
 def _batch_time(r: np.ndarray) -> np.ndarray:
-    """Variance inflation (6,) from the scatter of `_BATCHES` batch means, which 1/f wander shows
-    in."""
+    """Variance inflation (6,) by the scatter of `_BATCHES` batch means, which contains 1/f
+    wander."""
     length = len(r) // _BATCHES
     batches = r[: length * _BATCHES].reshape(_BATCHES, length, 6).mean(axis=1)
     return length * batches.var(axis=0, ddof=1) / np.maximum(r.var(axis=0), 1e-300)

@@ -1,4 +1,4 @@
-"""The order of the checks: rows, then the load; the true reason before what follows from it."""
+"""Order of the checks: rows, then the load; a cause comes before what follows from it."""
 
 from dataclasses import replace
 
@@ -77,18 +77,18 @@ _UNITS = {
 
 
 def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> Finding | None:
-    """Why a recording cannot be trusted, None if nothing speaks against it.
+    """First finding against a recording; None if nothing speaks against it.
 
     Args:
-        blocking: whether only reasons count from which nothing can be learnt, not even by a
-            diagnosis, which sets a hand aside and names a zero that jumps.
+        blocking: whether to return only findings after which even a diagnosis, which sets contacts
+            aside and names jumps of the zero, can learn nothing.
     """
     finding = rows.of_rows(recording, blocking=blocking) or of_load(recording, seen)
     return finding if finding is None or finding.blocks or not blocking else None
 
 
 def of_load(recording: Recording, seen: Observed) -> Finding | None:
-    """Finding against one rigid load under gravity on this robot."""
+    """Finding against one rigid load under gravity on this robot; None if such a load fits."""
     finding = _one_orientation(seen)
     if finding is not None:
         return finding
@@ -107,8 +107,8 @@ def of_load(recording: Recording, seen: Observed) -> Finding | None:
 
 
 def _as_mounted(seen: Observed) -> Observed:
-    """Turn readings into the axes of the stated mount if one rotation of the sensor by more than
-    `TURNED` makes a rigid load fit; else return them unchanged."""
+    """Observations turned to the stated mount's axes if a rotation of the sensor by more than
+    `TURNED` makes a rigid load fit, else as they are."""
     if not seen.turns:
         return seen
     turn = best_turn(-seen.seen.origin.T, seen.y[:, :3])
@@ -121,8 +121,7 @@ def _as_mounted(seen: Observed) -> Observed:
 
 
 def _refuted(seen: Observed, load: Load) -> Finding | None:
-    """Find the reason why no load fits; None if the residual may be due to imperfections of the
-    robot."""
+    """Reason why no load fits; None if the residual may come from imperfections of the robot."""
     finding = _overcompensated(seen) or mistake(seen) or changed(seen) or touched(seen)
     if finding is not None or load.share < REFUTED:
         return finding
@@ -167,7 +166,7 @@ def _one_orientation(seen: Observed) -> Finding | None:
 
 
 def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
-    """A joint's column that stands while others move, where the readings go on."""
+    """Finding on a joint column that stands still while other joints and the readings change."""
     for name, row, count in rows.frozen_joints(recording):
         inside = (seen.row >= row) & (seen.row < row + count)
         if inside.all():  # or it was planned to stand, and a mistake explains the readings
@@ -195,7 +194,7 @@ def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
 
 
 def _one_weight(rest: Observed, force: np.ndarray) -> bool:
-    """Whether forces (K, 3) have the size of the weight in the other rows, so that no hand acts."""
+    """Whether forces (K, 3) have the size of the weight in the rows ``rest``: no contact."""
     some = thinned(rest)
     phi = some.moments.fit().phi
     zero = (some.y[:, :3] - some.design[:, :3] @ phi).mean(axis=0)
@@ -205,7 +204,7 @@ def _one_weight(rest: Observed, force: np.ndarray) -> bool:
 
 
 def _beyond(seen: Observed, load: Load) -> Finding | None:
-    """Forces that differ by more than a stated weight can, whichever way it is turned."""
+    """Finding on forces that differ by more than the stated weight can, however it is turned."""
     weight = seen.mass * float(np.linalg.norm(seen.gravity))
     away = np.linalg.norm(seen.y[:, :3] - np.median(seen.y[:, :3], axis=0), axis=1)
     if not seen.stated or float(away.max()) < BEYOND * weight:
@@ -244,11 +243,10 @@ def _weight(seen: Observed, load: Load) -> Finding | None:
 
 
 def _dead(seen: Observed, load: Load) -> Finding | None:
-    """A channel that moves far less than the load that the others show.
+    """Finding on a channel that moves far less than the load seen by the others.
 
-    What no load explains of the others (a tilt, a turned mount) moves the load that they show. So a
-    channel is judged only where its part of the load is larger: a CoG on the sensor's axis hardly
-    loads tz.
+    What no load explains of the others (a tilt, a turned mount) moves that load. So a channel is
+    judged only where its part of the load is larger: a CoG on the sensor's axis hardly loads tz.
     """
     measured = seen.y.std(axis=0)
     for k, others in enumerate(seen.moments.without_each()):
@@ -264,12 +262,12 @@ def _dead(seen: Observed, load: Load) -> Finding | None:
 
 
 def _carried(load: Load) -> bool:
-    """Whether a load fitted without one channel is one that a robot can carry."""
+    """Whether a load fitted without one channel has a mass that a robot can carry."""
     return bool(np.abs(load.phi[1:4]).max() < LONG * load.phi[0])
 
 
 def _one_channel(seen: Observed, load: Load) -> Finding | None:
-    """Finding on a dead channel, or one in another unit, without which one load explains all."""
+    """Finding on one dead channel, or one in another unit, if one load explains all others."""
     fits = seen.moments.without_each()
     k = int(np.argmin([f.share for f in fits]))
     if fits[k].share > min(CLEAN, 0.2 * load.share) or not _carried(fits[k]):
@@ -290,7 +288,7 @@ def _bad_channel(k: int, measured: float, due: float) -> Finding:
 
 
 def _other_robot(seen: Observed, load: Load) -> Finding | None:
-    """Forces of one weight that turns otherwise than the joints say."""
+    """Finding on forces of one constant weight that turns otherwise than the joints do."""
     radius, off = sphere(seen.y[:, :3])
     noise = float(seen.noise[:3].max(initial=0.0))
     if load.share < FOLLOWED or off > SPHERE or radius < CLEAR * noise:
@@ -316,9 +314,9 @@ def _nothing(seen: Observed, load: Load) -> Finding:
 
 
 def sphere(force: np.ndarray) -> tuple[float, float]:
-    """Radius [N] of the sphere that forces (M, 3) surround, and how far off it they lie, relative.
+    """Radius [N] of the sphere on which forces (M, 3) lie, and their relative distance from it.
 
-    Forces on a plane, which lie on a sphere of any size, are infinitely far off.
+    That distance is infinite for forces in a plane, which lie on spheres of any size.
     """
     centred = force - force.mean(axis=0)
     squares = (centred**2).sum(axis=1)
@@ -374,8 +372,8 @@ def _units(seen: Observed, load: Load) -> Finding | None:
 
 
 def _longer(seen: Observed, load: Load) -> float | None:
-    """Ratio of the load's distance from the sensor to the stated one; None where it lies in another
-    direction, or none is stated."""
+    """Distance of the load from the sensor over the stated one; None in another direction or
+    unstated."""
     if seen.cog is None or not (square := float(seen.cog @ seen.cog)):
         return None
     lever = load.phi[1:4] / load.phi[0]
@@ -385,8 +383,8 @@ def _longer(seen: Observed, load: Load) -> float | None:
 
 
 def _unlike_stated(seen: Observed, load: Load) -> Finding | None:
-    """Forces in another unit, in counts, or without a payload that a controller subtracts, by the
-    mass that is stated."""
+    """Finding on forces in another unit or in counts, or without the payload that a controller
+    subtracts, judged by the stated mass."""
     mass, longer = float(load.phi[0]), _longer(seen, load)
     ratio = mass / seen.mass
     begin = f"the forces are those of {mass:.4g} kg, {ratio:.4g} of the stated {seen.mass:.4g} kg"
@@ -416,7 +414,7 @@ def _unlike_stated(seen: Observed, load: Load) -> Finding | None:
 
 
 def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
-    """A controller that subtracts a payload: what it subtracts by what is left."""
+    """Finding on a controller that subtracts a payload, with its mass from the remaining forces."""
     mass = float(load.phi[0])
     less = seen.mass - mass
     state = ", or state the tool without it" if mass > 0.0 else " and record again"
@@ -433,8 +431,8 @@ def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
 
 
 def _overcompensated(seen: Observed) -> Finding | None:
-    """A payload heavier than the tool that a controller subtracts; forces of the opposite sign have
-    the stated weight."""
+    """Finding on a controller that subtracts more than the tool: the forces are those of the stated
+    weight with the opposite sign."""
     load = seen.moments.mended(-np.eye(6)[None])[0]
     if not seen.stated or load.share > CLEAN:
         return None

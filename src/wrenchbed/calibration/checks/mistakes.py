@@ -47,7 +47,7 @@ TURNED = np.deg2rad(10.0)
 
 
 class Mistake(NamedTuple):
-    """A mistake with the load that is left when it is undone."""
+    """A possible mistake, with the load fitted after it was undone."""
 
     load: Load
     finding: Finding
@@ -59,7 +59,7 @@ class Mistake(NamedTuple):
 
 
 def mistake(seen: Observed) -> Finding | None:
-    """The mistake that explains the readings, None if no single one does."""
+    """Finding on the single mistake that explains the readings; None if there is none."""
     some = thinned(seen)
     before = some.moments.fit().share
     limit = min(MENDED * before, CLEAN)
@@ -77,7 +77,7 @@ def mistake(seen: Observed) -> Finding | None:
 
 
 def _mirrored(alike: Sequence[Mistake]) -> Finding:
-    """All the axes that may be mirrored, with the loads that they leave."""
+    """Finding on all axes that may be mirrored, with the load that each leaves."""
     loads = (", ".join(f"{1e3 * x:.0f}" for x in m.centre) for m in alike)
     ways = " Or ".join(
         f"{m.finding.sentence}: the load is then at ({load}) mm."
@@ -87,16 +87,16 @@ def _mirrored(alike: Sequence[Mistake]) -> Finding:
 
 
 def _whole(mistake: Mistake) -> bool:
-    """Whether torques that another unit made small are themselves explained by the load."""
+    """Whether the load also explains torques that another unit made small."""
     return mistake.finding.reason != "units" or bool(mistake.load.channel[3:].max() < CLEAN)
 
 
 def channel_mistake(seen: Observed, before: Load) -> Finding | None:
-    """A swap or a sign of channels that carry too little to refute the whole load.
+    """Finding on swapped or negated channels that carry too little to refute the whole load.
 
     Args:
-        seen: the observations, thinned.
-        before: the load that explains them best as they are.
+        seen: observations, thinned.
+        before: the load that fits them best as they are.
     """
     if before.channel.max() < WRONG:
         return None
@@ -115,7 +115,7 @@ def thinned(seen: Observed) -> Observed:
 
 
 def part(seen: Observed, rows: np.ndarray) -> Observed:
-    """Selection of observations, by indices or a boolean mask."""
+    """Observations selected by indices or by a boolean mask."""
     return replace(seen, q=seen.q[rows], y=seen.y[rows], t=seen.t[rows], row=seen.row[rows])
 
 
@@ -127,14 +127,14 @@ def _of_channels(seen: Observed) -> Iterator[Mistake]:
 
 
 class _Mend(NamedTuple):
-    """A mistake in the channels, and the matrix (6, 6) on the readings that undoes it."""
+    """A mistake in the channels, and the matrix (6, 6) that undoes it on the readings."""
 
     words: str
     reason: str
     matrix: np.ndarray
 
     def finding(self, mass: float) -> Finding:
-        """The mistake of readings whose forces are those of a mass [kg]."""
+        """Finding that names the mistake, for forces of a mass [kg]."""
         return Finding(self.reason, self.words.format(mass=mass))
 
 
@@ -146,7 +146,7 @@ def _all_mends() -> tuple[_Mend, ...]:
 
 @cache
 def _matrices() -> np.ndarray:
-    """Matrices (B, 6, 6) of the corrections from `_all_mends`."""
+    """Matrices (B, 6, 6) of all corrections in `_all_mends`."""
     return np.stack([m.matrix for m in _all_mends()])
 
 
@@ -236,8 +236,8 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
 
 
 def best_turn(gravity: np.ndarray, force: np.ndarray) -> np.ndarray | None:
-    """Rotation (3, 3) of forces (M, 3) after which they agree best with gravity in sensor axes
-    (M, 3), None if a mirror.
+    """Rotation (3, 3) that best aligns forces (M, 3) with gravity in sensor axes (M, 3); None if a
+    reflection does so better.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
     """
@@ -248,7 +248,7 @@ def best_turn(gravity: np.ndarray, force: np.ndarray) -> np.ndarray | None:
 
 
 def _turned_sensor(seen: Observed, rotation: np.ndarray) -> Iterator[Mistake]:
-    """A sensor whose readings are turned by a rotation (3, 3)."""
+    """Mistakes in which the sensor is turned by a rotation (3, 3)."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     turn = Rotation.from_matrix(rotation)
@@ -284,7 +284,7 @@ def _of_orientations(seen: Observed) -> Iterator[Mistake]:
 
 
 def _of_gravity(seen: Observed, into: np.ndarray) -> Iterator[Mistake]:
-    """Forces are R' u + b for one u: gravity times mass, along another axis of the base."""
+    """Mistakes in gravity's direction: forces R' u + b for one u along another base axis."""
     if isinstance(seen.q, Jet):
         finding = Finding(
             "gravity",
@@ -342,7 +342,7 @@ def _of_joints(seen: Observed) -> Iterator[Mistake]:
 
 
 def _joint_mistakes(seen: Observed) -> Iterator[tuple[str, Value]]:
-    """Possible mistakes in joints, each with joint values that correct it."""
+    """Possible mistakes in joints, each as a sentence with the corrected joint values."""
     names = seen.robot.joints
     for j in range(len(names)):
         sign = np.ones(len(names))
@@ -368,7 +368,7 @@ def _columns(seen: Observed, order: np.ndarray) -> Value:
 
 
 def _designs(seen: Observed, tried: Sequence[Value]) -> list[np.ndarray | None]:
-    """Regressors (M, 6, 10) at joint values each; None where the robot cannot take them."""
+    """Regressors (M, 6, 10) at each set of joint values; None where the robot cannot take them."""
     if seen.robot.broadcasts and not isinstance(seen.q, Jet):  # a formula: all at once
         with np.errstate(all="ignore"):
             every = regressor(seen.motion(np.concatenate(tried)))
@@ -394,5 +394,5 @@ def _fitted(seen: Observed, design: np.ndarray, y: np.ndarray, finding: Finding)
 
 
 def _turned(rotation: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Forces and torques (M, 6) turned by rotations (M, 3, 3)."""
+    """Forces and torques (M, 6) rotated by matrices (M, 3, 3)."""
     return np.concatenate([apply(rotation, y[:, :3]), apply(rotation, y[:, 3:])], axis=1)

@@ -1,7 +1,7 @@
-"""How well one rigid load under gravity explains readings, and readings mended in some way.
+"""How well one rigid load under gravity explains readings, as they are and after corrections.
 
-Every mending that mixes channels is a matrix (6, 6) on the readings. All fits therefore come from
-the same sums of products, which are made once: a fit costs a solution of ten equations.
+Each correction that mixes channels is a matrix (6, 6) on the readings. So all fits come from the
+same sums of products, made once: a fit costs the solution of ten equations.
 """
 
 from collections.abc import Sequence
@@ -26,19 +26,19 @@ _RIDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """M observations of a robot that carries one load, poses at rest or samples of a motion.
+    """M observations of a robot that carries one load: poses at rest or samples of a motion.
 
     Attributes:
         robot, theta, gravity: its model, its own parameters (P,), gravity in world axes (3,).
         q: joint values (M, J), orientations (M, 4), or jets.
         y: readings (M, 6) [N, N·m].
         noise: standard deviation of an observation (6,), 0 where nothing is known.
-        t: when each one begins (M,) [s].
-        row: number of each one's first row (M,).
-        mass: as the simulator is configured [kg].
-        stated: whether the metadata states the mass.
+        t: begin of each observation (M,) [s].
+        row: number of the first row of each observation (M,).
+        mass: configured mass of the tool [kg].
+        stated: whether the metadata state the mass.
         cog: as the metadata states it (3,) [m], None if it does not.
-        turns: whether the fit to come finds the rotation of the sensor's mount by itself.
+        turns: whether the fit that follows finds the rotation of the sensor's mount by itself.
     """
 
     robot: Robot
@@ -58,7 +58,7 @@ class Observed:
         return len(self.y)
 
     def motion(self, q: Value) -> Motion:
-        """Motion of the sensor at joint values or jets; at rest it sees gravity alone."""
+        """Motion of the sensor at joint values or jets; at rest with gravity alone."""
         if isinstance(q, Jet):
             return motion_of(*self.robot.sensor_pose(q, self.theta), self.gravity)
         seen = -self.robot.gravity_seen(q, self.theta, self.gravity).T
@@ -71,7 +71,7 @@ class Observed:
 
     @cached_property
     def design(self) -> np.ndarray:
-        """Regressor (M, 6, 10) of the ten inertial parameters."""
+        """Regressor (M, 6, 10) of the readings on the ten inertial parameters."""
         return regressor(self.seen)
 
     @cached_property
@@ -87,14 +87,14 @@ class Observed:
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """One rigid load under gravity, fitted to the readings.
+    """One rigid load under gravity, fitted to readings, with its residual.
 
     Attributes:
         phi: its ten inertial parameters (10,).
-        share: of the readings' swing that it leaves beyond noise, of forces or torques, 0 … 1; 1
-            where the readings hold nothing but noise, and for a load without a mass.
-        left: rms of what it leaves on each channel (6,) [N, N·m].
-        channel: share that it leaves of each channel's own swing (6,), 0 where that is noise.
+        share: residual beyond noise over the readings' variance, the larger of forces and torques,
+            0 … 1; 1 for a load without mass and where the readings are only noise.
+        left: rms residual of each channel (6,) [N, N·m].
+        channel: the same share of each channel by itself (6,), 0 where it is only noise.
     """
 
     phi: np.ndarray
@@ -105,7 +105,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Sums of products about the means, over M observations; the bias takes the means.
+    """Sums of products about the means (which the bias takes) over M observations.
 
     Attributes:
         design: D_c' D_c of each channel (6, 10, 10).
@@ -122,7 +122,7 @@ class Moments:
 
     @classmethod
     def of(cls, design: np.ndarray, y: np.ndarray, noise: np.ndarray) -> "Moments":
-        """Sums over designs (M, 6, 10) and readings (M, 6) with a noise (6,)."""
+        """Moments of designs (M, 6, 10) and readings (M, 6) with noise (6,)."""
         d, r = design - design.mean(axis=0), y - y.mean(axis=0)
         rows = np.moveaxis(d, 0, 2)  # (6, 10, M)
         return cls(
@@ -131,15 +131,15 @@ class Moments:
         )  # fmt: skip
 
     def fit(self, mend: np.ndarray | None = None, without: Sequence[int] = ()) -> Load:
-        """The load that explains mended readings best, some channels left out.
+        """Load that best explains readings corrected by ``mend`` (6, 6), some channels left out.
 
-        Forces count by their swing, torques by theirs or by a short lever.
+        Forces weigh by their variance, torques by theirs or by that of a short lever.
         """
         use = np.array([c not in without for c in range(6)])
         return self._fits((np.eye(6) if mend is None else mend)[None], use[None])[0]
 
     def mended(self, mends: np.ndarray) -> list[Load]:
-        """Loads fitted to the readings after each of many corrections (B, 6, 6)."""
+        """Loads fitted after each of many corrections (B, 6, 6)."""
         return self._fits(mends, np.ones(mends.shape[:2], dtype=bool))
 
     def without_each(self) -> list[Load]:
@@ -151,12 +151,12 @@ class Moments:
         return np.asarray(np.sqrt(np.maximum(self._squares(phi[None])[0], 0.0) / self.count))
 
     def _squares(self, phi: np.ndarray) -> np.ndarray:
-        """Sums (B, 6) of squares of what loads (B, 10) make, about the means."""
+        """Sums of squares (B, 6), about the means, of the readings that loads (B, 10) make."""
         return np.asarray(((self.design @ phi.T) * phi.T).sum(axis=1).T)
 
     def _fits(self, p: np.ndarray, use: np.ndarray) -> list[Load]:
-        """The load that fits readings mended by matrices (B, 6, 6) best, each by the channels that
-        it uses (B, 6)."""
+        """Loads that best explain readings corrected by matrices (B, 6, 6), by the channels in
+        ``use`` (B, 6)."""
         mixed = np.swapaxes(np.swapaxes(p, 0, 1) @ self.mixed, 0, 1)  # (B, 6, 10)
         squares = ((p @ self.readings) * p).sum(axis=2)
         force, torque = _parts(squares * use)
@@ -183,12 +183,12 @@ class Moments:
 
 
 def _parts(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sums (B,) over the forces and over the torques of channels (B, 6)."""
+    """Sums (B,) over the three forces and over the three torques of channels (B, 6)."""
     return channels[:, :3].sum(axis=1), channels[:, 3:].sum(axis=1)
 
 
 def left_of_swing(residual: np.ndarray, y: np.ndarray) -> float:
-    """Part of the readings' swing (of squares, M × 6) that a residual is, of forces or torques."""
+    """Residual (M, 6) over the readings' swing, squared; the larger of forces and torques."""
     remaining, swing = (residual**2).sum(axis=0), ((y - y.mean(axis=0)) ** 2).sum(axis=0)
     force, torque = float(swing[:3].sum()), float(swing[3:].sum())
     torque = max(torque, LEAST_LEVER**2 * force, 1e-300)

@@ -1,5 +1,5 @@
-"""What rows alone show, without a robot: dead or clipped channels, spikes, a wrong clock, rows of a
-pose that the others of it contradict."""
+"""Checks of rows alone, without a robot: dead or clipped channels, spikes, a wrong clock, rows that
+contradict the others of their pose."""
 
 from collections.abc import Iterator
 
@@ -68,10 +68,10 @@ _MAD = 1.4826
 
 
 def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
-    """The first reason that rows alone give; None if they give none.
+    """First finding that rows alone give; None if they give none.
 
     Args:
-        blocking: whether only reasons count that make a recording useless.
+        blocking: whether to return only findings that make a recording useless.
 
     Raises:
         RecordingError: the recording has no wrench.
@@ -85,7 +85,7 @@ def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
 
 
 def _without_lever(recording: Recording, channel: str) -> bool:
-    """Whether the stated CoG makes a torque 0, as a noiseless simulation shows exactly."""
+    """Whether a torque is exactly 0 by the stated CoG, as in a simulation without noise."""
     cog = recording.metadata.tool.cog
     if cog is None or channel not in CHANNELS[3:] or recording.metadata.source != "sim":
         return False
@@ -121,9 +121,9 @@ def _channels(recording: Recording) -> Iterator[Finding]:
 
 
 def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
-    """A channel that is clipped at one end and reads further at the other.
+    """Findings on a channel that is clipped at one end and reads further at the other.
 
-    A level that holds in both directions is an effect, which a diagnosis can name.
+    A limit that holds in both directions is an effect, which a diagnosis can name.
     """
     levels, count = np.unique(recording.columns[channel], return_counts=True)
     for end, other in ((-1, 0), (0, -1)):
@@ -144,10 +144,10 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
 
 
 def usable(recording: Recording) -> np.ndarray:
-    """Rows (N,) to use: those that no channel of which is said to be saturated.
+    """Whether to use each row (N,): not if one of its channels is marked as saturated.
 
-    Recordings of live drivers say so in ``saturated``, simulated ones in ``status``; the word of
-    a real device has its maker's meaning and drops nothing.
+    Live drivers mark them in ``saturated``, simulations in ``status``; the status word of a real
+    device has its maker's meaning and drops nothing.
     """
     flags = recording.columns.get("saturated")
     if flags is None and recording.metadata.source == "sim":
@@ -158,7 +158,7 @@ def usable(recording: Recording) -> np.ndarray:
 
 
 def _ranges(recording: Recording) -> Iterator[Finding]:
-    """Unmarked rows at the end of one of the sensor's ranges."""
+    """Findings on unmarked rows at the end of one of the sensor's ranges."""
     model, keep = recording.metadata.sensor.model, usable(recording)
     if model is None or not registry.is_known("sensors", model):
         return
@@ -179,7 +179,8 @@ def _ranges(recording: Recording) -> Iterator[Finding]:
 
 
 def _lost(recording: Recording) -> Iterator[Finding]:
-    """Rows in which no reading came: all channels are 0, or one is between rows alike and far."""
+    """Findings on rows without a reading: all channels 0, or one 0 between rows alike and far
+    off."""
     blank = np.asarray(~recording.wrench.any(axis=1))
     if LEAST_LOST <= blank.sum() < len(recording):
         yield _no_readings("all channels are", blank)
@@ -207,7 +208,7 @@ def _no_readings(what: str, rows: np.ndarray) -> Finding:
 
 
 def _spikes(recording: Recording) -> Iterator[Finding]:
-    """Single rows far off both neighbours: no load comes and goes within one row."""
+    """Findings on single rows far from both neighbours: no load comes and goes within one row."""
     if len(recording) < 20:
         return
     for c, unit in zip(CHANNELS, UNITS, strict=True):
@@ -232,7 +233,7 @@ def _spikes(recording: Recording) -> Iterator[Finding]:
 
 
 def _off_neighbours(y: np.ndarray) -> np.ndarray:
-    """Distance of each row (N,) outside its two neighbours; 0 for the first and the last."""
+    """Distance of each row (N,) outside the interval of its neighbours; 0 at the ends."""
     low, high = np.minimum(y[:-2], y[2:]), np.maximum(y[:-2], y[2:])
     off = np.zeros(len(y))
     np.abs(np.subtract(y[1:-1], np.clip(y[1:-1], low, high, out=low), out=high), out=off[1:-1])
@@ -258,7 +259,7 @@ def _clock(recording: Recording) -> Iterator[Finding]:
 
 
 def frozen_joints(recording: Recording) -> list[tuple[str, int, int]]:
-    """Joints that hold one value exactly, over more rows than any pose, while all else goes on.
+    """Joints that keep one value exactly, over more rows than any pose, while the rest changes.
 
     Returns:
         (column, or `ALL` for all joints at once; first row; rows) of each.
@@ -284,7 +285,7 @@ def frozen_joints(recording: Recording) -> list[tuple[str, int, int]]:
 
 
 def standing(recording: Recording) -> Iterator[Finding]:
-    """A motion whose joints stand for a while, all at once, as its readings go on moving."""
+    """Findings on a motion whose joints all stand for a while as the readings go on changing."""
     std = recording.metadata.sensor.noise_std
     if recording.metadata.mode != "dynamic" or std is None or not recording.joints:
         return
@@ -307,14 +308,14 @@ def _longest_run(column: np.ndarray) -> tuple[int, int]:
 
 
 def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> Finding | None:
-    """Why the rows of poses are not repeats of each other; None where nothing speaks against it.
+    """Finding on rows of poses that are not repeats of each other; None without one.
 
-    Rows of the move before, or of no measurement at all, move the pose's mean and enlarge the noise
-    that its repeats show, so that no later check sees them.
+    Rows of the move before, or of no measurement, shift the pose's mean and enlarge the noise by
+    its repeats, so that no later check detects them.
 
     Args:
-        keep: rows that are used (N,), boolean.
-        count: used rows of each pose, in the order of the recording (M,).
+        keep: rows to use (N,), boolean.
+        count: used rows of each pose (M,), in recorded order.
     """
     if count.mean() < OFF_ROWS:
         return None
@@ -365,7 +366,7 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
 
 
 def _along(off: np.ndarray, way: np.ndarray) -> float:
-    """Part of the rows that are off (F, 6) along ways (F, 6), no farther than these are long."""
+    """Share of deviations (F, 6) that lie along the vectors ``way`` (F, 6), within their length."""
     size = np.maximum((way**2).sum(axis=1), 1e-300)
     part = np.clip((off * way).sum(axis=1) / size, 0.0, 1.0)
     beside = ((off - part[:, None] * way) ** 2).sum(axis=1)

@@ -1,8 +1,8 @@
-"""What is wrong during a part of a recording only: a hand, several tools, a zero that jumps.
+"""What is wrong in a part of a recording only: contact, several tools, a jump of the zero.
 
 One load is fitted to the half of the observations that agrees best (least trimmed squares,
-Rousseeuw & Van Driessen 2006, doi 10.1007/s10618-005-0024-4); what lies far off it is named with
-its time. A load that changes is found by fits on either side of each moment.
+Rousseeuw & Van Driessen 2006, doi 10.1007/s10618-005-0024-4); observations far from it are named
+with their times. A change of load is found by fits before and after each moment.
 """
 
 import numpy as np
@@ -56,7 +56,8 @@ def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scaled(seen: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Regressor of load and bias (M, 6, 16) and readings (M, 6), by their kind's swing (6,)."""
+    """Regressor of load and bias (M, 6, 16) and readings (M, 6), over the swing (6,), the last
+    result."""
     d = np.concatenate([seen.design, np.broadcast_to(np.eye(6), (len(seen), 6, 6))], axis=2)
     force = float(seen.y[:, :3].std(axis=0).max())
     scale = np.repeat([force, max(float(seen.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
@@ -73,7 +74,7 @@ def _solution(d: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def touched(seen: Observed) -> Finding | None:
-    """A force during a part of the recording that is not the load's."""
+    """Finding on a contact force during a part of the recording; None without one."""
     some = thinned(seen)
     if len(some) < 2 * LEAST_SIDE:
         return None
@@ -115,7 +116,7 @@ def _where(seen: Observed, far: np.ndarray, peak: float, residual: np.ndarray) -
 
 
 def changed(seen: Observed) -> Finding | None:
-    """A load, or a zero, that is another after some moment."""
+    """Finding on a load or a zero that changes at some moment; None without one."""
     some = thinned(seen)
     before = some.moments.fit().share
     if len(some) < 2 * LEAST_SIDE:
