@@ -1,9 +1,12 @@
 """Robots, one file or package each; `wrenchbed.registry.names("robots")` lists them.
-Imports physics, files and registry.
+
+Free: the inside of a robot; tests/robots speak.
+Others rely on: names of parameters and joints (every fit.json, twin.json and effect names them),
+nominal values in models/, the contract `base`, and that recordings carry described robots
+(`described.rebuilt`: what an older version wrote must still load).
 Never: a sensor's noise, an effect or a recording; MuJoCo only to write and read models.
 Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as its kinds, and
 `closed_loop` with `loop_arm`.
-Used by: every other room but files, jobs, pages, physics and sensors.
 """
 
 SUPPORT = (

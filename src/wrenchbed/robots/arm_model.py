@@ -22,9 +22,9 @@ MESH_VERTICES = 300
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A geom to look at, in the frame of its link: MuJoCo's word for it (box, sphere, capsule,
-    cylinder, ellipsoid, plane or mesh), its sizes (3,) [m], place (3,) [m] and turn w x y z, its
-    colour 0 … 1, and of a mesh vertices (V, 3) [m] and faces (F, 3)."""
+    """A geom that is drawn, in the frame of its link: MuJoCo's word for its kind (box, sphere,
+    capsule, cylinder, ellipsoid, plane or mesh), its sizes (3,) [m], place (3,) [m] and turn w x y
+    z, its colour 0 … 1, and of a mesh vertices (V, 3) [m] and faces (F, 3)."""
 
     kind: str
     size: tuple[float, ...]
@@ -163,7 +163,7 @@ class ArmModel:
 
     @property
     def moved(self) -> tuple[ArmLink, ...]:
-        """The link that each joint q1 … moves."""
+        """The links that the joints q1 … move, in this order."""
         return tuple(self.links[k] for k in self.driven)
 
     @property
@@ -174,7 +174,8 @@ class ArmModel:
 
 
 def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
-    """A dataclass from its fields as JSON has them, and from ``parts`` that were made already."""
+    """Make a dataclass from its fields as JSON has them, and from ``parts`` that were made
+    already."""
     arrays = {f.name for f in fields(kind) if f.type is np.ndarray}
     values: dict[str, Any] = {
         k: np.array(v, dtype=float) if k in arrays else _tuples(v) for k, v in raw.items()
@@ -203,7 +204,7 @@ def about(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def lighter(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A mesh (V, 3), (F, 3) with at most about `MESH_VERTICES` vertices, by joining near ones.
+    """Simplify a mesh (V, 3), (F, 3) to about `MESH_VERTICES` vertices by joining near ones.
 
     Vertex clustering on a grid: Rossignac & Borrel 1993, doi 10.1007/978-3-642-78114-8_29.
     """

@@ -64,7 +64,8 @@ _HEAD = """
 
 
 def spec_of(arm: ArmModel, load: Load, zeros: np.ndarray) -> mujoco.MjSpec:
-    """An arm with a load as it stands at home; ``zeros`` (L,) are added to its joints' values."""
+    """MJCF of an arm with a load as it stands at home; ``zeros`` (L,) are added to its joints'
+    values."""
     spec = mujoco.MjSpec.from_string(_HEAD)
     spec.modelname, spec.option.gravity = arm.name, arm.gravity
     stretch = max(arm.reach, 0.1)
@@ -121,7 +122,7 @@ def _draw(
     far: np.ndarray,
     thick: float,
 ) -> None:
-    """A body's shapes, or without any a bone to a point (3,) in its axes."""
+    """Add a body's shapes, or without any a bone to a point (3,) in its axes."""
     if not shapes:
         _bone(body, f"{name}_bone", far, thick, _GREY)
     for n, shape in enumerate(shapes):
@@ -149,7 +150,7 @@ def _draw(
 def _bone(
     body: mujoco.MjsBody, name: str, far: np.ndarray, thick: float, rgba: Sequence[float]
 ) -> None:
-    """A capsule to a point (3,), or a ball where that is near."""
+    """Add a capsule to a point (3,), or a ball where that is near."""
     if float(np.linalg.norm(far)) > thick:
         ends = [0.0, 0.0, 0.0, *far]
         size = [thick, 0.0, 0.0]
@@ -170,7 +171,7 @@ def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
 
 
 def _close(spec: mujoco.MjSpec, bodies: Sequence[mujoco.MjsBody], arm: ArmModel) -> None:
-    """Sites ``<loop>_1`` and ``<loop>_2`` that MuJoCo keeps together, stiffly."""
+    """Add sites ``<loop>_1`` and ``<loop>_2`` that MuJoCo keeps together, stiffly."""
     kind = mujoco.mjtEq.mjEQ_CONNECT
     for c in arm.closures:
         equality = spec.add_equality(name=c.name, type=kind, solref=_STIFF, solimp=_HARD)

@@ -55,7 +55,7 @@ Frame = tuple[np.ndarray, np.ndarray]
 
 
 class ArmTree:
-    """A compiled file at home.
+    """Reads the arm of a compiled file that stands at home.
 
     Args:
         model: with the site `SITE`.
@@ -104,7 +104,8 @@ class ArmTree:
         mujoco.mj_kinematics(model, self.data)
 
     def arm(self, actuators: Iterable[str]) -> ArmModel:
-        """The arm as numbers; ``actuators`` are the joints that are driven where loops close."""
+        """Read the arm as numbers; ``actuators`` are the joints that are driven where loops
+        close."""
         model, data, chain = self.model, self.data, self.chain
         driven = self._driven(actuators) if self.equalities else tuple(range(len(chain)))
         segment = self._segments()
@@ -190,7 +191,7 @@ class ArmTree:
         return one, two
 
     def _words(self, e: int) -> str:
-        """Description of an equality for people."""
+        """Text for an equality in messages."""
         model, one, two = self.model, int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
         if model.eq_type[e] == COUPLED:
             other = repr(model.joint(two).name) if two >= 0 else "a number"
@@ -199,7 +200,7 @@ class ArmTree:
         return f"closes a loop between {first!r} and {second!r}"
 
     def _refuse_loads_beside(self) -> None:
-        """Refuse a load that has a way past the sensor."""
+        """Refuse a load that is connected to the arm other than through the sensor."""
         for e in range(self.model.neq):
             one, two = self._sides(e)
             if (one in self.behind) != (two in self.behind):
@@ -313,7 +314,8 @@ class ArmTree:
     def _together(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Mass, CoG (3,) and inertia about it (3, 3) of some bodies, in a frame of the world."""
+        """Mass, CoG (3,) and inertia about it (3, 3) of some bodies taken together, in a frame of
+        the world."""
         model, data = self.model, self.data
         some = [b for b in bodies if b and model.body_mass[b] > _NOTHING]
         mass = float(sum(model.body_mass[b] for b in some))
@@ -381,12 +383,12 @@ def _floats(values: np.ndarray) -> tuple[float, ...]:
 
 
 def _plain(name: str) -> str:
-    """Name without the characters that patterns and effects use."""
+    """Replace the characters of a name that patterns and effects use."""
     return re.sub(r"[^\w.-]", "_", name)
 
 
 def _distinct(links: Iterable[ArmLink]) -> tuple[ArmLink, ...]:
-    """Links with a number added to names that are taken."""
+    """Add numbers to links' names that occur more than once."""
     bodies, joints, renamed = set(RESERVED), set[str](), []
     for k, link in enumerate(links, start=1):
         body = link.body if link.body not in bodies else f"{link.body}_{k}"

@@ -55,7 +55,7 @@ class Joint:
     speed: float
 
     def own(self, unit: str) -> str:
-        """A unit of hinges as this joint has it: a slide N for N·m and m for rad."""
+        """Unit of this joint for a unit of hinges: a slide has N for N·m and m for rad."""
         return _OF_SLIDES.get(unit, unit) if self.unit == "m" else unit
 
 
@@ -76,7 +76,8 @@ class GoalSets(NamedTuple):
 
 
 class Robot(ArmBodies):
-    """A robot that carries a six-axis force/torque sensor; `Arm` holds what its own weight does.
+    """A robot that carries a six-axis force/torque sensor; `ArmBodies` has what its own weight
+    does.
 
     Every formula accepts joint values ``q`` of shape (N, J) as an array or as a `Jet` (then the
     result carries velocity and acceleration), and parameters ``theta`` of shape (P,) or (K, 1, P),
@@ -123,11 +124,12 @@ class Robot(ArmBodies):
         raise NotFoundError(f"robot {self.name!r} has no tool tip in its model")
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Gravity in sensor axes (…, N, 3) [m/s²] of gravity in world axes (3,), by the pose."""
+        """Gravity in sensor axes (…, N, 3) [m/s²] at joint values q (N, J), from gravity in world
+        axes (3,)."""
         return np.asarray(np.swapaxes(self.sensor_pose(q, theta)[0], -1, -2) @ gravity)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """Input of `compiled.statics` for parameters (P,), or (R, P) of robots that broadcast."""
+        """Input of `compiled.statics`, made of parameters (P,), or of (R, P) that broadcast."""
         raise NotImplementedError
 
     @abstractmethod
@@ -140,10 +142,10 @@ class Robot(ArmBodies):
 
     @abstractmethod
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Random feasible joint values (n, J) that turn the tool well about."""
+        """Draw feasible joint values (n, J) that turn the tool well about."""
 
     def pool(self, n: int, seed: int) -> np.ndarray:
-        """Candidate configurations (n, J) to choose calibration poses from."""
+        """Make candidate configurations (n, J) from which calibration poses are chosen."""
         return self.sample(n, np.random.default_rng(seed))
 
     def target(self) -> np.ndarray | None:
@@ -164,7 +166,7 @@ class Robot(ArmBodies):
         return tuple(joint.name for joint in self.joints)
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
-        """Known changes of parameters that should leave every wrench alone, by name.
+        """Known changes of parameters that should not change any wrench, by name.
 
         They give null directions a name; whether one is null is always decided by the data.
         """
@@ -228,7 +230,7 @@ class SimulatedRobot(Robot):
 
     @abstractmethod
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        """MJCF with every parameter (P,) written into it."""
+        """MJCF of the robot with every parameter (P,) written into it."""
 
     def link_frames(self, q: Value, theta: np.ndarray) -> Sequence[tuple[Value, Value]]:
         """R_world_link (…, N, 3, 3) and origin (…, N, 3) [m] of the link behind each of MuJoCo's
@@ -261,7 +263,8 @@ class SimulatedRobot(Robot):
 
 
 def complex_steps(theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-    """Parameters (K, 1, P) from (P,), with an imaginary `STEP` in another of K columns each."""
+    """Copies of parameters (K, 1, P), the k-th with an imaginary `STEP` in its column
+    ``columns[k]``."""
     shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
     shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
     return shifted
@@ -280,7 +283,7 @@ def load_parameters(inertia: Sequence[float]) -> ParameterSet:
 
 
 def inertia_matrix(p: Values) -> np.ndarray:
-    """Inertia (…, 3, 3) [kg·m²] about the centre of gravity."""
+    """Inertia (…, 3, 3) [kg·m²] of the load about its centre of gravity."""
     xx, yy, zz, xy, xz, yz = (p[f"tool.inertia.{a}"] for a in INERTIA_AXES)
     rows = [stack_jets([xx, xy, xz]), stack_jets([xy, yy, yz]), stack_jets([xz, yz, zz])]
     return np.stack(rows, axis=-2)
@@ -302,7 +305,7 @@ class LoadInSensorAxes(Robot):
 
 
 class MountedArm(LoadInSensorAxes, SimulatedRobot):
-    """An arm whose base may lean, with a sensor mounted on its flange: `mounted_parameters`.
+    """An arm whose base may lean, with a sensor mounted on its flange (`mounted_parameters`).
 
     Subclasses set ``parameters`` and call `_prepare`.
     """
@@ -325,7 +328,7 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
         return (rotation @ mount_turn(turn) if turn.any() else rotation), position
 
     def _leaning(self, base: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """R_world_base (…, 3, 3) of a base (3, 3) that leans.
+        """R_world_base (…, 3, 3) of a base that leans from its nominal rotation (3, 3).
 
         The tilt turns gravity as the base sees it: the base turns against it.
         """
@@ -336,7 +339,7 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
 
 
 def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
-    """``tool.mass`` [kg] and ``tool.cog`` [m] of a `LoadInSensorAxes`."""
+    """The parameters ``tool.mass`` [kg] and ``tool.cog`` [m] of a `LoadInSensorAxes`."""
     centre = (
         Parameter(f"tool.cog.{a}", c, "m", 5e-3, -2.0, 2.0, "CoG in sensor axes")
         for a, c in zip("xyz", cog, strict=True)
@@ -367,7 +370,7 @@ def vector_parameters(
 def sample_until(
     n: int, draw: Callable[[int], np.ndarray], good: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """Draw batches until n rows are good.
+    """Draw batches until n rows are good; return these (n, …).
 
     Raises:
         WrenchbedError: fewer than 1 in 1,000 draws is good.
@@ -411,7 +414,8 @@ def mount_turn(vector: np.ndarray) -> np.ndarray:
 
 
 def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Parameters (P,) after gravity, as the base sees it, has turned by a vector (3,) [rad].
+    """Parameters (P,) of the robot with its base turned: gravity, in base axes, by a rotation
+    vector (3,) [rad].
 
     A turn about the vertical is lost on robots whose base has a tilt only; no wrench shows it.
     """
@@ -427,7 +431,8 @@ def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarr
 
 
 def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Parameters (P,) after the sensor has turned on its flange by a vector (3,) in its axes."""
+    """Parameters (P,) of the robot with its sensor turned on its flange by a rotation vector (3,)
+    [rad] in sensor axes."""
     names, turned = robot.parameters.names, np.array(theta, dtype=float)
     if "mount.rotation.x" in names:
         at = [names.index(f"mount.rotation.{a}") for a in "xyz"]

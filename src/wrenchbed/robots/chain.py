@@ -53,14 +53,14 @@ class SerialChain(MountedArm):
 
     @abstractmethod
     def fixed(self, theta: np.ndarray) -> Fixed:
-        """S_0 … S_J of parameters (P,) or (K, 1, P); the last ends in the flange."""
+        """Transforms S_0 … S_J of parameters (P,) or (K, 1, P); the last ends in the flange."""
 
     @abstractmethod
     def zeros(self, theta: np.ndarray) -> np.ndarray:
-        """Offset that is added to each joint value (…, J)."""
+        """Offsets (…, J) that are added to the joint values."""
 
     def _mounted(self, theta: np.ndarray) -> Fixed:
-        """S_0 … S_J; the last ends in the sensor."""
+        """Transforms S_0 … S_J; the last ends in the sensor."""
         turns, shifts = self.fixed(theta)
         offset, turn = theta[..., self._offset], theta[..., self._turn]
         last, end = shifts[-1], turns[-1]
@@ -100,7 +100,8 @@ class SerialChain(MountedArm):
         return [(stack_jets(axes), origin) for *axes, origin in frames]
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Rotated from joint to joint: less than half the work of a pose."""
+        """Gravity in sensor axes (…, N, 3), turned from joint to joint: less than half the work of
+        a pose."""
         turns, _ = self._mounted(theta)
         angle = np.ascontiguousarray(np.moveaxis(q + self.zeros(theta), -1, 0))
         seen: Vector = np.moveaxis(gravity @ turns[0], -1, 0)
@@ -114,7 +115,8 @@ class SerialChain(MountedArm):
         return np.moveaxis(np.stack([np.broadcast_to(x, shape) for x in seen]), 0, -1)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """The robot's own numbers are, of each hinge: column, zero, cosine and sine of the twist.
+        """Input of `compiled.statics`: of each hinge its column, zero, cosine and sine of the
+        twist.
 
         The twist behind the last hinge is zero: the last turn holds it.
         """
@@ -155,11 +157,11 @@ def _euler_zxz(turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _weights(vector: np.ndarray) -> list[np.ndarray]:
-    """Components of vectors (…, 3), to weigh axes (…, N, 3) with."""
+    """Components of vectors (…, 3), shaped to weigh axes (…, N, 3)."""
     return [w if w.ndim == 0 else w[..., None] for w in np.moveaxis(vector, -1, 0)]
 
 
 def _combined(weights: Sequence[np.ndarray], parts: Sequence[Value]) -> Value:
-    """Σ w_k a_k; terms that are exactly 0 cost nothing."""
+    """Sum of weighted vectors, Σ w_k a_k; terms that are exactly 0 cost nothing."""
     terms = [w * a for w, a in zip(weights, parts, strict=True) if np.ndim(w) or w != 0.0]
     return reduce(lambda total, term: total + term, terms)

@@ -49,10 +49,10 @@ Frame = tuple[Value, Value]
 
 
 class ClosedLoops:
-    """The loops of one arm.
+    """Solves the loops of one arm for its passive joints.
 
-    Formulas take ``arm`` with parameters other than the nominal ones too, also a batch (K, 1, …)
-    of them or complex steps, and values of joints to which their zeros are added.
+    Formulas take ``arm`` with parameters other than the nominal ones too, also a batch (K, 1, …) of
+    them or complex steps, and values of joints to which their zeros are added.
 
     Args:
         arm: with ``loops``; its home is where Newton begins.
@@ -136,7 +136,12 @@ class ClosedLoops:
             return np.linalg.inv(slopes + 1e-13 * np.eye(slopes.shape[-1]))
 
     def _at_home(self, at: np.ndarray) -> np.ndarray:
-        """Values of all joints (L,) with the loops closed; finds which equations are needed."""
+        """Close the loops at home: values of all joints (L,); also choose the equations that are
+        kept.
+
+        Raises:
+            ParameterError: the loops do not close, leave a joint free, or couple driven joints.
+        """
         for _ in range(3 * _STEPS):
             r = self.residual(_split(at), self.arm)
             step = np.linalg.pinv(self._slopes(at, self.arm)[:, self.passive], _RANK) @ r
@@ -171,7 +176,7 @@ class ClosedLoops:
         return ", ".join(self.arm.links[links[n]].joint for n in np.flatnonzero(which).tolist())
 
     def _check_left_out(self, home: np.ndarray) -> None:
-        """Refuse equations that hold by themselves at home and not elsewhere."""
+        """Refuse loops whose left-out equations hold at home and not beside it."""
         way = np.random.default_rng(0).uniform(-1.0, 1.0, (4, len(self.driven)))
         goal = home[self.driven] + _STRIDE * way * self._unit[self.driven]
         at = self._follow(np.tile(home, (len(goal), 1)), goal, _CAREFUL)
@@ -207,7 +212,7 @@ class ClosedLoops:
         return self._closed(at, arm)
 
     def _closed(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """Newton to rounding from near a solution; NaN where there is none."""
+        """Newton iterations to rounding from values near a solution; NaN where there is none."""
         with np.errstate(all="ignore"):
             last = np.inf
             for _ in range(_STEPS):
@@ -225,7 +230,8 @@ class ClosedLoops:
         return np.asarray(self.residual(_split(at), arm) @ self._kept.T)
 
     def _reached(self, q: np.ndarray) -> np.ndarray:
-        """Nominal solutions (N, L), each along a way from a near seed, else from home."""
+        """Nominal solutions (N, L) at driven values, each followed from a near seed, else from
+        home."""
         goal, seeds = q, self._seeds
         at = np.full((len(q), len(self.arm.links)), np.nan)
         finite = np.flatnonzero(np.isfinite(goal).all(axis=1))
@@ -263,8 +269,8 @@ class ClosedLoops:
         return solutions
 
     def _follow(self, start: np.ndarray, goal: np.ndarray, stride: float) -> np.ndarray:
-        """Values of all joints along straight lines from solutions (N, L) to driven values (N, J);
-        NaN where the way is barred."""
+        """Values of all joints (N, L) at the ends of straight lines from solutions (N, L) to driven
+        values (N, J); NaN where the way is barred."""
         at, begin = start.copy(), start[:, self.driven]
         longest = (np.abs(goal - begin) / self._unit[self.driven]).max(axis=1)
         strides = np.maximum(1, np.ceil(longest / stride)).astype(int)
@@ -306,7 +312,8 @@ class ClosedLoops:
         return values
 
     def failures(self, at: np.ndarray) -> dict[int, str]:
-        """Rows of ``at`` (N, L) without a solution or beyond a passive joint's limits, and why."""
+        """Reasons by row of ``at`` (N, L) that has no solution or lies beyond a passive joint's
+        limits."""
         bad = {int(row): _BARRED for row in np.flatnonzero(np.isnan(at).any(axis=1))}
         for k in self.passive:
             link = self.arm.links[k]

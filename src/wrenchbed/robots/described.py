@@ -81,7 +81,7 @@ _JOINT = {"name", "lower", "upper", "speed", "home", "link", "mass", "cog"}
 
 class Described(NamedTuple):
     """A robot made from a model file, the text of ``my.toml``, the bodies of the file that load the
-    sensor, and what the user should know."""
+    sensor, and notes for the user."""
 
     robot: FileArm | LoopArm
     text: str
@@ -170,7 +170,7 @@ def read(path: Path) -> FileArm | LoopArm:
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
-    """The robot of what a recording carries, see `FileArm.record`.
+    """Make the robot again from what a recording carries, see `FileArm.record`.
 
     Raises:
         ParameterError: it is incomplete.
@@ -198,7 +198,7 @@ def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
 
 
 def _sensor(folder: Path, stated: str) -> str:
-    """The name of a sensor; the path of a user's TOML is seen from the robot's file."""
+    """Name of the sensor; the path of a user's TOML is relative to the robot's file."""
     is_file = stated.lower().endswith(".toml")
     return registry.known_as("sensors", str(folder / stated) if is_file else stated)
 
@@ -210,7 +210,7 @@ def _sha(file: Path) -> str:
 def _load(
     arm: ArmModel, frame: str, file: Path, mass: float | None, cog: Sequence[float] | None
 ) -> Load:
-    """The stated tool, else what the file hangs behind the frame."""
+    """Load behind the sensor: the stated tool, else what the file hangs behind the frame."""
     if mass is None and cog is None and arm.load is not None:
         return arm.load
     if mass is None or cog is None:

@@ -51,7 +51,7 @@ _WRIST = 3
 @dataclass(frozen=True, eq=False)
 class ArmDescription:
     """Contents of a robot's file: the name by which recordings name it, a title of one line, the
-    sensor's registry name, the chain as numbers and the load behind the sensor."""
+    sensor's registry name, the arm as numbers and the load behind the sensor."""
 
     name: str
     title: str
@@ -97,7 +97,7 @@ class DescribedArm(MountedArm):
         return np.array([link.home for link in self.arm_model.moved])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Reduction for pickling: another process also has one object for each name."""
+        """Pickle by name, so that another process also has one object for each name."""
         return registry.revived, ("robots", self.name, self.record)
 
     def base_origin(self, theta: np.ndarray) -> np.ndarray:
@@ -108,8 +108,8 @@ class DescribedArm(MountedArm):
         return np.asarray(theta[..., self._zeros])
 
     def _sampled(self, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Ranges (J,) within the limits to draw joint values from; of a hinge a whole turn about
-        the middle, or the nearest to it, shows all."""
+        """Lowest and highest values (J,) between which joints are drawn: of a hinge a whole turn
+        about ``middle``, or the nearest to it within its limits."""
         low, high = np.array([[joint.lower, joint.upper] for joint in self.joints]).T
         turn = np.array([np.pi if joint.unit == "rad" else np.inf for joint in self.joints])
         half = np.minimum(turn, (high - low) / 2)
@@ -125,7 +125,7 @@ class DescribedArm(MountedArm):
         return tuple(place.tolist()), tuple(middle.tolist())
 
     def at(self, theta: np.ndarray) -> ArmModel:
-        """The arm with its parameters (P,), or a batch of them (K, 1, P)."""
+        """The arm as numbers with parameters (P,), or with a batch of them (K, 1, P)."""
         arm = self.arm_model
         links = tuple(
             replace(link, turn=link.turn @ mount_turn(theta[..., turn]), shift=theta[..., place])
@@ -192,7 +192,8 @@ class FileArm(DescribedArm, SerialChain):
             return rng.uniform(low, high, (n, len(low)))
 
     def clear(self, q: np.ndarray) -> np.ndarray:
-        """Whether poses (N, J) keep moving parts above the floor and the tool off the limbs."""
+        """Which poses (N, J) keep moving parts above the floor and the tool off the limbs (N,),
+        boolean."""
         theta, floor = self.parameters.nominal, self.arm_model.floor
         origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in self.frames(q, theta)]
         rotation, sensor = self.sensor_pose(q, theta)
@@ -235,13 +236,13 @@ def loop_groups(arm: ArmModel) -> list[list[str]]:
 
 
 def _zero(name: str, link: ArmLink, bound: float, text: str) -> Parameter:
-    """Parameter that is added to the reading of a link's joint [rad or m], within ± bound."""
+    """Parameter of the offset that is added to a joint's reading [rad or m], within ± bound."""
     unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
     return Parameter(name, 0.0, unit, size, -bound, bound, text)
 
 
 def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:
-    """Coordinates of a point (3,) [m]."""
+    """Parameters of the coordinates of a point (3,) [m]."""
     return [
         Parameter(f"{group}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST, text)
         for a, v in zip("xyz", place, strict=True)

@@ -44,7 +44,7 @@ def _regressor(robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.nda
 def rotor_torque(
     robot: SimulatedRobot, theta: np.ndarray, inertias: LinkInertias, q: Jet
 ) -> np.ndarray:
-    """Torque (N, J) [N·m, N for slides] that the motors' own inertia needs.
+    """Torque (N, J) [N·m, N for slides] that the inertia of the motors needs.
 
     The MJCF of a described robot has some in passive joints too: loops bring it to the motors.
     """
@@ -57,13 +57,14 @@ def rotor_torque(
 
 
 def _unit_speeds(q: np.ndarray) -> Jet:
-    """Each row (N, J) once for each joint, which moves alone at a speed of 1 (N J, J)."""
+    """Jet (N J, J) that repeats each row (N, J) once for each joint, which alone has a speed of
+    1."""
     still = np.repeat(q, q.shape[1], axis=0)
     return Jet(still, np.tile(np.eye(q.shape[1]), (len(q), 1)), 0.0 * still)
 
 
 def _moving(frame: tuple[Value, Value], rows: int) -> tuple[Jet, Jet]:
-    """Jets of a rotation and an origin, also if they do not move."""
+    """Jets of a rotation and an origin, of ``rows`` rows also if they do not move."""
     shapes = ((rows, 3, 3), (rows, 3))
     turn, origin = (
         x

@@ -50,7 +50,8 @@ class LoopArm(DescribedArm):
 
     @cached_property
     def lengths(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Positions of all links on others that move something."""
+        """Names of the parameters of lengths: positions of links on moving links, where a reading
+        shows them."""
         arm = self.arm_model
         places = zip(arm.links, arm.parents, strict=True)
         bodies = [link.body for link, before in places if before >= 0]

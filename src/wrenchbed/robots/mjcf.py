@@ -40,7 +40,7 @@ def frictionless(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """Remove contact and its shapes, dry and viscous friction of joints, and limits of servo forces
     from a spec, and return it.
 
-    A file has these for viewers; no recording may depend on them.
+    Files have these for viewers; no recording may depend on them.
     """
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     for geom in list(spec.geoms):
@@ -152,5 +152,6 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
 
 
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (3, 3) and origin (3,) of a link in the world, of arrays with one row or none."""
+    """Axes (3, 3) and origin (3,) of a link in the world, from arrays that may have a leading
+    row."""
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]

@@ -101,13 +101,13 @@ def _with_options(source: ModelSource) -> str:
 
 
 def _refused(source: ModelSource, cause: Exception) -> ParameterError:
-    """MuJoCo's own words in one line, or ours where they are clearer."""
+    """Error with MuJoCo's message in one line, or a clearer one where we have it."""
     words = FLOATS if "free joint" in str(cause) else " ".join(str(cause).split())[:_LONGEST]
     return ParameterError(f"{source.path}: {words}")
 
 
 def _drop_missing(spec: mujoco.MjSpec, source: ModelSource) -> list[str]:
-    """Delete meshes that cannot be drawn, with their geoms; a note on them."""
+    """Delete meshes that cannot be drawn, with their geoms; return notes on them."""
     missing, size = set(), 0
     folder = source.path.resolve().parent
     for mesh in [m for m in spec.meshes if m.file]:
@@ -190,7 +190,7 @@ def _strip(spec: mujoco.MjSpec, source: ModelSource) -> None:
 
 
 def _compiled(spec: mujoco.MjSpec, source: ModelSource, notes: list[str]) -> mujoco.MjModel:
-    """The model; inertias of no body, which MuJoCo refuses, are replaced and noted."""
+    """Compile the model; inertias of no body, which MuJoCo refuses, are replaced and noted."""
     options = spec.compiler
     options.boundmass = max(options.boundmass, _BOUND)
     options.boundinertia = max(options.boundinertia, _BOUND)

@@ -108,7 +108,7 @@ class ModelSource:
 
 
 def content(path: Path) -> bytes:
-    """Content of a regular file of a model.
+    """Bytes of a regular file of a model.
 
     Raises:
         NotFoundError: there is no such file.
@@ -129,8 +129,8 @@ def content(path: Path) -> bytes:
 
 
 def _declared(text: str) -> str:
-    """XML in which the prefixes of elements that no one declares are declared at its root: MuJoCo
-    reads such files, as Drake's ``<drake:joint>``."""
+    """Declare, at the root of an XML text, prefixes of elements that it does not declare, such as
+    Drake's ``<drake:joint>``: MuJoCo reads such files."""
     for prefix in dict.fromkeys(_PREFIX.findall(text)):
         if f"xmlns:{prefix}=" not in text:
             text = re.sub(r"<(robot|mujoco)\b", rf'<\1 xmlns:{prefix}="{prefix}"', text, count=1)

@@ -22,7 +22,8 @@ def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """The poses (N, J) less those to which the straight way from the one before leads outside."""
+    """Poses (M, J) of q (N, J) without those to which the straight way from the one before leaves
+    the robot's limits."""
     kept: list[np.ndarray] = []
     for pose in q:
         if kept and robot.infeasible(straight(kept[-1], pose), robot.parameters.nominal):
@@ -135,7 +136,7 @@ class Limits:
         return ""
 
     def check_wrench(self, wrench: np.ndarray) -> None:
-        """Refuse to go on against a measured load (6,) beyond the limits.
+        """Refuse a measured load (6,) beyond the limits.
 
         Raises:
             LimitError: says which.

@@ -49,7 +49,7 @@ class Oriented(LoadInSensorAxes):
         return {}
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Uniform orientations (n, 4)."""
+        """Draw uniform orientations (n, 4)."""
         q = rng.standard_normal((n, 4))
         return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
 

@@ -175,7 +175,8 @@ class SerialArm(SerialChain):
         return np.asarray(above & column & (apart > arm.clearance))
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        """The MJCF of the arm's file, or from its data if there is no file."""
+        """MJCF of the arm with parameters (P,): its file, or made from its data if there is no
+        file."""
         from wrenchbed.robots.mjcf import bare, place, write_load
 
         spec = bare(self.mjcf) if self.mjcf.is_file() else self.drawn()
@@ -193,7 +194,7 @@ class SerialArm(SerialChain):
         return spec
 
     def drawn(self) -> "mujoco.MjSpec":
-        """MJCF from the arm's data, with sticks for its links.
+        """Make an MJCF from the arm's data, with sticks for its links.
 
         Inertias of links are estimates: no force that the sensor reads depends on them.
         """

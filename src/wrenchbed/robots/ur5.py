@@ -51,8 +51,8 @@ class URArm(SerialArm):
     joint_names = JOINTS
 
     def inverse(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Joint values (K, 6), K ≤ 8, in (−π, π], that bring the nominal flange to a pose:
-        R_world_flange (3, 3) and its position (3,) [m]."""
+        """Inverse kinematics: joint values (K, 6), K ≤ 8, in (−π, π], that bring the nominal flange
+        to a pose: R_world_flange (3, 3) and its position (3,) [m]."""
         height, _, _, step, wrist, end = (link.d for link in self.arm.links)
         _, upper, fore, *_ = (link.a for link in self.arm.links)
         x, y, _ = position - end * rotation[:, 2]

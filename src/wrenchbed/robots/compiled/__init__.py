@@ -1,6 +1,7 @@
 """Formulas of robots in C, built with the package where there is a compiler.
-Imports no other folder.
-Never: a formula that numpy does not have too; tests compare both.
+
+Free: speed; tests/robots/test_compiled.py compares every formula with numpy.
+Others rely on: the order of constants, which ``_statics.c`` and each robot's `packed` share.
+Never: a formula that numpy does not have too.
 Read first: `statics`.
-Used by: robots, medrue and simulation.
 """

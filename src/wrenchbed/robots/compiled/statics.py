@@ -1,4 +1,4 @@
-"""The reading at rest, compiled (`_statics.c`), where the package was built with a C compiler.
+"""The reading at rest, compiled (`_statics.c`) where the package was built with a C compiler.
 
 Plain numpy computes the same and stays the reference; a test holds both together. A pose has the
 same bits alone and in any batch.
@@ -34,7 +34,7 @@ class Packed(NamedTuple):
 
 
 def available(name: str, slopes: bool = False) -> bool:
-    """Whether a function, or its derivatives, are compiled here."""
+    """Whether a function, or (``slopes``) its derivatives, are compiled in this installation."""
     return (f"{name}_slopes" if slopes else name) in _FUNCTIONS
 
 

@@ -76,7 +76,8 @@ PARAMETERS = PAPER + load_parameters(PROBE_INERTIA)
 
 
 class FiveBar(NamedTuple):
-    """Joints of one five-bar in the base's y, z plane (…, N, 2) [m]; ``direction`` of A from C."""
+    """Places of one five-bar's joints in the base's y, z plane (…, N, 2) [m]; ``direction`` of A
+    from C."""
 
     B: Value
     D: Value
@@ -92,7 +93,7 @@ class Turn(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """The closed loops in the base frame.
+    """Joints of both closed loops and the wrist, in the base frame.
 
     Attributes:
         bars: both five-bars.
@@ -118,7 +119,8 @@ class Solved(NamedTuple):
 
 
 def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
-    """Five-bar i (1, 2) from its two joint values [rad] (Equations 2–11), elbows up."""
+    """Places of all joints of five-bar i (1, 2) at its two joint values [rad] (Equations 2–11),
+    elbows up."""
     ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
     l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
     a = first + p[f"dq{2 * i}"]
@@ -144,13 +146,13 @@ def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
 
 
 def solved(p: Values, q: Value) -> Solved:
-    """Both loops closed at joint values (N, 6)."""
+    """Close both loops at joint values (N, 6)."""
     bars = (five_bar(p, i, q[..., 2 * i - 1], q[..., 2 * i]) for i in (1, 2))
     return carried(p, q, *bars)
 
 
 def carried(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Solved:
-    """The probe's support on two five-bars (Equations 12–16)."""
+    """Place the probe's support on two five-bars (Equations 12–16)."""
     x = q[..., 0] + p["dq1"]
     e1 = stack_jets([x - p["d41"], left.E[..., 0], left.E[..., 1]])
     e2 = stack_jets([x + p["d42"], right.E[..., 0], right.E[..., 1]])

@@ -53,7 +53,7 @@ JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b
 
 
 def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
-    """The MJCF with every parameter in it, standing with its loops closed at ``ref`` (13,)."""
+    """Write every parameter into the MJCF, which stands with its loops closed at ``ref`` (13,)."""
     spec = bare(mjcf)
     at = dict(zip(JOINTS, (float(r) for r in ref), strict=True))
     for joint, value in at.items():
@@ -137,7 +137,7 @@ class MedRUE(SimulatedRobot):
         return np.array([0.0, 2.932153143, 2.373647784, 2.932153143, 2.373647784, 4.714624603])
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        """Equation 1 without the tool."""
+        """R_world_sensor and the sensor's origin in the world [m]: Equation 1 without the tool."""
         p = self.values(theta)
         loops, base, mount = solved(p, q), _turn(p, "0"), _turn(p, "S")
         inner = loops.origin + apply(loops.wrist, _place(p, "S"))
@@ -162,7 +162,7 @@ class MedRUE(SimulatedRobot):
         return [(base @ turn, apply(base, at) + _place(p, "0")) for turn, at in inner]
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Turned angle by angle: half the work of a pose."""
+        """Gravity in sensor axes (…, N, 3), turned angle by angle: half the work of a pose."""
         p = self.values(theta)
         loops, mount = solved(p, q), _turn(p, "S")
         x, y, z = np.moveaxis(gravity @ _turn(p, "0"), -1, 0)
@@ -173,7 +173,7 @@ class MedRUE(SimulatedRobot):
         return np.asarray(seen @ (mount if mount.ndim == 2 else mount[..., 0, :, :]))
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """The robot's own numbers are d41 + d42, L14, dq6 and eleven of each five-bar."""
+        """Input of `compiled.statics`: d41 + d42, L14, dq6 and eleven numbers of each five-bar."""
         p = self.values(theta)
         numbers = [p["d41"] + p["d42"], p["L14"], p["dq6"]]
         for i in (1, 2):
@@ -290,7 +290,8 @@ def _place(p: Values, of: str) -> Value:
 
 
 def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]]:
-    """Links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, its plane at x."""
+    """Frames of the links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, its
+    plane at x."""
     bars = []
     for k, (anchor, middle) in enumerate((("A", bar.B), ("C", bar.D))):
         start = stack_jets([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]])

@@ -30,8 +30,9 @@ _TRIES = 200
 
 
 def joints(p: Values, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Joint values (N, 6) that bring the tool to poses in the world, R_world_tool (N, 3, 3) and
-    (N, 3) [m], elbows up as in the paper; NaN rows where there are none. Parameters are scalars."""
+    """Inverse kinematics: joint values (N, 6) that bring the tool to poses in the world,
+    R_world_tool (N, 3, 3) and (N, 3) [m], elbows up as in the paper; NaN rows where there are none.
+    Parameters are scalars."""
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
     tip = euler(p["alphaT"], p["betaT"], p["gammaT"])
@@ -93,8 +94,8 @@ def _orientations(n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def pool(robot: Robot, n: int, seed: int, orientations: int = ORIENTATIONS) -> np.ndarray:
-    """Joint values (n, 6): positions spread evenly (Sobol) on three layers, each in several
-    orientations.
+    """Joint values (n, 6) of poses over the full workspace: positions spread evenly (Sobol) on
+    three layers, each in several orientations.
 
     Raises:
         WrenchbedError: the ranges leave hardly any feasible configuration.
@@ -133,7 +134,8 @@ def _at_a_place(
 def reachable(
     robot: Robot, rotation: np.ndarray, position: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (K, 6) of the tool poses that the nominal robot reaches, and which (K,)."""
+    """Joint values (K, 6) of the tool poses (N) that the nominal robot reaches, and their rows
+    (K,)."""
     theta = robot.parameters.nominal
     q = joints(robot.values(theta), rotation, position)
     which = np.flatnonzero(np.isfinite(q).all(axis=1))
@@ -142,7 +144,8 @@ def reachable(
 
 
 def touch_poses(robot: Robot, points: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (T, 6) at ``points`` (K, 3) in up to 30 orientations, and which point.
+    """Joint values (T, 6) with the tip at ``points`` (K, 3) in up to 30 orientations, and each
+    one's point (T,).
 
     Raises:
         WrenchbedError: no point is in reach.
