@@ -76,11 +76,11 @@ def test_a_delay_beyond_the_rows_at_rest_is_one_cause(seed):
 @pytest.mark.sampled
 @pytest.mark.parametrize("seed", [41, 42])
 def test_the_rise_of_friction_is_that_at_the_slowest_speed_that_counts(seed):
-    rows = case(Gap("drive.stribeck", 2, 8.0), seed=seed, seconds=30.0)
+    rows = case(Gap("drive.stribeck", 2, 20.0), seed=seed, seconds=30.0)
     (cause,) = diagnose_efforts(rows).diagnosis.which
     assert cause["effect"] == "drive.stribeck"
     slowest = REST * np.abs(np.gradient(rows.columns["q2"], rows.t)).max()
-    expected = 8.0 * NOISE[1] / (1.0 + (slowest / DIP) ** 2)
+    expected = 20.0 * NOISE[1] / (1.0 + (slowest / DIP) ** 2)
     rise = cause["parameters"]["rise"]
     assert abs(rise["value"] - expected) < 2.5 * rise["std"] < 0.7 * expected
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, PARTIAL, small
+from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.search import Structure
@@ -124,5 +124,4 @@ def _right(verdict: Verdict[Structure], gap: Closure) -> float:
     of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
     little = gap.closed is None or gap.closed.value < _MOSTLY
     much = bool(of_joint) and of_joint[0].get("after", 0.0) > LARGEST_NONE
-    closed = 1.0 if verdict.word == PARTIAL else gap.closed_beside(LARGEST_NONE)
-    return closed * (BELIEVED if little or much else 1.0)
+    return gap.closed_beside(LARGEST_NONE) * (BELIEVED if little or much else 1.0)

@@ -20,7 +20,8 @@ class Size(NamedTuple):
 
     Attributes:
         unit: of a hinge, SI.
-        plausible: largest one of a fault with which the robot still runs, over `Block.level`.
+        plausible: largest one of a fault with which the robot still runs, of a load the least one
+            that its user asks about, over `Block.level`.
         absolute: whether that level is 1, not what the cause changes.
         columns: beginnings of the names of the columns whose amplitudes make it; all of the cause
             if empty.
