@@ -1,6 +1,9 @@
 """Recordings, plans and their metadata in Parquet; import of CSV files and logs; export to MCAP.
-May import: physics and the root files.
-Never: import a robot, a sensor or an effect; a column map names them as text.
-Read first: `recording`, then `metadata`; `checked` reads every JSON and TOML file.
-Used by: every room that reads or writes recordings or plans; not effects, robots, sensors.
+
+Free: how files are read and guessed; tests/data speak.
+Others rely on: columns, units and metadata of recordings and plans (docs/contracts.md: old files
+must still read), the keys of maps (docs/reference/map-keys.md), what an output may replace.
+Never: import a robot, a sensor or an effect (a column map names them as text); unpack without a
+limit.
+Read first: `recording`, then `metadata`; files.checked reads every JSON and TOML file.
 """

@@ -110,9 +110,9 @@ def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.
 
 
 def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | None:
-    """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and what was done
-    in words; None if the clock is even already, or too short. Steps up to ``bridged`` [s] are no
-    gaps, however many frames are lost in them."""
+    """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and a sentence on
+    what was done; None if the clock is even already, or too short. Steps up to ``bridged`` [s] are
+    no gaps, however many frames are lost in them."""
     step = np.diff(t)
     if len(step) < 2:
         return None
@@ -141,8 +141,8 @@ def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | 
 
 
 def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns, ``t`` among them, interpolated to times (M,): linearly, joint values along
-    cubics, orientations along the shortest rotation, whole numbers from the nearest row."""
+    """Interpolate columns, ``t`` among them, to times (M,): linearly, joint values along cubics,
+    orientations along the shortest rotation, whole numbers from the nearest row."""
     old = data["t"]
     columns: dict[str, np.ndarray] = {}
     if QUATERNION[0] in data:
@@ -169,7 +169,8 @@ def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
 def unwrapped(
     data: dict[str, np.ndarray], angles: Collection[str]
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """A motion whose joints turn on where their reports pass from π to −π, and which these are."""
+    """Make joint angles continuous where their reports jump from π to −π; return the columns, and
+    the names of the joints that were changed."""
     turned_on = dict[str, np.ndarray]()
     for name in set(data) & set(angles):
         steps = np.diff(data[name])
@@ -182,7 +183,8 @@ def unwrapped(
 
 
 def evened(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """A motion of joints on an even clock, whose acceleration can be taken; and what was done."""
+    """Resample a motion of joints to an even clock, so that its acceleration can be taken; return
+    the columns, and sentences on what was done."""
     joints = joint_columns(data)
     if not joints or len(data["t"]) < 2:
         return data, ()
@@ -198,8 +200,9 @@ def evened(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[st
 
 
 def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """A motion on the clock by which its joints were read, where its stamps are of the rows'
-    arrival: joints bend much less from frame to frame than by their stamps; and what was done."""
+    """Restore the even clock by which joints were read if the stamps are of the rows' arrival: on
+    it joints bend much less from frame to frame. Return the columns, and sentences on what was
+    done."""
     t, joints = data["t"], joint_columns(data)
     if not joints or even_clock(t) is None or (frames := _frames(t)) is None:
         return data, ()
@@ -220,8 +223,8 @@ def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple
 
 
 def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Frames (N,), of rows behind a lost one that one earlier where joints (N, J) say that these
-    were only late."""
+    """Correct frames (N,): a row behind a lost one gets the frame before its own where the joints
+    (N, J) show that it was only late."""
     row = 1 + np.flatnonzero(np.diff(frame)[:-1] >= 2)
     before, behind = q[row - 1], q[row + 1]
     misses = []
@@ -234,10 +237,11 @@ def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _frames(t: np.ndarray) -> tuple[np.ndarray, float, float] | None:
-    """Frames (N,) of an even clock that stamps (N,) are late of, the time of the first one and of a
-    frame [s]; None where steps are all too different.
+    """Number, for each stamp (N,), of the frame of an even clock that it is late of; the time of
+    frame 0 and the length of a frame [s]; None if steps differ too much.
 
-    Its rate is the strongest line in the stamps' spectrum; a frame begins where stamps set in.
+    The clock's rate is the strongest line in the stamps' spectrum; a frame begins where stamps set
+    in.
     """
     since, step = t - t[0], np.diff(t)
     near = np.abs(step / np.median(step) - 1.0) < 0.5
@@ -262,13 +266,13 @@ def _frames(t: np.ndarray) -> tuple[np.ndarray, float, float] | None:
 
 
 def in_gap(old: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Which times (M,) lie in gaps of a clock (N,), boolean."""
+    """Which times ``t`` (M,) lie in gaps of a clock ``old`` (N,), boolean (M,)."""
     wide = np.append(np.diff(old) > _GAP * np.median(np.diff(old)), False)
     return np.asarray(wide[np.searchsorted(old[:-1], t, side="right") - 1])
 
 
 def pieces(columns: Mapping[str, np.ndarray]) -> list[slice]:
-    """Rows of a motion that follow each other: between gaps of its clock and between segments."""
+    """Runs of rows of a motion between gaps of its clock and borders of segments."""
     step = np.diff(columns["t"])
     parted = step > _PARTED * float(np.median(step)) if len(step) else step > 0.0
     if "segment" in columns:
@@ -302,7 +306,7 @@ def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
 
 
 def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (M, J) at times (M,) of the polynomials through values (N, J) at times (N,)."""
+    """Values (M, J) at times (M,) of the polynomials through values (N, J) at N times."""
     middle, half = (t[0] + t[-1]) / 2.0, (t[-1] - t[0]) / 2.0
     powers = np.polynomial.polynomial.polyvander((t - middle) / half, _DEGREE)
     slopes = np.linalg.lstsq(powers, q, rcond=None)[0]
@@ -310,8 +314,8 @@ def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Joint values (M, J) at times (M,) on cubics through those (N, J) at times (N,): straight
-    lines would bend at every row."""
+    """Interpolate joint values (N, J) to times (M,) by cubics: straight lines would bend at every
+    row."""
     slope = np.gradient(q, old, axis=0, edge_order=2 if len(old) > 2 else 1)
     k = np.clip(np.searchsorted(old, t, side="right") - 1, 0, len(old) - 2)
     h = (old[k + 1] - old[k])[:, None]
@@ -321,7 +325,7 @@ def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _bridged(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Joint values (N, J) of times (N,) at times (M,), in gaps by a polynomial through the rows on
+    """Interpolate joint values (N, J) to times (M,), in gaps by a polynomial through the rows on
     both sides."""
     step = np.diff(old)
     result = along(old, q, t)

@@ -73,7 +73,7 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a column of the recording: (column / per − zero) of a file, in SI.
+    """Where a column of a recording comes from: (column / per − zero) of a file, in SI.
 
     A clock of two columns has the parts of its seconds in ``nanoseconds``.
     """
@@ -97,7 +97,7 @@ class FileMap:
 
     Attributes:
         topic: of a log, whose messages' fields are its columns.
-        delimiter: of a text file; found out if none.
+        delimiter: of a text file; detected if None.
         skip_incomplete: whether rows that lack a value are left out; else they are refused.
     """
 
@@ -110,7 +110,7 @@ class FileMap:
 
 @dataclass(frozen=True)
 class Conventions:
-    """Axes in which a file gives wrench and orientation.
+    """Axes in which a file states wrench and orientation.
 
     Attributes:
         wrench_axes: ``sensor``, ``flange`` (torque about the flange's origin) or ``base``.
@@ -143,13 +143,13 @@ class ColumnMap:
 
     @property
     def angles(self) -> set[str]:
-        """Joints whose values are angles."""
+        """Names of the joints whose values are angles."""
         every = (c for f in self.files for c in f.columns if UNITS[c.unit][0] == "angle")
         return {c.target for c in every if c.target[1:].isdecimal()}
 
     @property
     def by_accelerometer(self) -> bool:
-        """Whether an accelerometer is all that says how the sensor is turned."""
+        """Whether only an accelerometer shows how the sensor is turned."""
         targets = {c.target for f in self.files for c in f.columns}
         turns = {name for kind in _ORIENTATIONS for name in kind} | {"q1"}
         known = targets & turns or self.conventions.constant is not None
@@ -157,7 +157,7 @@ class ColumnMap:
 
 
 def ready() -> dict[str, Path]:
-    """Paths of the maps that come with wrenchbed, by name."""
+    """Paths of the maps that ship with wrenchbed, by name."""
     folder = Path(str(files("wrenchbed.data"))) / "maps"
     return {p.stem: p for p in sorted(folder.glob("*.toml"))}
 
@@ -179,7 +179,8 @@ def read(path: str | Path) -> ColumnMap:
 
 
 def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
-    """A map from its fields, checked; paths of a robot's or sensor's file are seen from ``folder``.
+    """Make a checked map from its fields; paths of a robot's or sensor's file are relative to
+    ``folder``.
 
     Raises:
         MapError: names the entry and what it should say.
@@ -200,7 +201,7 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
 
 
 def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
-    """Mode and metadata; keys that do not exist are refused."""
+    """Read mode and metadata from ``[recording]``; keys that do not exist are refused."""
     fields = set(Metadata.__dataclass_fields__) - {"extra"} | {"format", "configured"}
     stated.only(fields, "[recording]")
     parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}
@@ -218,7 +219,7 @@ def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Meta
 
 
 def seen_from(recording: Mapping[str, Any], moved: Callable[[str], str]) -> dict[str, Any]:
-    """``[recording]`` whose paths of a robot's and a sensor's file are changed by ``moved``."""
+    """Change the paths of a robot's and a sensor's file in ``[recording]`` by ``moved``."""
 
     def placed(part: Mapping[str, Any], key: str) -> dict[str, Any]:
         file = part.get(key)
@@ -343,7 +344,7 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
 
 
 def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
-    """The orientation (N,) that a file's columns give, angles in rad; None without one.
+    """Orientation (N,) from a file's columns, angles in rad; None where they are of none.
 
     Raises:
         MapError: a matrix or quaternion that is no rotation; names the row.

@@ -161,8 +161,8 @@ def _noise_of(values: np.ndarray, rows: int) -> float:
 def _stays_away(
     values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
-    """Whether values (N,) with a noise are elsewhere behind a jump than before it: noise comes
-    back.
+    """Which jumps of values (N,) last: the value behind differs from that before, while noise
+    returns.
 
     Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
     """
@@ -186,8 +186,8 @@ def means_of(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarra
 def about_means(
     rows: Sequence[np.ndarray], mean: np.ndarray, count: np.ndarray
 ) -> Iterator[tuple[slice, np.ndarray]]:
-    """Rows (six channels (N,)) minus their hold's mean (H, 6) of some complete holds at a time:
-    (holds, rows), of the number of rows of each (H,)."""
+    """Yield deviations of rows from their hold's mean (H, 6), as (holds, rows) for some complete
+    holds at a time; ``rows`` are six channels (N,), ``count`` (H,) the rows of each hold."""
     for some, at in parts(count):
         residual = np.stack([y[at] for y in rows], axis=1, dtype=float)
         residual -= np.repeat(mean[some], count[some], axis=0)
@@ -195,7 +195,8 @@ def about_means(
 
 
 def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
-    """Some complete holds (H,) at a time, by the number of rows of each: (holds, rows)."""
+    """Yield slices (holds, rows) of some complete holds at a time; ``count`` (H,) are the rows of
+    each."""
     ends = np.cumsum(count)
     first = row = 0
     while first < len(count):
@@ -209,7 +210,7 @@ def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """The holds of a log.
+    """Which rows of a log are holds and which are moves.
 
     Attributes:
         hold: of each row its hold's number from 0, −1 in a move (N,).
@@ -225,7 +226,7 @@ class Split:
 
     @property
     def sentence(self) -> str:
-        """Sentence on holds and moves."""
+        """Sentence on the number and length of holds and moves."""
         n, s = len(self.seconds), self.seconds
         if self.slow:
             rows = int((self.hold >= 0).sum())
@@ -249,8 +250,8 @@ class Split:
 
 
 def split(recording: Recording, slow: bool = False) -> Split:
-    """Tell holds and moves of a log apart; where hardly anything rests, ``slow`` turning, whose
-    inertia no sensor shows, may be held.
+    """Find the holds and moves of a log; with ``slow``, where hardly anything rests, stretches of
+    turning too slow for a sensor to show inertia count as holds.
 
     Raises:
         RecordingError: there is no hold.
@@ -268,8 +269,8 @@ def split(recording: Recording, slow: bool = False) -> Split:
 
 
 def check_at_rest(recording: Recording) -> None:
-    """Refuse a log of moves as poses at rest: a pose of every row, each close to the one before in
-    place and time.
+    """Refuse a log of moves that is given as poses at rest: each row a pose of its own, close to
+    the one before in place and time.
 
     Raises:
         RecordingError: most rows are in motion.
@@ -302,7 +303,7 @@ def noise_at_rest(recording: Recording) -> tuple[float, ...] | None:
 
 
 def with_noise(recording: Recording) -> Recording:
-    """The recording of a motion with ``noise_std`` from its own rests, where none is stated."""
+    """Add ``noise_std``, taken from the rests of a motion, to its metadata if none is stated."""
     stated = recording.metadata
     known = stated.sensor.noise_std is not None or not recording.has_wrench
     if stated.mode != "dynamic" or known or (std := noise_at_rest(recording)) is None:
@@ -313,7 +314,7 @@ def with_noise(recording: Recording) -> Recording:
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """Joint values or a quaternion's components (N, J), which move or rest.
+    """Joint values or a quaternion's components (N, J) over time, in which rests are sought.
 
     Attributes:
         q: [rad or m].
@@ -326,11 +327,11 @@ class _Path:
     noise: np.ndarray
 
     def part(self, run: tuple[int, int]) -> "_Path":
-        """Some rows, with the same noise."""
+        """The path of the rows of a run."""
         return _Path(self.q[slice(*run)], self.t[slice(*run)], self.noise)
 
     def still(self, window: int, least: float) -> list[tuple[int, int]]:
-        """Runs in which the means of neighbouring windows agree within their noise or ``least``."""
+        """Runs at rest: the means of neighbouring windows agree within their noise or ``least``."""
         n = len(self.q)
         row = np.clip(np.arange(n), 1, n - 2)
         low, high = np.maximum(row - window, 0), np.minimum(row + window, n - 1)
@@ -342,13 +343,14 @@ class _Path:
 
     @property
     def creeps(self) -> bool:
-        """Whether the ends are further apart than an encoder's flicker."""
+        """Whether the path's two ends are further apart than an encoder's flicker."""
         third = max(1, len(self.q) // 3)
         way = np.abs(self.q[-third:].mean(axis=0) - self.q[:third].mean(axis=0))
         return bool((way > _DRIFT + _SIGMAS * self.noise * np.sqrt(2.0 / third)).any())
 
     def without_creep(self, run: tuple[int, int], window: int) -> list[tuple[int, int]]:
-        """A run, or, where it creeps, those of its parts that rest for longer windows too."""
+        """Split a run that creeps into those parts that rest for longer windows too; any other run
+        as it is."""
         path = self.part(run)
         if not path.creeps:
             return [run]
@@ -358,7 +360,7 @@ class _Path:
         return [(run[0] + a, run[0] + b) for a, b in parts if not path.part((a, b)).creeps]
 
     def joined(self, runs: Sequence[tuple[int, int]], pause: int) -> list[tuple[int, int]]:
-        """Runs with the same pose and hardly a pause between are one."""
+        """Join runs with the same pose and hardly a pause between them."""
         done: list[tuple[int, int]] = []
         for a, b in runs:
             if done and a - done[-1][1] <= pause:
@@ -372,7 +374,8 @@ class _Path:
         return done
 
     def without_ends(self, run: tuple[int, int]) -> tuple[int, int]:
-        """A run without its ends, in which a move begins or ends with little way but full force."""
+        """Cut off both ends of a run, in which a move begins or ends with little way but full
+        force."""
         begin, end = self.t[run[0]], self.t[run[1] - 1]
         edge = min(_EDGE_S, _EDGE_SHARE * (end - begin))
         first = int(np.searchsorted(self.t, begin + edge))
@@ -387,7 +390,7 @@ def _smooth(recording: Recording) -> np.ndarray:
 
 
 def _continuous(q: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4) without changes of sign from row to row."""
+    """Quaternions (N, 4) with the signs that make them continuous."""
     flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     return np.concatenate([q[:1], q[1:] * flips[:, None]])
 
@@ -421,7 +424,7 @@ def _split(recording: Recording) -> Split | None:
 
 
 def _slow(recording: Recording) -> Split | None:
-    """Slow turning cut into stretches of `_DRIFT`, each a hold; None if there is none."""
+    """Cut slow turning into stretches of `_DRIFT`, each a hold; None if there is none."""
     q, t, n = _smooth(recording), recording.t, len(recording)
     step = float(np.median(np.diff(t))) if n > 1 else 0.0
     half = round(_SLOW_S / step / 2.0) if step > 0 else 0
@@ -448,7 +451,7 @@ def _slow(recording: Recording) -> Split | None:
 
 
 def _settled(y: np.ndarray, run: tuple[int, int], block: int) -> tuple[int, int]:
-    """A run without the begin and end at which the wrench (N, 6) has not yet come to rest."""
+    """Cut off the rows of a run at which the wrench (N, 6) is not yet, or no longer, at rest."""
     a, b = run
     count = (b - a) // block
     if count < 4:

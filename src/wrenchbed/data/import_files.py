@@ -99,7 +99,7 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
 
 
 def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) -> Recording:
-    """A recording whose time begins at 0, with whole numbers where they are wanted."""
+    """Recording whose time begins at 0, with integers in the columns that need them."""
     columns = dict(data) | {"t": data["t"] - data["t"][0]}
     for whole in ("segment", "status"):
         if whole in columns:
@@ -110,8 +110,9 @@ def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) ->
 def merged(
     files: Sequence[str | Path], column_map: ColumnMap
 ) -> tuple[dict[str, np.ndarray], int, str, tuple[str, ...]]:
-    """Columns of a recording (t, wrench in sensor axes, joints or quaternion), rows outside the
-    other files' times, the first file's name, and notes on rows without a value.
+    """Read files and merge them: columns of a recording (t, wrench in sensor axes, joints or
+    quaternion), rows outside the other files' times, the first file's name, and notes on rows
+    without a value.
 
     Raises:
         MapError: see `import_files`.
@@ -165,8 +166,8 @@ def merged(
 def _beside(
     part: dict[str, np.ndarray], t: np.ndarray, column_map: ColumnMap
 ) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[str, ...]]:
-    """Columns of a further file at the first one's times (N,), which of these lie in its time and
-    not in a gap of a motion (N,), and what was done to its clock."""
+    """Columns of a further file at the times of the first (N,); which of these lie within it and in
+    no gap of a motion (N,); and notes on what was done to its clock."""
     notes: tuple[str, ...] = ()
     gap = np.zeros(len(t), dtype=bool)
     if column_map.mode != "static":
@@ -180,8 +181,8 @@ def _beside(
 def _by_accelerometer(
     data: Mapping[str, np.ndarray], mode: str, where: str
 ) -> tuple[dict[str, np.ndarray], str]:
-    """The rows at rest with the orientation that an accelerometer gives, in its place, each pose a
-    segment; and a sentence.
+    """Replace an accelerometer by the orientation that it shows, in rows at rest, each pose a
+    segment; return the columns and a sentence.
 
     Raises:
         MapError: rows lie between poses and the mode is not auto, or the sensor was not at rest.
@@ -216,7 +217,8 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
 
 
 def _table(path: Path, file_map: FileMap) -> tuple[Columns, int]:
-    """Columns of a file, and how many rows of it were left out because they lack a value."""
+    """Columns of a file, and the number of its rows that were left out because they lack a
+    value."""
     if is_log(path):
         wanted = [c.column for c in file_map.columns]
         table = Columns(log_table(path, file_map.topic, wanted), str(path))
@@ -264,7 +266,7 @@ def _clock(table: Columns, source: Source) -> np.ndarray:
 def _in_sensor_axes(
     data: dict[str, np.ndarray], column_map: ColumnMap, path: Path
 ) -> dict[str, np.ndarray]:
-    """The orientation made the sensor's, and the wrench turned into its axes."""
+    """Replace the orientation by the sensor's, and turn the wrench into its axes."""
     conventions, stated = column_map.conventions, column_map.metadata
     pose = stated.sensor.pose_flange
     rows = len(data["t"])
@@ -297,7 +299,7 @@ def _in_sensor_axes(
 
 
 def sensor_by_joints(data: Mapping[str, np.ndarray], metadata: Metadata, where: str) -> Rotation:
-    """The sensor in the base (N,) from joint values, by the nominal model of the robot.
+    """Orientation of the sensor in the base (N,) at joint values, by the robot's nominal model.
 
     Raises:
         MapError: no joints, or no such robot.

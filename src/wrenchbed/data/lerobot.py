@@ -88,7 +88,7 @@ def import_lerobot(folder: Path, map_file: Path) -> Imported:
 
 
 def _features(folder: Path) -> dict[str, list[str]]:
-    """Names of the numbers of each feature of robots."""
+    """Names of the numbers of each feature (``observation.state``, ``action``) by the feature."""
     fields = checked.Fields(checked.load(folder / INFO, MapError), f"{folder / INFO}: ", MapError)
     result: dict[str, list[str]] = {}
     for name, entry in fields.part("features").raw.items():
@@ -105,7 +105,7 @@ def _features(folder: Path) -> dict[str, list[str]]:
 def _joints(
     stated: checked.Fields, joints: Sequence[str], names: Sequence[str], where: str
 ) -> list[str]:
-    """Names of a feature's numbers, one a joint of the robot in its order."""
+    """Names of a feature's numbers that are the robot's joints, in the robot's order."""
     given = stated.raw.get("joints")
     if given is not None:
         if not isinstance(given, list) or len(given) != len(joints) or set(given) - set(names):
@@ -125,7 +125,7 @@ def _joints(
 
 
 def _places(names: Sequence[str], wanted: Sequence[str], kind: str, folder: Path) -> list[int]:
-    """Places of a feature's numbers; by the same name but for what follows its last dot."""
+    """Indices of wanted numbers in a feature, whose names may differ behind the last dot."""
     bases = [n.rpartition(".")[0] or n for n in names]
     ours = [n.rpartition(".")[0] or n for n in wanted]
     if missing := [n for n in ours if n not in bases]:
@@ -165,7 +165,7 @@ def _clock(table: pa.Table, where: str) -> dict[str, np.ndarray]:
 
 
 def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
-    """Numbers (N, K) of a feature."""
+    """Numbers of a feature (N, K)."""
     flat = table[kind].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(float)
     if len(flat) % len(table):
         raise MapError(f"{folder}: rows of {kind} have different lengths")
@@ -173,7 +173,7 @@ def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
 
 
 def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarray:
-    """Values (N, J) in rad, of slides in m."""
+    """Convert joint values (N, J) to rad and m."""
     units = [*_OF_JOINTS, NORMALISED]
     rule = (
         f"must say what the data set's values are, which it does not: {', '.join(units)}; LeRobot "
@@ -192,7 +192,7 @@ def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarra
 
 
 def _pairs(stated: checked.Fields, key: str, joints: int, what: str) -> np.ndarray:
-    """Two different numbers for each joint (J, 2)."""
+    """Two different stated numbers for each joint (J, 2)."""
     try:
         result = np.asarray(stated.raw.get(key), dtype=float)
     except (TypeError, ValueError):

@@ -77,13 +77,13 @@ def is_log(path: Path) -> bool:
 
 
 class MessageRows:
-    """Some fields of messages of one topic, gathered one by one.
+    """Gathers some fields of the messages of one topic, row by row.
 
     Args:
         wanted: names of columns: `STAMP`, `LOGGED`, a path such as ``wrench.force.x``, or, of
             messages with names (JointState), ``position.<joint>``; of transforms (TFMessage),
-            ``transforms.<child frame>.transform.rotation.w``. Messages that lack that frame, or
-            all of the joints, are another publisher's and left out.
+            ``transforms.<child frame>.transform.rotation.w``. Messages that lack that frame, or all
+            of the joints, are another publisher's and left out.
     """
 
     def __init__(self, wanted: Sequence[str]) -> None:
@@ -98,7 +98,7 @@ class MessageRows:
         self._frame = next((frame for frame in frames if not frame.isdecimal()), None)
 
     def add(self, message: Any, logged: int) -> bool:
-        """Whether a message, now added, became a row."""
+        """Add a message, logged at a time [ns]; return whether it became a row."""
         self.seen += 1
         headed = message
         if self._frame is not None:
@@ -129,8 +129,8 @@ class MessageRows:
 
 
 def _at(message: Any, path: Sequence[str], names: Sequence[str]) -> Any:
-    """The value at a path; None if there is none. In a list, a joint's name stands for its place
-    among ``names``."""
+    """Value at a path of a message; None if there is none. In a list, a joint's name stands for its
+    index among ``names``."""
     value = message
     for depth, part in enumerate(path):
         inner = _get(value, part)
@@ -234,7 +234,7 @@ def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
 
 
 def _line(error: Exception) -> str:
-    """Text of an error in one line."""
+    """Text of an error, in one line."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     if isinstance(error, RecursionError):
@@ -324,7 +324,8 @@ def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
 
 
 def _left_to_mcap(path: Path) -> SimpleNamespace:
-    """In the place of rosbags' reader of an MCAP file, which unpacks chunks without a limit."""
+    """A reader of nothing in the place of rosbags' own for MCAP files, which unpacks without a
+    limit."""
     return SimpleNamespace(path=path, connections=(), open=lambda: None, close=lambda: None)
 
 
@@ -377,7 +378,8 @@ def _decoder(channel: Channel) -> Callable[[bytes], Any]:
 
 
 def write_mcap(recording: Recording, path: str | Path) -> None:
-    """Write wrench, joints and temperature as `geometry_msgs` and `sensor_msgs` in CDR.
+    """Write wrench, joints and temperature of a recording as messages of `geometry_msgs` and
+    `sensor_msgs` in CDR.
 
     Raises:
         MissingExtraError: mcap or rosbags is not installed.
@@ -410,7 +412,8 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
 def _topics(
     recording: Recording, known: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Callable[[int], dict[str, Any]]]]:
-    """Topic, type, and the fields of the message by its row, of all that a recording has."""
+    """Yield topic, type, and a function from a row to a message's fields, for all that a recording
+    has."""
     vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
     load = recording.wrench.astype(float)
 

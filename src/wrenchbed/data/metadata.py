@@ -73,12 +73,13 @@ class Metadata:
 
 
 def carried_robot(name: str) -> dict[str, Any]:
-    """The field with which a file carries its robot, nothing of robots that everybody has."""
+    """Field of a file that carries a described robot; empty for a robot that ships with
+    wrenchbed."""
     return _carried("robots", name)
 
 
 def stated_robot(raw: Mapping[str, Any], name: str) -> str:
-    """The robot's name of a file that may carry it, or may name a user's TOML.
+    """Robot's name in a file that may carry the robot, or name a user's TOML.
 
     Raises:
         NotFoundError, ParameterError: the user's TOML cannot be read.

@@ -22,7 +22,7 @@ _REMEDY = "give another name, or --force, which keeps it with ~ at the end of it
 
 
 class Kind(StrEnum):
-    """Kind of a file, in words for an error."""
+    """Kinds of files, with the word for each in messages."""
 
     RECORDING = "a recording"
     LOG = "an MCAP log"
@@ -119,7 +119,7 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
 
 
 def keeping(path: Path, write: Callable[[Path], Made]) -> Made:
-    """Write a file; what had its name gets the first free name NAME~, NAME~2, … ."""
+    """Write a file; one of this name is first renamed to the first free name NAME~, NAME~2, … ."""
     kept = set_aside(path, beside=JOURNAL)
     try:
         return write(path)

@@ -71,12 +71,13 @@ def column_names(path: Path) -> tuple[str, ...] | None:
 
 
 def _source(path: Path) -> pa.NativeFile:
-    """A file to read, whose name need not be UTF-8."""
+    """Open a file whose name need not be UTF-8."""
     return pa.OSFile(os.fsencode(path), "rb")
 
 
 def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
-    """A file whose columns may be read: few enough, of numbers or text, not larger than plausible.
+    """Open a file and check that its columns may be read: few enough, of numbers or text, not
+    larger than plausible.
 
     Text is kept as a dictionary, so that a long one that is repeated does not fill the memory.
 

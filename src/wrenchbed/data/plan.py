@@ -20,7 +20,7 @@ _FAR = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Joint values (N, J) in visiting order.
+    """Poses to visit, or a motion to follow: joint values (N, J) in order.
 
     Attributes:
         robot: whose joints these are.
@@ -126,7 +126,7 @@ def is_plan(path: Path) -> bool:
 
 
 def read(path: str | Path) -> np.ndarray:
-    """Points (K, 3) [m] of a text file with the columns x, y, z.
+    """Read points (K, 3) [m] from a text file with the columns x, y, z.
 
     Raises:
         PlanError: names the file, the column and the row.

@@ -85,7 +85,8 @@ class Recording:
 
     @property
     def only_commanded(self) -> bool:
-        """Whether joint targets are all that there is beside joint values."""
+        """Whether the recording holds joint targets and joint values, and no readings of a
+        sensor."""
         columns = self.columns
         other = self.has_wrench or self.effort is not None or TARGET[0] in columns
         return not other and commanded(columns)
@@ -125,8 +126,7 @@ class Recording:
         return np.stack([self.columns[c] for c in names], axis=-1)
 
     def parts_of_q(self) -> Iterator[np.ndarray]:
-        """Yield `q` for some rows at a time (n, J), as all of `q` would be half a large
-        recording."""
+        """Yield `q` (n, J) for some rows at a time: all of `q` would be half a large recording."""
         columns = [self.columns[c] for c in self.joints or QUATERNION]
         for first in range(0, len(self), parquet.ROWS_AT_ONCE):
             yield np.stack([c[first : first + parquet.ROWS_AT_ONCE] for c in columns], axis=-1)
@@ -209,7 +209,7 @@ def holds_readings(columns: Container[str]) -> bool:
 
 
 def _from_journal(path: Path, recording: Path) -> pa.Table:
-    """All complete batches of an Arrow stream whose end may be missing."""
+    """Table of all complete batches of an Arrow stream whose end may be missing."""
     batches: list[pa.RecordBatch] = []
     try:
         with pa.ipc.open_stream(path.read_bytes()) as reader:
@@ -230,7 +230,7 @@ def _from_journal(path: Path, recording: Path) -> pa.Table:
 
 
 def _wrong_columns(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Sentences on columns that are missing."""
+    """Yield sentences on columns that are missing."""
     wrench = CHANNELS if {*CHANNELS} & set(columns) or not holds_readings(columns) else ()
     missing = [c for c in ("t", *wrench) if c not in columns]
     oriented, point = ([c for c in some if c in columns] for some in (QUATERNION, POINT))
@@ -250,7 +250,7 @@ def _wrong_columns(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
 
 
 def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Sentences on columns of another kind, and on rows with a wrong value."""
+    """Yield sentences on columns of another type, and on rows with a wrong value."""
     rows, joints, prefix = len(columns["t"]), joint_columns(columns), effort_prefix(columns)
     efforts = [f"{prefix}{j + 1}" for j in range(len(joints))]
     targets = [f"{COMMAND}{j + 1}" for j in range(len(joints))]

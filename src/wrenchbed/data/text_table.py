@@ -85,7 +85,7 @@ class Columns:
         return self if keep.all() else replace(self, table=self.table.filter(keep), skipped=None)
 
     def lacks(self, name: str) -> np.ndarray:
-        """Rows (N,) in which a column has no value, or none that is finite."""
+        """Which rows (N,) of a column have no value, or none that is finite, boolean."""
         column = self.table.column(name)
         if pa.types.is_floating(column.type):
             return ~np.isfinite(np.asarray(column))
@@ -182,7 +182,7 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
 
 
 def _check_cut(path: Path, layout: Layout, cells: int) -> None:
-    """Refuse rows of another number of cells, but a last row that was cut off: its numbers lack.
+    """Refuse rows with another number of cells, except a last row that was cut off.
 
     Raises:
         MapError: names the row.
@@ -198,7 +198,8 @@ def _check_cut(path: Path, layout: Layout, cells: int) -> None:
 
 
 def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
-    """Rows of a table with their lines, counted from 1, without empty lines and comments."""
+    """Yield line number, counted from 1, and text of each row of a table, without empty lines and
+    comments."""
     with path.open(encoding=_head(path)[1], errors="replace") as stream:
         for line, text in enumerate(stream, start=1):
             if line > skipped and text.strip() and not _COMMENT.match(text):
@@ -263,7 +264,8 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
 def _table_at(
     lines: Sequence[str], some: Sequence[int], plain: Sequence[int], separator: str, decimal: str
 ) -> tuple[float, Layout] | None:
-    """The table seen with one separator, and how well it looks; None if there is none."""
+    """Layout of the table that one separator gives, and a score of how plausible it is; None if
+    there is no table."""
     cells = {k: split(lines[k], separator) for k in plain}
     widths = Counter(len(c) for c in cells.values() if _numeric(c, decimal) > 0)
     if not widths:
@@ -286,7 +288,7 @@ def _table_at(
 
 
 def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -> int:
-    """The line of the first row of numbers: the first one, or the one behind the header."""
+    """Line of the first row of numbers: the first one, or the one behind the header."""
     later = [cells[k] for k in body[1:]]
     columns = [
         j for j in range(len(cells[body[0]]))
@@ -302,8 +304,8 @@ def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -
 def _header(
     lines: Sequence[str], some: Sequence[int], first: int, separator: str, decimal: str, width: int
 ) -> tuple[list[str], list[str]]:
-    """Names of the columns, and their units if a line of them stands below; the lines before the
-    first row, comments perhaps; else numbers.
+    """Names of the columns, and their units if a line below has them, from the lines (perhaps
+    comments) before the first row; numbers from 1 if there are none.
 
     A line in which a word stands twice, below one of different words, is of units.
     """
@@ -317,7 +319,7 @@ def _header(
 
 
 def _words(line: str, separator: str, decimal: str, width: int) -> list[str] | None:
-    """As many words as columns; None if the line has none or has numbers."""
+    """Words of a line if it has as many as there are columns and no numbers; else None."""
     for mark in (separator, BLANKS, ",", ";", "\t"):
         cells = split(_COMMENT.sub("", line), mark)
         names = [name.strip().strip('"').strip() for name in cells]

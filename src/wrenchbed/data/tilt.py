@@ -44,8 +44,8 @@ def held(read: np.ndarray) -> np.ndarray | None:
 
 
 def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
-    """The sensor in the base (G,) with no turn about the vertical, the accelerometer's zero (3,)
-    and the lengths of its readings (G,) [m/s²].
+    """Orientation of the sensor in the base (G,), with no turn about the vertical, the
+    accelerometer's zero (3,) and the lengths of its readings (G,) [m/s²].
 
     The readings lie on a sphere about the zero, which is fitted where they surround it.
 
@@ -67,7 +67,8 @@ def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
 
 
 def orientations(read: np.ndarray, where: str) -> tuple[Rotation, str]:
-    """What `upright` gives of means at rest (G, 3) [m/s²], and a sentence on it.
+    """Orientations (G,) that `upright` finds from means at rest (G, 3) [m/s²], and a sentence on
+    them.
 
     Raises:
         MapError: the readings have not the length of gravity, so the sensor was not at rest.

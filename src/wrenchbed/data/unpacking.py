@@ -24,7 +24,7 @@ _LIBRARIES = {"bz2": "bz2", "lz4": "lz4.frame", "zstd": _ZSTD}
 
 
 def unpack(data: bytes, compression: str, stated: int | None = None) -> bytes:
-    """Content of a chunk or message: as long as stated, and never longer than `LARGEST`.
+    """Unpack a chunk or message; its content is as long as stated, and never longer than `LARGEST`.
 
     Args:
         data: the chunk or message as it is stored.

@@ -31,13 +31,13 @@ REWRITE_SHARE = 0.05
 
 
 class RecordingWriter:
-    """Context manager: ``append`` blocks of rows, close to finish.
+    """Writes a recording: ``append`` blocks of rows, close to finish. Use as a context manager.
 
     Args:
         path: target file.
         metadata: of the recording.
-        aside: suffix under which an existing recording at ``path`` is kept; numbered where it
-            is taken.
+        aside: suffix under which an existing recording at ``path`` is kept; numbered where it is
+            taken.
     """
 
     def __init__(self, path: str | Path, metadata: Metadata, aside: str = "~") -> None:
@@ -127,7 +127,7 @@ class RecordingWriter:
         self._batches.append(batch)
 
     def _begin(self, schema: pa.Schema) -> None:
-        """Open the journal; what stands there, of a killed writer too, gets another name."""
+        """Open the journal; a file that is there, also of a killed writer, gets another name."""
         self._kept = set_aside(self.path, self._aside, JOURNAL)
         self._sink = open_new(self._journal_path)
         self._stream = pa.ipc.new_stream(self._sink, schema.with_metadata(self._key()))
@@ -137,7 +137,7 @@ class RecordingWriter:
         return {parquet.KEY: metadata.encode()}
 
     def _undo(self) -> None:
-        """Remove all files of a recording that has no row."""
+        """Delete all files of a recording without a row."""
         self._stream = None
         if self._sink is not None:
             with suppress(OSError):
@@ -150,7 +150,7 @@ class RecordingWriter:
         return time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE
 
     def _check(self, wait: bool = False) -> None:
-        """Raise the error of the last rewriting in the thread."""
+        """Raise the error of the last rewriting in the thread; wait for it to end if ``wait``."""
         if self._rewriting is not None and (wait or self._rewriting.done()):
             self._rewriting.result()
 

@@ -28,7 +28,7 @@ noise by chance, far less than `HOPELESS` asks for."""
 
 @dataclass(frozen=True, eq=False)
 class Pairing:
-    """A wrench, and the table in which its orientation or joints are looked for.
+    """A wrench, and the table in which its orientation or joints are sought.
 
     Attributes:
         load: table with the wrench.
@@ -50,7 +50,7 @@ class Pairing:
 
     @cached_property
     def taken(self) -> set[str]:
-        """Columns of the clock and of this wrench, which are of no orientation."""
+        """Columns that belong to the clock or to this wrench, so to no orientation."""
         clock = set() if self.sheet.clock is None else {self.sheet.clock.column}
         return clock | set(self.wrench.values() if self.load is self.sheet else ())
 
@@ -65,7 +65,7 @@ class Pairing:
         return at_rows(load, sheet, values, self.at)
 
     def poses(self, reading: Reading) -> Poses:
-        """The poses that columns of an orientation or of joints mean."""
+        """Rows gathered to poses by the columns of an orientation or of joints."""
         key = tuple(sorted(reading.names))
         if key not in self._poses:
             clock = self.load.clock
@@ -96,7 +96,7 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
 
 
 def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, Reading]]:
-    """All pairs of a wrench with an orientation's or joints' reading."""
+    """Yield all pairs of a wrench with columns of an orientation or of joints."""
     readings = [[*orientations(sheet), *_of_joints(sheet, stated)] for sheet in tables]
     if any(reading.named for of_sheet in readings for reading in of_sheet):
         readings = [[r for r in of_sheet if r.named] for of_sheet in readings]  # names bind
@@ -113,7 +113,7 @@ def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, R
 
 
 def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
-    """Columns that might be the joints of the stated robot, else of any."""
+    """Yield columns that may be the joints of the stated robot, else of any robot."""
     for name in registry.names("robots") if stated.robot is None else [stated.robot]:
         if registry.is_known("robots", name):
             robot = registry.load("robots", name)
@@ -121,7 +121,8 @@ def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
 
 
 def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
-    """Row of a table (N,) at each row of the wrench's; None if they do not belong together."""
+    """Row of a table ``sheet`` at each row of the wrench's (N,); None if they do not belong
+    together."""
     rows = len(load)
     if sheet is load:
         return np.arange(rows)
@@ -145,7 +146,7 @@ def at_rows(
 
 
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
-    """The orientation (G, 3, 3) at some rows of the wrench; None if the columns are none."""
+    """Orientation (G, 3, 3) at some rows of the wrench; None if the columns are no orientation."""
     sheet, at = pairing.sheet, pairing.at
     size = 1.0 if reading.unit is None else SIZES[reading.unit][1]
     columns = {t: sheet.values[n][at[rows]] for t, n in reading.targets.items()}
@@ -164,7 +165,8 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
-    """Fitted conventions: both directions of an orientation, both axes of wrenches, all mounts."""
+    """Yield a fitted convention for each direction of the orientation, axes of the wrench and
+    mount."""
     poses = pairing.poses(reading)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:
@@ -213,7 +215,7 @@ def _few(sheet: Sheet) -> tuple[np.ndarray, dict[str, np.ndarray]]:
 
 
 def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Share of each force's rms (W,) that no weight with any mount explains in an orientation.
+    """Share of each force's rms (W,) that no weight explains, with any mount, at an orientation.
 
     The best mount of a body explains the nuclear norm of the product of force and direction of
     gravity (orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451); a wrench in

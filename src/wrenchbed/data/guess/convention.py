@@ -52,7 +52,7 @@ _COST = {"inverse": 0.3, "base": 0.3, "quarter": 1.0, "free": 2.0, "axis": 0.5}
 
 @dataclass(frozen=True, eq=False)
 class GravityFit:
-    """The weight of one rigid load, fitted.
+    """The weight of one rigid load, fitted to the rows.
 
     Attributes:
         weight: force of the weight along ``axis`` in the file's unit, with its sign.
@@ -78,7 +78,7 @@ class GravityFit:
     poses: int
 
     def against(self, other: "GravityFit") -> float:
-        """Twice the log-likelihood by which this one is worse than another."""
+        """Twice the log-likelihood by which this fit is worse than another."""
         worse = np.log(self.force_rms / other.force_rms)
         worse += np.log(self.torque_rms / other.torque_rms)
         return 6.0 * min(self.poses, _ENOUGH) * float(worse)
@@ -87,7 +87,7 @@ class GravityFit:
 def fits(
     turn: np.ndarray, wrench: np.ndarray, in_base: bool, every: bool = False
 ) -> Iterator[GravityFit]:
-    """Fits with gravity along each axis and each mount at right angles, or the best mount.
+    """Yield a fit for gravity along each axis and each mount at right angles, or the best mount.
 
     Args:
         turn: the body in the base (N, 3, 3).
@@ -125,7 +125,7 @@ def fits(
 
 
 def in_body(turn: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """A wrench in the base's axes (N, 6) in those of a body that is turned by (N, 3, 3)."""
+    """Turn a wrench in the base's axes (N, 6) into those of a body that is turned by (N, 3, 3)."""
     return np.einsum("nji,nkj->nki", turn, wrench.reshape(-1, 2, 3)).reshape(-1, 6)
 
 
@@ -147,7 +147,7 @@ def _mounts(mixed: np.ndarray) -> np.ndarray:
 
 
 def right_angles(mount: Rotation) -> str:
-    """A mount at right angles in words: which axis of the body each of the sensor's is."""
+    """Text for a mount at right angles: which axis of the body each of the sensor's is."""
     m = np.rint(mount.as_matrix()).astype(int)
     named = ((m[row, axis], "xyz"[axis]) for row, axis in product(range(3), range(3)))
     return " ".join(f"-{name}" if sign < 0 else name for sign, name in named if sign)
@@ -282,7 +282,8 @@ class Convention:
         )
 
     def words(self, down: str = "") -> str:
-        """The columns' meanings and axes; ``down`` is the sign of gravity's axis, if known."""
+        """Text on what the columns mean and in which axes; ``down`` is the sign of gravity's axis,
+        if known."""
         what = self.reading.kind + (" of the base in the sensor" if self.inverse else "")
         parts = [what, f"wrench in {'base' if self.in_base else 'sensor'} axes"]
         parts.append(f"gravity along {down}{'xyz'[self.fit.axis]}")

@@ -69,13 +69,13 @@ _IN_G = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Maps that fit, the first is taken.
+    """The maps that fit the files; the first is used.
 
     Attributes:
         conventions: those that fit alike, the most usual first.
         maps: raw column map of each.
         others: the next best that fit worse.
-        notes: sentences on what was taken for granted, not used or not tried.
+        notes: sentences on what was assumed, not used or not tried.
         by_names: what the names of the columns say, in words, where there is no convention to find.
         unused: files that the first map does not read.
     """
@@ -103,7 +103,8 @@ class Guess:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Lines for people on the best convention, equal ones and excluded ones."""
+        """Lines for people on the best convention, on others that fit alike and on excluded
+        ones."""
         if self.by_names:
             return (f"found: {self.by_names}",)
         first = self.conventions[0]
@@ -129,7 +130,7 @@ def guess(
     mode: str | None = None,
     skip_incomplete: bool = False,
 ) -> Guess:
-    """Find the map of the text files of one recording; its mode too, if none is given.
+    """Find the column map for the text files of one recording, and its mode if none is given.
 
     Raises:
         MapError: no wrench, no orientation and no known robot's joints, or nothing that looks like
@@ -195,7 +196,7 @@ def guess(
 
 
 def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
-    """Sentences on what was taken for granted, not used or not tried."""
+    """Sentences on what was assumed, not used or not tried."""
     notes = [untried] if untried else []
     if c.reading.robot is not None and stated.robot is None:
         notes.append(f"no --robot is stated: {c.reading.robot}'s joints explain it")
@@ -207,7 +208,7 @@ def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str)
 
 
 def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
-    """Why no convention fits, and the columns that were looked at."""
+    """Text of an error: why no convention fits, and the columns that were looked at."""
     names = ", ".join(n for s in tables for n in s.values)
     if not any(True for s in tables for _ in wrenches(s)):
         what = "no six columns that might be a wrench"
@@ -230,9 +231,9 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
 
 
 def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
-    """A convention with the wrench and gravity reversed, and in every unit in which the load is a
-    tool, the most usual with the least penalty; ``size`` is gravity's [m/s²], ``mass`` the tool's
-    if it is known [kg]."""
+    """Yield a convention with either sign of wrench and gravity, and in every unit in which the
+    load has the mass of a tool, the most usual with the least penalty; ``size`` is gravity's
+    [m/s²], ``mass`` the tool's if it is known [kg]."""
     stated = [c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx")]
     pairs: Sequence[Sequence[str]] = [*_UNITS, *(_SELDOM if mass or any(stated) else ())]
     of_pairs = ([s or u for u, s in zip(p, stated, strict=True)] for p in pairs)
@@ -301,7 +302,7 @@ def raw_map(
 
 
 def _pattern(name: str, names: Sequence[str]) -> str:
-    """A pattern for one of some file names: what they have in common at the begin may change."""
+    """Pattern that matches one of some file names: what they share at the beginning may change."""
     if len(names) == 1:
         return "*"
     same = len([*takewhile(lambda letters: len({*letters}) == 1, zip(*names, strict=False))])

@@ -1,6 +1,6 @@
 """The map of a table with joint values and joint torques or currents, by the names of its columns.
 
-Names bind: a torque of a joint is never read as a force of a sensor.
+Names decide: a torque of a joint is never read as a force of a sensor.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ _USUAL = {"tau": "N·m", "i": "A"}
 
 
 def by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
-    """Map and sentence of a table with joint torques or currents; None where it has none.
+    """Map of a table with joint torques or currents, and a sentence on it; None where it has none.
 
     Raises:
         MapError: nobody says whose joints these are, or their number is another.

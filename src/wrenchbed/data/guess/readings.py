@@ -32,7 +32,7 @@ _MOST_IN_G = 4.0
 
 @dataclass(frozen=True)
 class Reading:
-    """Columns that might be an orientation or a robot's joints, and how they would be read.
+    """One way to read columns as an orientation or as a robot's joints.
 
     Attributes:
         kind: in words.
@@ -40,7 +40,7 @@ class Reading:
         unit: of angles; none of numbers.
         cost: how unusual it is; of readings that fit alike the least costly is taken.
         robot: whose joints these are; none of an orientation.
-        named: whether names say so.
+        named: whether the columns' names say so.
     """
 
     kind: str
@@ -52,7 +52,8 @@ class Reading:
 
     @property
     def is_tilt(self) -> bool:
-        """Whether it is an accelerometer: it says at rest where up is, and no more."""
+        """Whether the columns are an accelerometer, which at rest shows where up is, and no
+        more."""
         return ACCELERATION[0] in self.targets
 
     @cached_property
@@ -62,7 +63,8 @@ class Reading:
 
 
 def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
-    """Channel → column: by name, else every six columns in a row that nothing else claims."""
+    """Yield each possible wrench as channel → column: by name, else every six columns in a row that
+    nothing else claims."""
     yield from sheet.loads
     for names in () if sheet.loads else sheet.windows(6, "force", "torque"):
         for order in (names, [*names[3:], *names[:3]]):  # torques may stand first
@@ -72,8 +74,8 @@ def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
 
 
 def orientations(sheet: Sheet) -> Iterator[Reading]:
-    """Readings of columns as an orientation: by name, else by value, those of most columns; and an
-    accelerometer."""
+    """Yield the ways to read columns as an orientation: by name, else by value, those of most
+    columns; and an accelerometer."""
     roles, named = sheet.roles, False
     for kind, group in _KINDS.items():
         if group[0] in roles:
@@ -99,7 +101,7 @@ def orientations(sheet: Sheet) -> Iterator[Reading]:
 
 
 def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
-    """Readings of a pose's matrix (4, 4), by rows or by columns."""
+    """Yield the ways to read columns as a pose's matrix (4, 4), by rows or by columns."""
     for what, order in (("by rows", (0, 1, 2)), ("by columns", (0, 2, 1))):
 
         def is_pose(m: np.ndarray, order: tuple[int, ...] = order) -> bool:
@@ -114,7 +116,7 @@ def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
 
 
 def _matrices(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
-    """Nine columns as a rotation matrix, if they are one."""
+    """Yield nine columns as a rotation matrix, if they are one."""
     if sheet.obeys(names, _turns):
         yield Reading("matrix", dict(zip(ROTATION, names, strict=True)))
 
@@ -127,7 +129,7 @@ def _turns(columns: np.ndarray) -> bool:
 
 
 def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
-    """Four columns of length 1 as a quaternion in both orders."""
+    """Yield four columns of length 1 as a quaternion, in both orders."""
     if sheet.obeys(names, lambda q: bool(np.abs(np.linalg.norm(q, axis=1) - 1).max() < _NORM)):
         for order, cost in (("wxyz", 0.0), ("xyzw", 0.1)):
             targets = {f"q{c}": n for c, n in zip(order, names, strict=True)}
@@ -135,8 +137,8 @@ def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
 
 
 def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Reading]:
-    """Readings of three numbers as rotation vector, roll pitch yaw, or KUKA's A B C: all, or
-    ``only`` the kind that their names state."""
+    """Yield the ways to read three numbers as rotation vector, roll pitch yaw, or KUKA's A B C:
+    all, or ``only`` the kind that their names state."""
     stated, largest = sheet.units.get(next(iter(names))), max(sheet.largest[n] for n in names)
     units = [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
     if stated in ("rad", "deg"):
@@ -155,7 +157,7 @@ def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Re
 
 
 def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Reading]:
-    """Columns that might be a robot's joint values: by their names, as q1 …, else by value."""
+    """Yield columns that may be a robot's joint values: by their names, as q1 …, else by value."""
     for names, named in _joint_columns(sheet, joint_names):
         stated = sheet.units.get(names[-1])
         units: tuple[str, ...] = ("rad", "deg")
@@ -188,7 +190,7 @@ def _joint_columns(
 
 
 def _of_joint(sheet: Sheet, name: str) -> list[str]:
-    """Columns that are called after a joint, and are not its speed or torque."""
+    """Columns that are named after a joint, and are not its speed or torque."""
     word = re.compile(rf"(?:^|_){re.escape(plain(name).removesuffix('_joint'))}(?:_|$)")
     hits = [n for n in sheet.values if word.search(plain(n))]
     return [n for n in hits if not NO_JOINT.search(word.sub("_", plain(n)))]

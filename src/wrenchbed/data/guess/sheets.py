@@ -82,7 +82,7 @@ clock: less than one frame in ten is lost in a log of use; a signal's steps chan
 
 @dataclass(frozen=True)
 class Clock:
-    """Column of a clock, its times (N,) [s] and its unit."""
+    """A column that is a clock: its name, times (N,) [s] and unit."""
 
     column: str
     t: np.ndarray
@@ -91,7 +91,7 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """Table of a text file.
+    """A table of numbers from a text file, and what its columns are.
 
     Attributes:
         path: of the file.
@@ -144,17 +144,18 @@ class Sheet:
         return np.stack([self.values[n][::every] for n in names], axis=1)
 
     def obeys(self, names: Sequence[str], rule: Callable[[np.ndarray], bool]) -> bool:
-        """Whether columns (N, K) obey a rule, checked in a few rows first."""
+        """Whether columns (N, K) fulfil a rule; few rows are checked first."""
         every = max(1, len(self) // _FEW)
         return rule(self.block(names, every)) and rule(self.block(names))
 
     def may_be(self, names: Sequence[str], *quantities: str) -> bool:
-        """Whether no column's unit says that it is another quantity."""
+        """Whether no unit of these columns excludes the given quantities."""
         units = (self.units.get(name) for name in names)
         return all(unit is None or UNITS[unit][0] in quantities for unit in units)
 
     def windows(self, width: int, *quantities: str) -> Iterator[list[str]]:
-        """Groups of ``width`` adjacent columns without a role that may be some quantities."""
+        """Yield each group of ``width`` adjacent columns without a role that may be some
+        quantities."""
         free = {name for name in self.free if self.may_be([name], *quantities)}
         names = list(self.values)
         for k in range(len(names) - width + 1):
@@ -163,7 +164,8 @@ class Sheet:
 
 
 def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
-    """Table of a text file; several where its columns have their values in rows of their own.
+    """Read the table of a text file; several where its columns have their values in rows of their
+    own.
 
     With ``skip_incomplete`` rows are left out that lack a value of a column that is seldom without.
 
@@ -189,7 +191,7 @@ def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
 
 
 def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
-    """Columns of a text by their roles.
+    """Find the roles of a text's columns.
 
     Raises:
         MapError: it holds no numbers, or a unit that is not known.
@@ -237,7 +239,8 @@ def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
 
 
 def _accelerometer(sheet: Sheet) -> dict[str, str]:
-    """Role → column of three columns without a name that are as long as gravity nearly always."""
+    """Roles ax, ay, az of three unnamed columns whose length is nearly always that of gravity;
+    empty without any."""
     for names in sheet.windows(3, "acceleration"):
         length = np.linalg.norm(sheet.block(names), axis=1)
         if (np.abs(length / _EARTH - 1.0) < _NEAR_G).mean() > _STEADY:
@@ -249,7 +252,7 @@ def _accelerometer(sheet: Sheet) -> dict[str, str]:
 
 
 def plain(name: str) -> str:
-    """A name in small letters, without its unit, words apart by _."""
+    """Name in small letters, without its unit, words separated by _."""
     match = _UNIT_AT_END.match(name)
     if match and match[2].lower() in _UNIT_NAMES and match[1]:
         name = match[1]
@@ -313,7 +316,8 @@ def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, l
 
 
 def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
-    """Wrenches of numbered columns, a robot may log several: six, or three forces and torques."""
+    """Yield the wrenches of numbered columns, of which a robot may log several: six, or three
+    forces and torques."""
     stems = _numbered(values)
     sixes = [names for stem, names in stems.items() if _WRENCH_STEM.search(stem)]
     for names in [*sixes, [*stems.get("force", ()), *stems.get("torque", ())]]:
@@ -322,7 +326,7 @@ def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
 
 
 def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
-    """Unit of a clock by its name, else by its size and steps; None if it is none."""
+    """Unit of a clock by its name, else by its size and steps; None if it is no clock."""
     if len(values) < 2 or not (np.diff(values) > 0).all():
         return None
     if stated in ("s", "ms", "us", "ns"):
@@ -337,7 +341,7 @@ def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
 
 
 def _steady(values: np.ndarray) -> bool:
-    """Whether values look like a clock, not like a counter or a signal."""
+    """Whether values advance like a clock, not like a counter or a signal."""
     step = np.diff(values)
     usual = np.median(step)
     counter = values.dtype.kind == "i" and (step == 1).all()

@@ -76,7 +76,7 @@ class Stated:
         sheet: Sheet,
         in_base: bool,
     ) -> None:
-        """Write it into ``[recording]`` and the columns of the wrench.
+        """Write these facts into ``[recording]`` and the columns of the wrench.
 
         Args:
             recording, wrench: what is written into.
@@ -145,8 +145,8 @@ class KnownLoad:
         return cls(mass, cog, np.array(bias, dtype=float), known, max(rms))
 
     def fitted(self, c: Convention, gravity: float) -> GravityFit:
-        """A convention's fit with this load in the place of the fitted one, with the errors of the
-        better rows: a hand on the tool for a while hides nothing.
+        """Replace the fitted load of a convention by this one; its errors are those of the better
+        rows, so that a hand on the tool for a while hides nothing.
 
         Args:
             c: gives axis, mount and sign, and the rows.
