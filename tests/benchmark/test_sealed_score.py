@@ -129,6 +129,9 @@ def test_a_score_names_the_commitments_but_not_the_seed(family, tmp_path, monkey
     assert told["made"].startswith("2023-11-14 22:13 UTC by wrenchbed ")
     assert shlex.join(["wrenchbed", *words]) in re.search(r"<pre>(.*?)</pre>", html)[1]
     assert "seed" not in told and "--seed" not in html
+    monkeypatch.chdir(tmp_path / "claims")
+    assert main(["blind", "score", str(cases), ".", str(answers)]) == 0
+    assert (tmp_path / "claims.score" / "score.html").is_file()
 
 
 @pytest.mark.parametrize(

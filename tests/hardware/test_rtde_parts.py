@@ -213,6 +213,8 @@ def test_the_dashboard_answers_within_a_deadline():
             assert time.monotonic() - begun < 0.4
     with pytest.raises(LinkError, match="refused"):
         status.request(HOST, "stop", 0.2)
+    with pytest.raises(LinkError, match="no name of a host"):
+        status.request("../..", "stop", 0.2)
 
 
 def test_a_protective_stop_is_unlocked_after_five_seconds_and_its_program_ended(monkeypatch):

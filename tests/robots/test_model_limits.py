@@ -76,3 +76,10 @@ def test_few_copies_and_includes_are_read(tmp_path):
     inside = COPIES.format(20, BALL) + '<include file="parts.xml"/>'
     arm, _, _ = read_arm(written(tmp_path, ARM.format(inside)), "s")
     assert len(arm.links[0].shapes) == 22
+
+
+def test_a_mesh_whose_name_no_file_can_have_is_missing(tmp_path):
+    asset = f'<asset><mesh name="m" file="{"x" * 5000}.stl"/></asset><worldbody>'
+    text = ARM.format('<geom type="mesh" mesh="m"/>').replace("<worldbody>", asset)
+    arm, _, notes = read_arm(written(tmp_path, text), "s")
+    assert len(arm.links[0].shapes) == 1 and "1 meshes are missing" in notes[0]

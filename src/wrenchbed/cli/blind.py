@@ -137,7 +137,7 @@ def score(
     from wrenchbed.benchmark.sealed import report
     from wrenchbed.benchmark.sealed import score as scoring
 
-    folder = claims.with_name(claims.name + ".score") if out is None else out
+    folder = Path(f"{claims.resolve()}.score") if out is None else out
     console.check_folder(folder, {"score.html": Kind.PAGE})
     result = scoring.score(cases, claims, answers, method, commitments)
     page = report.page(result, console.command())

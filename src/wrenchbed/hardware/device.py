@@ -1,12 +1,13 @@
 """Lifecycle, health and clock of a connected device: a robot's driver or a sensor's electronics."""
 
+import errno
 import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from ipaddress import ip_address
-from socket import gethostbyname
+from socket import create_connection, gethostbyname, socket
 from typing import ClassVar, Literal, Self
 
 import numpy as np
@@ -68,6 +69,18 @@ def only_here(host: str) -> bool:
         return ip_address(gethostbyname(host)).is_loopback
     except (OSError, UnicodeError, ValueError):
         return False
+
+
+def connected(host: str, port: int, timeout: float) -> socket:
+    """A TCP connection to a host within a time [s].
+
+    Raises:
+        OSError: there is none, also where ``host`` can be no name of a host.
+    """
+    try:
+        return create_connection((host, port), timeout)
+    except UnicodeError as error:
+        raise OSError(errno.EINVAL, f"{host[:60]!r} is no name of a host") from error
 
 
 class ClockFit:

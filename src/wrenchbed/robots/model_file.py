@@ -140,7 +140,7 @@ def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
         roots += [*folder.parents, folder]
         places = [root / package / rest for root in roots]
         places += [up / rest for up in (folder, *folder.parents) if up.name == package]
-    return next((p for p in places if p.is_file()), None)
+    return next((p for p in places if os.path.isfile(p)), None)  # noqa: PTH113
 
 
 def _place_frame(spec: mujoco.MjSpec, frame: str, source: ModelSource) -> None:

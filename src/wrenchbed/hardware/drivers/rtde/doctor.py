@@ -6,7 +6,6 @@ watched for some seconds.
 
 import contextlib
 import math
-import socket
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
-from wrenchbed.hardware.device import STALE_S
+from wrenchbed.hardware.device import STALE_S, connected
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, status
 from wrenchbed.hardware.drivers.rtde.states import ANSWER_S, NATIVE_HZ
 from wrenchbed.hardware.transducers.base import Transducer
@@ -224,6 +223,6 @@ def _load(wrench: np.ndarray, scale: np.ndarray | None) -> Line:
 
 
 def _open(host: str, port: int) -> bool:
-    with contextlib.suppress(OSError), socket.create_connection((host, port), ANSWER_S):
+    with contextlib.suppress(OSError), connected(host, port, ANSWER_S):
         return True
     return False

@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Self
 
 from wrenchbed.errors import DriverError, LinkError
+from wrenchbed.hardware.device import connected
 
 PORT = 30004
 """TCP port of RTDE; source: Universal Robots, "RTDE guide"."""
@@ -91,7 +92,7 @@ class Outputs:
     ) -> None:
         end = time.monotonic() + timeout
         try:
-            self._link = socket.create_connection((host, PORT), timeout)
+            self._link = connected(host, PORT, timeout)
         except OSError as error:
             raise LinkError(error.strerror or str(error)) from error
         try:

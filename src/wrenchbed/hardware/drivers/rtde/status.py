@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from wrenchbed.errors import LinkError, StoppedError
-from wrenchbed.hardware.device import GONE_S, Health, State, by_age, wait_until
+from wrenchbed.hardware.device import GONE_S, Health, State, by_age, connected, wait_until
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 
 PLAYING, STOPPED = 2, 1
@@ -153,7 +153,7 @@ def request(host: str, command: str, timeout: float = 1.0) -> str:
         LinkError: none came in time [s].
     """
     try:
-        with socket.create_connection((host, PORT), timeout) as link:
+        with connected(host, PORT, timeout) as link:
             _line(link, time.monotonic() + timeout)  # its welcome
             link.sendall(command.encode() + b"\n")
             answer = _line(link, time.monotonic() + timeout)
