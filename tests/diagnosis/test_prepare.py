@@ -17,7 +17,7 @@ from wrenchbed.diagnosis.prepare import prepare_recording as module
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.noise import correlation_time
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.diagnosis.prepare.prepared import Prepared, split
+from wrenchbed.diagnosis.prepare.prepared import Prepared, inner_stride, split
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
@@ -139,6 +139,11 @@ def test_what_is_set_aside_takes_no_part_also_in_averages():
     p = replace(p, scene=scene, fold=np.where(np.arange(16) == 5, -1, 2))
     assert p.coarse.fold.tolist() == [2, 2, -1, 2, 2, 2, 2, 2]
     assert p.coarse.stride == 4
+
+
+@pytest.mark.parametrize(("stride", "inner"), [(1, 1), (3, 1), (4, 1), (8, 2), (13, 3)])
+def test_an_average_is_of_at_least_four_pieces(stride, inner):
+    assert inner_stride(stride) == inner
 
 
 @pytest.mark.parametrize(("time", "expected"), [(1.0, 0.125), (4.0, 0.5), (20.0, 1.0)])
