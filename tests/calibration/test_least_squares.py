@@ -134,6 +134,16 @@ def covariance(seed=2):
     return a @ a.T + np.eye(6)
 
 
+def test_means_of_more_rows_weigh_more():
+    c, count = covariance(), np.array([1.0, 4.0, 9.0])
+    whiten = weighting._rows(c, count)
+    turned = whiten(np.tile(np.eye(6), (3, 1, 1)))  # (M, 6, K): K unit wrenches
+    for m, n in enumerate(count):
+        assert turned[m].T @ turned[m] == pytest.approx(n * np.linalg.inv(c))
+    rows = np.random.default_rng(0).standard_normal((3, 6))
+    assert whiten(rows) == pytest.approx(np.einsum("mij,mj->mi", turned, rows))
+
+
 def noisy(times, seed=3, m=60, count=4):
     """A problem whose means scatter ``times`` as much as the noise of their rows explains."""
     design, rng = designed(m, 4, seed)
