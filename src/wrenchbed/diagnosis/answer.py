@@ -1,4 +1,4 @@
-"""The entries of ``diagnosis.json``: causes with their parameters, places, probabilities, notes."""
+"""Entries of ``diagnosis.json``: causes with their parameters, places, probabilities, notes."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -46,7 +46,7 @@ def causes(
     spread: float,
     between: Iterable[RowFinding],
 ) -> list[dict[str, Any]]:
-    """``which``; ``spread`` multiplies standard uncertainties, see `Reliability`."""
+    """Entries of ``which``; ``spread`` multiplies standard uncertainties, see `Reliability`."""
     result = []
     for c in verdict.causes:
         name, rivals = c.names[0], _rivals(a, verdict, c, spread)
@@ -59,7 +59,7 @@ def causes(
 
 
 def elements_of(a: Analysis, verdict: Verdict[Explanation]) -> list[Mapping[str, Elements]]:
-    """Joints, links or axes that explain the recordings as well as those of each cause."""
+    """Joints, links or axes that explain as well as each cause's own, by effect, for each cause."""
     f = verdict.explanation.finalist
     return [
         {} if c.part.index is None else elements(a.refitter, f, c.part.index, c.names)
@@ -68,7 +68,7 @@ def elements_of(a: Analysis, verdict: Verdict[Explanation]) -> list[Mapping[str,
 
 
 def cannot_tell(which: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Sentences on the elements and effects that the classes of ``which`` leave open."""
+    """Sentences on elements and effects of ``which`` that these data do not separate."""
     result = []
     for entry in which:
         several, total = entry["elements"], entry["combination"]
@@ -85,7 +85,7 @@ def cannot_tell(which: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def _of_elements(entry: Mapping[str, Any]) -> str:
-    """Effect and elements of an entry in words: ``joint.offset of joints 2 and 3``,
+    """Name of an entry's effect with its elements: ``joint.offset of joints 2 and 3``,
     ``mount.rotation about z``, ``cable.pull (always taut)``."""
     effect, names = str(entry["effect"]), [str(n) for n in entry["elements"]]
     if not names or effect in STATED:
@@ -97,7 +97,7 @@ def _of_elements(entry: Mapping[str, Any]) -> str:
 
 
 def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Parameters whose number of a joint or link has those that the data cannot rule out."""
+    """Parameters; a joint's or link's number also lists those that the data cannot rule out."""
     for key in ("joint", "link"):
         if key in parameters and len(names) > 1:
             others = [int(n.split()[1]) for n in names[1:]]
@@ -108,8 +108,8 @@ def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, 
 def _rivals(
     a: Analysis, verdict: Verdict[Explanation], c: Cause, spread: float
 ) -> list[dict[str, Any]]:
-    """Entries of ``rivals``: each with its probability, its elements and its own parameters, as
-    they come out with it in the cause's place."""
+    """Entries of ``rivals`` of a cause: probability, elements and parameters of each, fitted in its
+    place."""
     beside = verdict.explanation.names - {c.part.name}
     shares = c.shares or (1.0 / len(c.names),) * len(c.names)
     result = []
@@ -125,7 +125,7 @@ def _rivals(
 
 
 def _alone(f: Finalist, name: str) -> Elements:
-    """The element that a finalist has of an effect."""
+    """Elements with the single one that a finalist has of an effect."""
     k = f.names.index(name)
     return Elements((element(f.parts[k].variant),), (f,), (k,))
 
@@ -133,7 +133,7 @@ def _alone(f: Finalist, name: str) -> Elements:
 def _numbers(
     a: Analysis, verdict: Verdict[Explanation], cause: Cause, spread: float
 ) -> dict[str, Any]:
-    """Keys of an entry of ``which`` that `numbers_of` makes; of a stated number its error."""
+    """Keys of `numbers_of` for an entry of ``which``; a wrong stated number has its error."""
     f, k = verdict.explanation.finalist, cause.part.index
     if k is None:
         wrong = _wrong_numbers(a, f, cause.names[0], spread)
@@ -142,11 +142,11 @@ def _numbers(
 
 
 def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) -> dict[str, Any]:
-    """``elements``, ``combination`` and ``parameters`` of part k of a finalist; of a form-free part
-    also ``form`` and ``curve``.
+    """Keys ``elements``, ``combination``, ``parameters`` for part k of a finalist; of a form-free
+    part also ``form`` and ``curve``.
 
-    ``combination`` is the sum of the elements' sizes that the recording determines, None where it
-    determines none; standard uncertainties are multiplied by ``spread``.
+    ``combination`` is the sum of the elements' sizes that the recording determines, None without
+    one; standard uncertainties are multiplied by ``spread``.
     """
     total = combination(a.refitter, of, spread)
     of_elements = {
@@ -168,8 +168,8 @@ def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) ->
 
 
 def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Names of the stated numbers that are off by more than three standard uncertainties; the
-    farthest off if none is."""
+    """Names of the stated numbers that are wrong by over three standard uncertainties, else of the
+    one that is farthest off."""
     ratio = {n: abs(v["value"]) / max(v["std"], 1e-300) for n, v in wrong.items()}
     return [n for n, r in ratio.items() if r > WRONG_SIGMAS] or [max(ratio, key=lambda n: ratio[n])]
 
@@ -177,9 +177,9 @@ def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
 def _free_curve(
     effect: Effect, variant: Variant, scene: Scene, values: Values, covariance: np.ndarray
 ) -> dict[str, Any]:
-    """``parameters``, ``form`` and ``curve`` of a form-free cause in ``which``, SI.
+    """Keys ``parameters``, ``form`` and ``curve`` of a form-free cause, SI.
 
-    By all values of its parameters, and the covariance (k, k) of the variant's amplitudes.
+    From all values of its parameters, and the covariance (k, k) of the variant's amplitudes.
     """
     sizes: dict[str, dict[str, Any]] = {}
     best: tuple[float, Mapping[str, Any]] = (-1.0, {})
@@ -198,7 +198,7 @@ def _free_curve(
 def _along(
     curve: Curve, variant: Variant, values: Values, covariance: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Curve (P,) and its standard uncertainty (P,); from peak to peak, and that one's."""
+    """Curve (P,) with its standard uncertainty (P,), and its peak-to-peak size with its own."""
     at = [variant.free.index(n) for n in curve.names]
     block = covariance[np.ix_(at, at)]
     y = curve.columns @ np.array([values[n] for n in curve.names])
@@ -212,7 +212,7 @@ def _along(
 
 
 def _uncertainty(a: Analysis, f: Finalist, part: int, spread: float) -> dict[str, float]:
-    """Standard uncertainties of a part's variables by name, SI; errors of its form included."""
+    """Standard uncertainties of a part's variables by name, SI, with errors of its assumed form."""
     effect, v = f.parts[part].effect, f.variables
     size = {p.name: p.tolerance for p in effect.parameters(a.prepared.robot)}
     std = np.sqrt(np.maximum(np.diagonal(f.covariance), 0.0))
@@ -225,7 +225,7 @@ def _uncertainty(a: Analysis, f: Finalist, part: int, spread: float) -> dict[str
 
 
 def _flat(a: Analysis, f: Finalist, i: int) -> float:
-    """Rms distance of a variable from where it might as well be: no reading changes in between.
+    """Rms width, in typical sizes, of the range of variable i in which no reading changes.
 
     A jump may have come at any time between two poses.
     """
@@ -247,13 +247,13 @@ def _flat(a: Analysis, f: Finalist, i: int) -> float:
 
 
 def rms_between(below: float, above: float) -> float:
-    """Rms deviation from a point of values spread uniformly from ``below`` under that point to
-    ``above`` over it, all in one unit."""
+    """Rms deviation from a point of values uniform between ``below`` under it and ``above`` over
+    it."""
     return float(np.sqrt((below**2 - below * above + above**2) / 3.0))
 
 
 def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[str, Any]:
-    """The errors of a stated number: true value less stated value."""
+    """Errors of a stated number's parameters by name: true minus stated value."""
     d, estimate = a.dictionary, stated(a.refitter, f)
     hypothesis = next(h for h in d.hypotheses if h.name == name)
     unit = {p.name: p.unit for p in hypothesis.effect.parameters(a.prepared.robot)}
@@ -269,7 +269,7 @@ def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[s
 
 
 def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[Place]:
-    """Effect, detail, share and p-value of each claimed cause, for ``where``."""
+    """Effect, detail, share of the gap and p-value of each claimed cause, for ``where``."""
     result, best = [], verdict.explanation.log_posterior
     for c in verdict.causes:
         others = [e for e in a.ranking.explanations if not e.names & set(c.names)]
@@ -282,7 +282,7 @@ def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[Pla
 
 
 def row_place(r: RowFinding) -> Place:
-    """Effect, detail, share and p-value of an effect between rows, for ``where``."""
+    """Effect, channels, variance share and p-value of an effect between rows, for ``where``."""
     return r.effect, ", ".join(r.channels), r.rise / (1.0 + r.rise), 1.0 - r.probability
 
 
@@ -296,7 +296,8 @@ def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
 
 
 def scales(*each: Prepared) -> dict[str, Scale]:
-    """Noise of a row, and what counts, of each channel; of several recordings the last one's."""
+    """Row noise and material residual (a gap of 1) of each channel; of several recordings the
+    last's."""
     result = dict[str, Scale]()
     for p in (one.leading for one in each):
         noise, counts = p.row_sigma.tolist(), p.sigma.tolist()
@@ -306,7 +307,7 @@ def scales(*each: Prepared) -> dict[str, Scale]:
 
 
 def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
-    """Notes for the reader on a recording's data."""
+    """Notes on a recording's data: observations, noise, rows left out, invisible effects."""
     p = a.prepared
     n, again = len(p.y), int(np.count_nonzero(p.count == 0))
     held_out = f"each held out once in {folds} folds"
@@ -321,7 +322,7 @@ def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
 
 
 def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tuple[str, ...]:
-    """Notes for the reader on the residual that the answer leaves."""
+    """Notes on the residual that the answer leaves, and on effects between rows."""
     result = []
     rest = None if gap.with_effects is None else gap.with_effects.value - max(gap.floor, 0.0)
     if rest is not None and rest > max(1.0, UNEXPLAINED * gap.excess):
@@ -340,14 +341,14 @@ def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tupl
 def confirmations(
     prepared: Prepared, verdict: Verdict[Explanation], gap: Closure
 ) -> tuple[str, ...]:
-    """Notes on what further channels uphold of the causes."""
+    """Notes on causes that channels beside the wrench confirm by themselves."""
     names = " and ".join(c.name for c in prepared.channels[1:])
     held = [c.part.name for c in verdict.causes if confirmed(c, gap)]
     return tuple(f"{name} is upheld by the {names} alone, on rows that no fit saw" for name in held)
 
 
 def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> Diagnosis:
-    """The diagnosis of the rows that nothing touched, with the contact that the verdict holds."""
+    """Diagnosis of the untouched rows, completed by a contact of the tool and its verdict."""
     rest = f"the other answers are of the {int((~touch.rows).sum())} {touch.what} without it"
     d = replace(
         d, verdict=verdict.word, probabilities=verdict.probabilities,
@@ -377,6 +378,6 @@ def _touched(touch: Touch, text: str) -> dict[str, Any]:
 
 
 def _untouched(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """An entry of ``where`` that says that its share is one of the rows that nothing touched."""
+    """Copy of an entry of ``where`` that says that its share is of the untouched rows."""
     sentence = str(entry["sentence"]).replace(": no cause is claimed", "")  # the contact is one
     return dict(entry) | {"sentence": f"{sentence.rstrip('.')}, untouched."}

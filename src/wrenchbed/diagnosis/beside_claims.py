@@ -1,7 +1,7 @@
-"""What a fit holds beside its claims: effects too small to count, and numbers that it takes up.
+"""Detected effects too small for a cause, and bias, mass and CoG as fitted beside the claims.
 
-Detection is not size. An effect whose presence the evidence leaves no doubt about is reported with
-its value although its gap is below 1, and so are bias, mass and CoG, which every fit leaves free.
+Detection is not size. An effect that the evidence shows beyond doubt is reported with its value
+although its gap is below 1; so are bias, mass and CoG, which every fit leaves free.
 """
 
 from collections.abc import Sequence
@@ -28,14 +28,14 @@ from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
 def minor(
     a: Analysis, verdict: Verdict[Explanation], spread: float, right: float = 1.0
 ) -> list[dict[str, Any]]:
-    """Entries of ``minor``: effects that are there, and add less than what counts as a cause.
+    """Entries of ``minor``: effects that are detected, but add less gap than a cause must.
 
     Args:
         a: the analysis.
-        verdict: the claims, of which none is listed again. Beside `unknown` only explanations in
-            which nothing counts speak for an effect: what else there is was refuted.
+        verdict: its claims are not listed again. With `unknown` only explanations without a large
+            part speak for an effect: the others were refuted.
         spread: factor on standard uncertainties, see `Reliability`.
-        right: share of claims that are right: no entry is surer.
+        right: share of claims that are right, an upper limit of each probability.
     """
     ranked, weight = a.ranking.explanations, weights(a.ranking)[1:]
     effects = [{e.finalist.names[k] for k in e.finalist.effects} for e in ranked]
@@ -81,14 +81,14 @@ def _instead(
     effects: Sequence[AbstractSet[str]],
     small: Sequence[AbstractSet[str]],
 ) -> dict[str, list[int]]:
-    """Small effects that may stand in the place of ``name``, itself included, and for each the
-    numbers of the explanations that have it there.
+    """Small effects that explanations have in the place of ``name`` (itself included), each with
+    the indices of these explanations.
 
     Args:
-        name: of the effect.
-        beside: effects of the explanation that it is from.
-        effects: of all explanations.
-        small: those of them that add less than what counts.
+        name: the effect.
+        beside: effects of the explanation that contains it.
+        effects: of each explanation.
+        small: those effects of each explanation that add less gap than a cause.
     """
     result = dict[str, list[int]]()
     for k, (of, names) in enumerate(zip(effects, small, strict=True)):
@@ -99,16 +99,13 @@ def _instead(
 
 
 def _numbers(a: Analysis, f: Finalist, name: str, spread: float) -> dict[str, Any]:
-    """Elements, what is known of them together, and parameters of an effect of a finalist."""
+    """Keys ``elements``, ``combination`` and ``parameters`` of an effect of a finalist."""
     k = f.names.index(name)
     return numbers_of(a, f, k, elements(a.refitter, f, k, [name])[name], spread)
 
 
 def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[dict[str, Any]]:
-    """Entries of ``fitted``: bias, mass and CoG as they come out beside the explanation.
-
-    ``stated`` is null where the metadata state no such number.
-    """
+    """Entries of ``fitted``: bias, mass and CoG fitted together with the explanation."""
     d, configuration = a.dictionary, a.prepared.configuration
     estimate = stated(a.refitter, verdict.explanation.finalist)
     size = d.size[d.stated]

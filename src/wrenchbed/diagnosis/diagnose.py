@@ -88,7 +88,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A diagnosis with the analysis that it follows from.
+    """A diagnosis with the analysis behind it.
 
     Attributes:
         diagnosis: the answers.
@@ -97,7 +97,7 @@ class Findings:
         rows: effects that show between rows only.
         places: where the calibrated residual lies.
         plans: of the proposed experiments, by file name.
-        scattered: what rows scatter beyond noise and all that is named; empty if that is little.
+        scattered: sentence on row scatter beyond all that is named; empty if it is little.
         seed: of the split into folds and of all permutations.
     """
 
@@ -126,17 +126,17 @@ def diagnose(
     material: Material | None = None,
     progress: Progress = lambda _: None,
 ) -> Findings:
-    """Diagnosis of one recording: where the residual lies, which causes, how far, and what next.
+    """Diagnose one recording: where the residual lies, which causes, how far, and what next.
 
     Args:
         recording: at rest or in motion.
         seed: of the split into blocks and of all permutations.
-        reliability: how often claims are right; the model that comes with the package if None.
+        reliability: shares of claims that are right; by default the package's own model.
         material: residual that counts as a gap of 1; one row's noise if None.
         progress: called with the step that begins.
 
     Raises:
-        DiagnosisError: the data cannot answer, whatever the cause.
+        DiagnosisError: these data allow no answer.
     """
     begun = time.perf_counter()
     examined = examine(recording, seed, reliability, progress, material)
@@ -144,12 +144,12 @@ def diagnose(
 
 
 class Examined(NamedTuple):
-    """A recording with weighed explanations, outliers, and effects between rows.
+    """One recording's decision, outliers, and effects between rows.
 
     Attributes:
-        known: how often claims are right.
+        known: shares of claims that are right.
         between: effects that show between rows only.
-        scattered: what else scatters between rows, a sentence; empty if nothing does.
+        scattered: sentence on further scatter between rows; empty without any.
     """
 
     weighed: "Weighed"
@@ -166,7 +166,7 @@ def examine(
     progress: Progress,
     material: Material | None = None,
 ) -> Examined:
-    """Analysis of a recording on its own; arguments and errors are those of `diagnose`."""
+    """Examine one recording by itself; arguments and errors are those of `diagnose`."""
     progress("noise and blocks")
     prepared = prepare(recording, seed, material)
     progress("effects and their evidence")
@@ -179,8 +179,7 @@ def examine(
 
 
 def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
-    """Effects that show between rows of a wrench only, and a sentence on what else scatters
-    there."""
+    """Effects that show between rows of a wrench only, and a sentence on other scatter there."""
     rows, scatter = find_row_effects(prepared.excerpt, prepared.configuration)
     every, least = (*rows, *find_tool_vibration(prepared)), least_beside(prepared.touch)
     between = tuple(r for r in every if r.probability >= least)
@@ -188,8 +187,7 @@ def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
 
 
 def findings_of(examined: Examined, seed: int, progress: Progress, begun: float) -> Findings:
-    """Findings of a diagnosis from an examined recording; ``begun`` is the clock at its start
-    [s]."""
+    """Make the diagnosis of an examined recording; ``begun`` is the clock at its start [s]."""
     weighed, known, outliers, between, scattered = examined
     analysis, decision = weighed.analysis, weighed.decision
     gap, twin, prepared = decision.gap, weighed.twin, analysis.prepared
@@ -255,12 +253,13 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
 
 
 class Weighed(NamedTuple):
-    """An analysis, and what was decided on the means of its readings.
+    """An analysis, and the decision on the means of its readings.
 
     Attributes:
-        twin: the better simulator.
-        p_value: that a recording like those that taught looks as unlike them.
-        refuted: what comes nearest and yet cannot be it, a sentence; empty if there is no such.
+        twin: simulator with the causes, or after the usual fit.
+        p_value: that a recording like the learning cases is as unlike them; of several recordings
+            the smallest times their number, at most 1; 0 where one has no wrench.
+        refuted: sentence on a cause that comes nearest and is refuted; empty without one.
     """
 
     analysis: Analysis
@@ -271,15 +270,15 @@ class Weighed(NamedTuple):
 
 
 def weigh(prepared: Prepared, known: Reliability, seed: int) -> Weighed:
-    """Explain the gap, and hold the explanation against rows that no fit saw."""
+    """Explain the gap of a recording, and decide by held-out rows what may be claimed."""
     return settle(analyse(prepared), known, seed)
 
 
 def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
-    """Hold what best explains the gap against rows that no fit saw.
+    """Decide by held-out rows what an analysis may claim.
 
-    A recording unlike those that taught may leave a rest of its own. Of the others these taught how
-    often something unknown leaves one.
+    A recording unlike the learning cases may have a residual of its own, which is then weighed as
+    noise. For one like them the learnt probabilities already include such residuals.
     """
     each, p_value = (analysis, *analysis.others), 0.0
     mode = analysis.prepared.scene.mode
@@ -310,7 +309,7 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
 
 
 def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Facts[Explanation]:
-    """What a decision on the means of readings rests on; with ``own_rest`` what no effect explains
+    """Facts for a decision on the means of readings; with ``own_rest`` the unexplained residual
     counts as noise."""
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
 
@@ -322,7 +321,7 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
 
 
 def least_beside(touch: Touch | None) -> float:
-    """Probability that a cause needs beside a contact; none stands beside an unknown one."""
+    """Smallest probability of a cause: 0 without a contact, infinite with an unknown one."""
     if touch is None:
         return 0.0
     return PROBABLE if touch.parameters is not None else np.inf
@@ -331,19 +330,19 @@ def least_beside(touch: Touch | None) -> float:
 def _changing(
     a: Analysis, verdict: Verdict[Explanation], names: Collection[str], seed: int
 ) -> constancy.Change | None:
-    """Change of a named cause's size during the recording; None if all are constant."""
+    """First named cause whose size changes during the recording; None if all are constant."""
     parts = _parts(verdict, names)
     return constancy.changing(a, verdict.explanation.finalist, parts, seed) if parts else None
 
 
 def _parts(verdict: Verdict[Explanation], names: Collection[str]) -> list[int]:
-    """Numbers of the parts that are causes with some names; a wrong stated number is none."""
+    """Indices of the parts that are causes with these names, without stated numbers."""
     claimed = [c.part.index for c in verdict.causes if c.part.name in names]
     return [k for k in claimed if k is not None]
 
 
 def _refuted(weighed: Weighed, sentence: str, seed: int) -> Weighed:
-    """What was weighed without its causes, which something else refutes."""
+    """Copy with the verdict ``unknown``, because something else refutes its causes."""
     claims = Claims(weighed.analysis, seed)
     verdict = withdrawn(weighed.decision.verdict, UNKNOWN)
     decision = Decision(verdict, claims.gap(verdict))
@@ -353,7 +352,7 @@ def _refuted(weighed: Weighed, sentence: str, seed: int) -> Weighed:
 def _without_outliers(
     prepared: Prepared, first: Weighed, known: Reliability, seed: int
 ) -> tuple[Weighed, tuple[outliers_.Outlier, ...]]:
-    """The answer without a few blocks that all others contradict, where that settles it."""
+    """Decision without a few blocks that all others contradict, where that settles it."""
     weighed, outliers = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
         decision = weighed.decision
@@ -384,13 +383,13 @@ def _without_outliers(
 
 
 def _learnt(known: Reliability, p_value: float) -> str:
-    """Sentence on what the probabilities were learnt from, and whether this recording is alike."""
+    """Sentence on the cases behind the probabilities, and whether this recording is unlike them."""
     unlike = UNLIKE if p_value < LEAST_P else ""
     return f"the probabilities were learnt on {known.source}{unlike}"
 
 
 def _designs(a: Analysis) -> list[Design]:
-    """What each recording can show, beside the background that it has."""
+    """Design of each recording, at its background, for the search of blind spots."""
     best = a.ranking.explanations[0].finalist
     recordings = zip((a, *a.others), best.each or [best], strict=True)
     return [Design(x.searcher, f.rung) for x, f in recordings]

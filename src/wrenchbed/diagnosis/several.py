@@ -1,8 +1,8 @@
 """Diagnose several recordings of one robot together: what belongs to the robot is in all of them.
 
 Every recording is analysed by itself. Each structure that explains one of them is then fitted to
-all (`explain.refit`), and the joint evidence goes the way of a single recording's: verdict,
-held-out rows, reliability. Held-out rows of all recordings count alike.
+all (`explain.refit`), and the joint evidence is treated as a single recording's: verdict, held-out
+rows, reliability. Held-out rows of all recordings weigh alike.
 """
 
 import time
@@ -62,7 +62,7 @@ def diagnose_several(
     material: Material | None = None,
     progress: Progress = lambda _: None,
 ) -> Findings:
-    """Diagnosis of one robot from several recordings: where, which, how far, and what next.
+    """Diagnose one robot from several recordings: where, which, how far, and what next.
 
     The twin is the robot with its shared effects and the tool of the first recording, which figures
     and places are of too. The gap is over the rows of all recordings.
@@ -70,12 +70,12 @@ def diagnose_several(
     Args:
         recordings: two or more, with tool, payload, temperature and poses alike or not.
         seed: of the split into blocks and of all permutations.
-        reliability: how often claims are right; the one that comes with the package if None.
+        reliability: shares of claims that are right; by default the package's own model.
         material: residual that counts as a gap of 1; one row's noise if None.
         progress: called with the step that begins.
 
     Raises:
-        DiagnosisError: the recordings are not of one robot, or one of them cannot answer.
+        DiagnosisError: the recordings are not of one robot, or one of them allows no answer.
     """
     begun = time.perf_counter()
     check(recordings)
@@ -116,7 +116,7 @@ def named(recording: Recording) -> str:
 
 
 def check(recordings: Sequence[Recording]) -> None:
-    """Refuse what cannot be one robot, or is no second recording.
+    """Raise if recordings are not of one robot, or one is a copy of another.
 
     Raises:
         DiagnosisError: names the file and the field.
@@ -141,7 +141,7 @@ def check(recordings: Sequence[Recording]) -> None:
 
 
 def together(analyses: Sequence[Analysis]) -> Analysis:
-    """The first recording's analysis with a ranking by the joint evidence of all."""
+    """Analysis of the first recording, with a ranking by the joint evidence of all."""
     known = [[e.finalist for e in a.ranking.explanations] for a in analyses]
     refitters = refit.together([a.refitter for a in analyses], known)
     ranking = rank(refitters, analyses)
@@ -152,7 +152,7 @@ def together(analyses: Sequence[Analysis]) -> Analysis:
 
 
 def rank(refitters: Sequence[Refitter], analyses: Sequence[Analysis]) -> Ranking:
-    """Ranking of every structure that explains one recording alone, fitted to all of them."""
+    """Rank all structures that explain one recording, after a fit to all recordings."""
     nothing = refitters[0].nothing()
     drafts = _drafts(refitters, [a.ranking for a in analyses])
     fitted = [d.refitter.fit(d.parts, d.rung, d.x).each[0] for d in drafts]
@@ -173,7 +173,7 @@ def rank(refitters: Sequence[Refitter], analyses: Sequence[Analysis]) -> Ranking
 
 
 def _mixed(refitters: Sequence[Refitter], best: Finalist) -> float:
-    """Log posterior of something unknown beside a finalist, in every recording that asks for it."""
+    """Log posterior of an unknown cause beside a finalist, in each recording that gains by one."""
     base = best.log_posterior + float(np.log(MORE / PRIOR["one"]))
     more = [
         float(logsumexp([s.log_posterior for s in r.added(f) if s.index < 0])) - base
@@ -183,7 +183,7 @@ def _mixed(refitters: Sequence[Refitter], best: Finalist) -> float:
 
 
 class _Draft(NamedTuple):
-    """Structure as one recording has it, with a rung and variables (k,) to begin with."""
+    """Structure to be fitted to all recordings: one recording's form and start values (k,)."""
 
     refitter: Refitter
     parts: tuple[Hypothesis, ...]
@@ -191,7 +191,7 @@ class _Draft(NamedTuple):
     x: np.ndarray
 
     def beside(self, other: "_Draft") -> "_Draft | None":
-        """Both structures' effects, if the other has more and their number allows it."""
+        """Draft with the effects of both; None if the other adds none or they are too many."""
         names = {h.name for h in self.parts}
         more = [h for h in other.parts if h.name not in names]
         if not more or len(names) + len(more) > AT_ONCE + MINOR:
@@ -202,8 +202,7 @@ class _Draft(NamedTuple):
 
 
 def _drafts(refitters: Sequence[Refitter], rankings: Sequence[Ranking]) -> list[_Draft]:
-    """Structures that explain one recording, and those of two recordings at once, alike ones
-    once."""
+    """Structures that explain one recording, and combinations of two recordings', each once."""
     every: dict[tuple[Refitter | None, _Key], _Draft] = {}
     leading: list[list[_Draft]] = []
 
@@ -235,7 +234,7 @@ def _mean(refitters: Sequence[Refitter], gaps: Sequence[float]) -> float:
 
 
 def _explained(refitters: Sequence[Refitter], f: Finalist) -> Explanation:
-    """Parts that count over the rows of all recordings, and what remains in these."""
+    """Explanation by the parts that count over all recordings' rows, and what remains."""
     each = [explained(r, g) for r, g in zip(refitters, f.each, strict=True)]
     parts = list[Part]()
     for k in sorted({p.index for e in each for p in e.parts if p.index is not None}):
@@ -260,8 +259,7 @@ def _explained(refitters: Sequence[Refitter], f: Finalist) -> Explanation:
 
 
 def _same(refitters: Sequence[Refitter], f: Finalist, k: int, name: str, share: float) -> bool:
-    """Whether an effect makes a part's readings with the same parameter values in all
-    recordings."""
+    """Whether an effect makes a part's readings with the same parameters in all recordings."""
     both = zip(refitters, f.each, strict=True)
     target = np.concatenate([r.d.without_stated(made_by(r, g, [k])) for r, g in both])
     first = refitters[0]
@@ -280,7 +278,7 @@ def _same(refitters: Sequence[Refitter], f: Finalist, k: int, name: str, share: 
 
 
 def _between(each: Sequence[Examined], names: Sequence[str]) -> tuple[RowFinding, ...]:
-    """Findings between rows of all recordings; of each effect the surest."""
+    """Findings between rows of all recordings, the surest of each effect."""
     best: dict[str, RowFinding] = {}
     every = [(r, name) for e, name in zip(each, names, strict=True) for r in e.between]
     for r, name in sorted(every, key=lambda of: -of[0].probability):
@@ -297,7 +295,7 @@ def _of_data(e: Examined, folds: int) -> list[str]:
 def settles(
     alone: Verdict[Explanation], joint: Verdict[Explanation], names: Sequence[str]
 ) -> list[str]:
-    """Sentences on causes that further recordings distinguish and the first one does not."""
+    """Sentences on rivals that further recordings rule out and the first one does not."""
     result = []
     verb = "tells" if len(names) == 2 else "tell"
     for cause in alone.causes:

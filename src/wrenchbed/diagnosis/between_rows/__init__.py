@@ -1,6 +1,6 @@
 """Effects that no mean shows: noise, coarse counts, repeats, vibration.
-Imports prepare.
-Never: a mean over rows as evidence; those are the other folders'.
 Read first: `row_effects`, then `scatter`.
-Used by: `diagnose`.
+Free: estimators and thresholds; tests/diagnosis/test_between_rows holds detections and sizes.
+Others rely on: `RowFinding`, of which ``which`` and the written twin take effects.
+Never: use a mean over rows as evidence; other folders do that.
 """

@@ -1,10 +1,10 @@
-"""A base that shakes: scatter that turns with the tool as an acceleration fixed in the world would.
+"""Vibration of the base: row scatter that turns with the tool as a world-fixed acceleration does.
 
-The covariance of rows is N + M_h A M_hᵀ: N belongs to the sensor and is the same in every pose; A
-is the covariance of an acceleration in world axes, and M_h = [m I; m [c]×] R_hᵀ what it puts on
-the sensor. Both are linear in the products of two channels, so least squares over holds separates
-them, and the holds' disagreement says how surely. Electronic noise is all N. An acceleration that
-is alike in all directions looks like N too, so of A that part is taken as small as it can be.
+The covariance of rows is N + M_h A M_hᵀ: N is of the sensor and the same in every pose; A is the
+covariance of an acceleration in world axes, and M_h = [m I; m [c]×] R_hᵀ its effect on the sensor.
+Both are linear in the products of two channels, so least squares over holds separates them, and the
+holds' disagreement gives the uncertainty. Electronic noise is all N. An isotropic acceleration
+looks like N too, so that part of A is taken as small as possible.
 """
 
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ itself is rough, more need more holds than a short recording has."""
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Frequency with standard uncertainty [Hz]; share of the power that is in it."""
+    """A spectral line: frequency with standard uncertainty [Hz], and its share of the power."""
 
     frequency: float
     std: float
@@ -48,15 +48,15 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Shaking:
-    """Random acceleration of the base, and the variance that it adds to rows.
+    """Random acceleration of the base, and the row variance that it adds.
 
     Attributes:
-        rise: of a row's variance (6,), in units of the squared scale.
-        seen: what of it is in the residual rows (6,).
-        std: its standard uncertainty (6,).
+        rise: added variance of a row (6,), in units of the squared scale.
+        seen: part of it that the residual rows show (6,).
+        std: standard uncertainty of ``rise`` (6,).
         rms: acceleration along its main direction [m/s²].
         direction: unit vector in base axes (3,).
-        line: None if its power is spread over frequencies.
+        line: None if the power is spread over frequencies.
     """
 
     rise: np.ndarray
@@ -68,7 +68,7 @@ class Shaking:
 
 
 def shaking(s: Scatter) -> Shaking | None:
-    """Acceleration of the base; None if it is no more than chance, or if the poses cannot tell."""
+    """Random acceleration of the base; None if insignificant, or if the poses cannot show it."""
     maps = (s.lever / s.scale[:, None]) @ s.rotation.transpose(0, 2, 1)  # (G, 6, 3)
     unit = maps[:, _I][:, :, _P] * maps[:, _J][:, :, _Q]
     other = maps[:, _I][:, :, _Q] * maps[:, _J][:, :, _P]
@@ -107,7 +107,7 @@ def shaking(s: Scatter) -> Shaking | None:
 
 
 def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarray]:
-    """Least covariance with a given traceless part (6,): it (6,), its largest power and axis."""
+    """Smallest covariance (6,) of a given traceless part (6,), its largest power, that axis."""
     B = np.zeros((3, 3))
     B[_P, _Q] = B[_Q, _P] = vector
     power, axes = np.linalg.eigh(B)
@@ -118,7 +118,7 @@ def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarra
 
 
 def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Best estimate of the base's acceleration along a direction, row by row (N,) [m/s²]."""
+    """Estimated acceleration of the base along a direction, row by row (N,) [m/s²]."""
     sensor = np.linalg.pinv(np.cov(s.rows.T) + 1e-9 * np.eye(6))
     v = maps @ direction
     weights = (v @ sensor) / np.einsum("gk,kl,gl->g", v, sensor, v)[:, None]
@@ -126,7 +126,7 @@ def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
-    """The strongest line of a signal (N,), if it holds most of the ``power`` (a variance)."""
+    """Strongest line of a signal (N,); None if it holds little of ``power`` (a variance)."""
     size = int(s.count.max())
     length = size / s.rate
     grid = np.fft.rfftfreq(GRID * size, 1.0 / s.rate)
@@ -152,7 +152,7 @@ def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
 
 
 def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Variance of the sine at each frequency in each group (G, F)."""
+    """Variance of a fitted sine at each frequency in each group of rows (G, F)."""
     t = s.t - np.repeat(s.t[s.starts], s.count)
 
     def wave(at: slice) -> np.ndarray:
@@ -162,7 +162,7 @@ def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
 
 
 def _top(f: np.ndarray, p: np.ndarray) -> float:
-    """Frequency of the maximum of a sampled spectrum p(f), by a parabola through three samples."""
+    """Frequency of a sampled spectrum's maximum, by a parabola through three samples."""
     k = int(np.clip(np.argmax(p), 1, len(p) - 2))
     left, middle, right = p[k - 1 : k + 2]
     bend = left - 2.0 * middle + right

@@ -1,10 +1,10 @@
-"""Effects that show only between rows: noise, coarse counts, stale rows, a base that vibrates.
+"""Effects that show only between rows: noise, coarse counts, stale rows, vibration of the base.
 
 A cause counts when it raises a channel's row variance by half, against the stated noise of a row
 (contract, "When a cause counts"). The stated noise itself holds within about 10 %, so a measured
-rise counts from `COUNTS` on, which lies between that and a half. A stale row adds the square of
-what it is late by; as rows that repeat are also not independent, a share of `STALE` is reported
-whatever it adds, with the rise that it has.
+rise counts from `COUNTS` on, which lies between that and a half. A stale row adds the square of its
+error by lateness; as repeated rows are also not independent, a share of `STALE` is reported
+whatever it adds, with its rise.
 """
 
 from collections.abc import Sequence
@@ -52,9 +52,9 @@ class RowFinding:
 
     Attributes:
         effect: name in the library of effects.
-        probability: that it is present and counts.
-        rise: largest relative rise of a channel's row variance that it explains.
-        channels: that it raises by enough to count; all that repeat, of stale rows.
+        probability: that it is present and raises the variance by enough to count.
+        rise: relative rise of row variance that it explains, in the channel where it is largest.
+        channels: those in which the rise counts; of stale rows all that repeat.
         parameters: of the effect by name: value, std (None if not known) and unit.
         sentence: for people.
     """
@@ -67,7 +67,7 @@ class RowFinding:
     sentence: str
 
     def active(self, robot: Robot) -> ActiveEffect | None:
-        """The effect with its parameters; None if only some channels repeat."""
+        """Effect with its parameters, for a twin; None if only some channels repeat."""
         if self.effect == STALE_ROWS and len(self.channels) < len(CHANNELS):
             return None
         given = {name: p["value"] for name, p in self.parameters.items()}
@@ -77,10 +77,9 @@ class RowFinding:
 def find_row_effects(
     recording: Recording, configuration: Configuration
 ) -> tuple[tuple[RowFinding, ...], Scatter | None]:
-    """Effects that raise the row noise above the stated noise, none if the noise is as stated, and
-    how rows that follow each other scatter.
+    """Effects that raise the row noise above the stated one, and the scatter of neighbouring rows.
 
-    The most probable comes first, of those that are equally sure the one that adds most.
+    The most probable effect comes first; of equally probable ones, that with the largest rise.
     """
     if len(recording) < 3:
         return (), None
@@ -106,10 +105,9 @@ def find_row_effects(
 
 
 def unexplained(s: Scatter | None, findings: Sequence[RowFinding]) -> str:
-    """Description of row scatter beyond the stated noise and all findings; empty if that is little.
+    """Sentence on row scatter beyond the stated noise and all findings; empty if there is little.
 
-    Bursts, hum and steps have no effect in the library, or raise the variance for a part of the
-    time only.
+    Bursts, hum and steps have no effect in the library, or raise the variance only for a time.
     """
     if s is None or not s.stated:
         return ""
@@ -133,8 +131,8 @@ def unexplained(s: Scatter | None, findings: Sequence[RowFinding]) -> str:
 
 
 def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.ndarray | None:
-    """Variance of a row's noise (6,): as stated, else the measured scatter of rows less that of
-    coarse counts (6,); None if neither is known."""
+    """Row noise variance (6,): stated, else measured without that of coarse counts, ``counted``
+    (6,); None if neither is known."""
     std = recording.metadata.sensor.noise_std
     if std is not None and min(std) > 0.0:
         return np.square(std)
@@ -181,7 +179,7 @@ def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFindin
 
 
 def _late(recording: Recording, again: Repeats, s: Scatter | None) -> float:
-    """Largest relative rise of a channel's variance by rows that show what was, not what is."""
+    """Largest relative rise of a channel's variance by rows that show old values."""
     stale = again.stale
     fresh = np.flatnonzero(stale == 0)
     if s is None or not stale.any() or len(fresh) < 2 or recording.metadata.mode != "dynamic":

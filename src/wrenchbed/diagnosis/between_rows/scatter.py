@@ -1,7 +1,7 @@
-"""How rows scatter about what moves slowly: about a hold's line, or about a motion's smooth course.
+"""Scatter of rows about what moves slowly: a line through each hold, or a motion's smooth course.
 
-Residuals come in groups, a hold or about a second of motion each. The scatter of the groups among
-themselves is the uncertainty of a variance, whatever tails and memory the rows have.
+Residuals come in groups, a hold or about a second of motion each. The scatter between groups is the
+uncertainty of a variance, whatever tails and memory the rows have.
 """
 
 from collections.abc import Callable
@@ -39,14 +39,14 @@ class Scatter:
 
     Attributes:
         t: (N,) [s].
-        rows: (N, 6), scaled up for what the smooth course took of white noise.
-        scale: (6,) [N, N·m], the stated noise of a row, else what the rows show.
-        stated: whether the metadata states it.
-        starts: first row of each group (G,).
-        count: rows of each group (G,).
+        rows: (N, 6), scaled up for the white noise that smoothing removed.
+        scale: (6,) [N, N·m], the stated noise of a row, else the measured one.
+        stated: whether the metadata state it.
+        starts: index of the first row of each group (G,).
+        count: number of rows in each group (G,).
         rotation: R_world_sensor of each group (G, 3, 3).
         lever: (6, 3) acceleration of the tool in sensor axes [m/s²] → load [N, N·m].
-        kernel: of the smooth course in motion, empty at rest.
+        kernel: smoothing weights in motion, empty at rest.
     """
 
     t: np.ndarray
@@ -69,7 +69,7 @@ class Scatter:
         return self.means_of(lambda at: x[at])
 
     def means_of(self, make: Callable[[slice], np.ndarray]) -> np.ndarray:
-        """Mean over each group (G, …) of what is made (n, …) of a slice of rows."""
+        """Mean over each group (G, …) of what ``make`` gives (n, …) for a slice of rows."""
         total = [
             np.add.reduceat(make(at), self.starts[some] - at.start)
             for some, at in parts(self.count)
@@ -77,13 +77,13 @@ class Scatter:
         return np.asarray((np.concatenate(total).T / self.count).T)
 
     def steady(self, x: np.ndarray) -> np.ndarray:
-        """Whether each channel of a motion's scatter x (N, …) has no bursts, boolean (…)."""
+        """Whether the scatter x (N, …) of a motion is about even over the groups, boolean (…)."""
         groups = self.means_of(lambda at: x[at] ** 2)
         even = np.quantile(groups, 0.25, axis=0) >= QUIET * groups.mean(axis=0)
         return np.asarray(even if len(self.kernel) else np.ones_like(even))
 
     def passed(self, frequency: float) -> float:
-        """Share of the power of a sine of a frequency [Hz] that smoothing leaves in ``rows``."""
+        """Share of a sine's power at a frequency [Hz] that remains in ``rows`` after smoothing."""
         if not len(self.kernel):
             return 1.0
         m = np.arange(len(self.kernel)) - len(self.kernel) // 2
@@ -93,8 +93,8 @@ class Scatter:
     def variance(self) -> tuple[np.ndarray, np.ndarray]:
         """Variance of a row in each channel (6,) and its standard uncertainty (6,).
 
-        In motion that of noise alone: reversals, jumps and friction scatter rows for a part of the
-        time, or just above the smooth course.
+        In motion without the scatter that reversals, jumps and friction add for a part of the time,
+        or just above the smooth course.
         """
         groups = self.means(self.rows**2)
         std = groups.std(axis=0, ddof=1) / np.sqrt(len(groups))
@@ -108,7 +108,7 @@ class Scatter:
 def scatter(
     recording: Recording, configuration: Configuration, stale: np.ndarray
 ) -> Scatter | None:
-    """Residuals of the rows that are not ``stale`` (N,); None if there are too few repeats."""
+    """Residuals of the rows that are not ``stale`` (N,); None with too few repeats."""
     moving = recording.metadata.mode == "dynamic"
     gathered = _in_motion(recording, stale) if moving else _at_rest(recording, stale)
     if gathered is None or len(gathered[2]) < LEAST_GROUPS:
@@ -168,7 +168,7 @@ def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
 
 
 def _drawn_in(rows: np.ndarray) -> np.ndarray:
-    """Rows (N, 6) with far ones drawn in, each as a whole."""
+    """Rows (N, 6) in which far ones are shrunk as a whole (robust)."""
     spread = np.maximum(rows.std(axis=0), 1e-12)
     distance = np.sqrt(np.square(rows) @ spread**-2.0)
     limit = TAIL * max(float(np.median(distance)), 1e-12)
@@ -178,7 +178,7 @@ def _drawn_in(rows: np.ndarray) -> np.ndarray:
 def _carried(
     recording: Recording, configuration: Configuration, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Orientations at some rows (G, 3, 3), and what an accelerated tool puts on the sensor."""
+    """Orientations of some rows (G, 3, 3), and `Scatter.lever` (6, 3)."""
     robot, mass = configuration.model.robot, configuration.mass
     q = np.stack([recording.columns[c][rows] for c in recording.joints or QUATERNION], axis=-1)
     rotation = np.asarray(robot.sensor_pose(q, configuration.robot_theta)[0])

@@ -26,7 +26,7 @@ BURST_S, BURST = 0.1, 3.0
 
 
 def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:
-    """Vibration of the tool in an averaged motion; none without an accelerometer that follows."""
+    """Vibration of the tool in an averaged motion; empty if no accelerometer follows it."""
     recording = prepared.recording
     read = accelerometer_rows(recording)
     if not prepared.averaged or read is None:
@@ -69,7 +69,7 @@ def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:
 
 
 def _follows(force: np.ndarray, moved: np.ndarray) -> tuple[float, float, float]:
-    """Slope [kg] of forces (N, 3) by accelerations (N, 3), share that it explains, its std."""
+    """Slope [kg] of forces (N, 3) on accelerations (N, 3), explained share, std of the slope."""
     group = np.arange(len(force)) * GROUPS // len(force)
     sums = np.array(
         [
@@ -88,8 +88,7 @@ def _follows(force: np.ndarray, moved: np.ndarray) -> tuple[float, float, float]
 
 
 def _blows(rough: np.ndarray, step: float) -> tuple[int, float]:
-    """Number of separate stretches far louder than the median, and loudness ratio of the
-    loudest."""
+    """Number of separate stretches far louder than the median, and that ratio for the loudest."""
     size = max(4, round(BURST_S / step))
     count = len(rough) // size
     loud = np.sqrt((rough[: count * size].reshape(count, size, -1) ** 2).mean(axis=1))
@@ -98,7 +97,7 @@ def _blows(rough: np.ndarray, step: float) -> tuple[int, float]:
 
 
 def _line(rough: np.ndarray, step: float) -> tuple[float, float]:
-    """Strongest frequency of a channel (N,), and the spectrum's resolution [Hz]."""
+    """Strongest frequency [Hz] of a channel (N,), and the spectrum's resolution [Hz]."""
     power = np.abs(np.fft.rfft(rough * np.hanning(len(rough)))) ** 2
     frequency = np.fft.rfftfreq(len(rough), step)
     return float(frequency[int(power.argmax())]), float(frequency[1])

@@ -1,6 +1,6 @@
 """What may be said: options, rivals on held-out rows, and the one decision.
-Imports evidence, explain and gap.
-Never: a rule on verdicts elsewhere; `decide` is pure, knows `Facts` alone and has the last word.
 Read first: `decide`.
-Used by: `diagnose`, efforts; reports.
+Free: speed. Rules and numbers: first docs/explanation/decision.md and tests/diagnosis/test_decide.
+Others rely on: names in `RULES` (`scripts/ablations`); learnt probabilities are of these rules.
+Never: a rule on verdicts elsewhere; `decide` is pure, knows `Facts` alone and has the last word.
 """

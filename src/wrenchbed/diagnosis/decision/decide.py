@@ -1,8 +1,8 @@
 """The decision: what may be said of a recording. Nothing else makes or changes a verdict.
 
-`decide` is a pure function of what the evidence says of every structure of causes, of gaps on rows
-that no fit saw, and of how often such claims were right. Its rules stand in `RULES`, in the order
-in which they act. What each of them changes is measured by ``scripts/ablations`` and stands in
+`decide` is a pure function of the evidence for every structure of causes, of gaps on held-out rows,
+and of the share of such claims that were right. Its rules are in `RULES`, in the order in which
+they act. ``scripts/ablations`` measures what each of them changes, see
 ``docs/explanation/decision.md``.
 """
 
@@ -46,11 +46,11 @@ Rule = Callable[[Facts[S], Verdict[S], Closure], Verdict[S]]
 
 
 def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
-    """What may be said: a word, causes with their rivals, and probabilities.
+    """Verdict on a recording (word, causes with rivals, probabilities) and its held-out gaps.
 
     Args:
         facts: of the recording.
-        without: names of rules that do not act, to measure what they change.
+        without: names of rules to leave out, to measure what they change.
     """
     verdict = leading(facts, without)
     gap = facts.measure(verdict)
@@ -65,9 +65,9 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
 
 
 def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
-    """The most probable of none, something unknown and the leading class of causes, by evidence.
+    """Verdict by evidence alone: the likeliest of none, unknown and the leading class of causes.
 
-    Structures that claim the same are one claim. An effect that explains the recording in a
+    Structures that claim the same causes are one claim. An effect that explains the recording in a
     cause's place is a rival of that cause (rule ``rivals``).
     """
     mass: dict[frozenset[Key], float] = {}
@@ -98,7 +98,7 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
 def _cause(
     mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part, without: Collection[str]
 ) -> Cause:
-    """One part of the claimed structure with its rivals."""
+    """Cause from one part of the claimed structure, with its rivals."""
     beside = claim.keys - {part.key}
     score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
     score |= {(n, None): 1.0 for n in part.twins}
@@ -117,15 +117,15 @@ def _cause(
 
 
 def _word(causes: Iterable[Cause]) -> str:
-    """The word for claimed causes: ambiguous where one has a rival that other data separates."""
+    """Word for claimed causes: ``ambiguous`` if other data could separate one from a rival."""
     return "identified" if all(c.plain for c in causes) else "ambiguous"
 
 
 def small(gap: Closure) -> bool:
-    """Whether the gap is so small that there may be no cause.
+    """Whether the calibrated gap is so small that there may be no cause.
 
-    This holds for the mean gap of single channels, as the analysis weighs it, since imperfections
-    do not share the correlation of the noise, and for the lower end of the gap's interval.
+    It takes the mean gap of single channels, as the analysis weighs it, because imperfections lack
+    the noise's correlation, and the lower end of the gap's interval.
     """
     floor = max(gap.floor, 0.0)
     return max(gap.channels, gap.calibrated.low) - floor <= LARGEST_NONE
@@ -142,11 +142,11 @@ def surely(member: Interval | None) -> bool:
 
 
 def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Held-out rows have the last word: each cause must close a part of the gap on rows that no
-    fit saw. Of what remains, the one that closes most leads.
+    """Drop causes that close no part of the gap on held-out rows; without any left, withdraw.
 
-    A cause whose interval holds zero beside a sure one is doubtful: few poses show it. A wrong
-    stated number closes nothing after the fit, which takes it; its own gap decides.
+    The cause that closes most leads. A cause whose interval contains zero is doubtful beside a sure
+    one: few poses show it. A wrong stated number is fitted away and closes nothing afterwards; its
+    own gap decides.
     """
     while verdict.causes:
         shown = _shown(verdict, gap)
@@ -163,12 +163,12 @@ def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 
 def confirmed(cause: Cause, gap: Closure) -> bool:
-    """Whether other channels than the wrench alone uphold a cause on held-out rows."""
+    """Whether channels beside the wrench by themselves confirm a cause on held-out rows."""
     return surely(gap.further.get(cause.part.label))
 
 
 def _shown(verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
-    """Causes that held-out rows show, largest first; a doubtful one after all sure ones."""
+    """Causes that close a gap on held-out rows, largest first, doubtful ones last."""
     together = gap.closed is not None and gap.closed.low > 0.0
     in_all = gap.in_all is not None and gap.in_all.low > 0.0
     members = {c.part.label: gap.members.get(c.part.label) for c in verdict.causes}
@@ -188,10 +188,10 @@ def _shown(verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
 
 
 def _imitated(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> bool:
-    """Whether evidence names causes that ordinary errors of all stated values together imitate.
+    """Whether ordinary errors of all stated values together imitate causes that the evidence names.
 
-    Once these are fitted there is hardly a gap. No held-out row may refute the causes: they close
-    some of what is left, or are wrong numbers that close the configured gap.
+    Once these errors are fitted there is hardly a gap. No held-out row may refute the causes: they
+    close some of the rest, or are wrong numbers that close the configured gap.
     """
     sure = min(c.probability for c in verdict.causes) >= FIRM
     if not (facts.ordinary_fitted and sure and small(gap)) or gap.closed is None:
@@ -200,8 +200,8 @@ def _imitated(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> bool:
 
 
 def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """``none`` needs a small gap, and something unknown a gap; a rest that counts as noise is no
-    nothing."""
+    """Withdraw ``none`` with a large gap (or if the rest counts as noise), ``unknown`` without a
+    gap."""
     if verdict.word == NONE and (facts.own_rest or not small(gap)):
         return withdrawn(verdict, UNKNOWN)
     hardly = gap.calibrated.high - max(gap.floor, 0.0) < CLAIMABLE and small(gap)
@@ -209,15 +209,17 @@ def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 
 def partial(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Causes that close less than half of the gap are a part of the answer."""
+    """Turn the word into ``partial`` where the causes close less than half of the gap."""
     most = gap.closed is not None and gap.closed.low > 0.0 and gap.closed.value >= MOST
     return replace(verdict, word=PARTIAL) if verdict.causes and not most else verdict
 
 
 def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Probabilities are how often such answers are right; a claim that is more likely wrong goes.
+    """Verdict with learnt probabilities: the answer's and each cause's are times `Facts.right`.
 
-    Reliability is learnt on wrenches alone: what other channels uphold does not hang on it.
+    What the leading answer loses goes to ``unknown``; a claim no likelier than that becomes
+    ``unknown``. Causes that other channels confirm are kept: the shares were learnt on wrenches
+    alone.
     """
     if verdict.causes and confirmed(verdict.causes[0], gap):
         return verdict
@@ -233,7 +235,7 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 
 def probable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Beside a contact only probable causes stand: few rows are left to separate them."""
+    """Keep only causes of probability `Facts.least`: beside a contact few rows separate them."""
     kept = tuple(c for c in verdict.causes if c.probability >= facts.least)
     if len(kept) == len(verdict.causes):
         return verdict
@@ -253,17 +255,18 @@ def beside_own_rest(
     rivals: Callable[[Verdict[S]], Sequence[str]],
     changing: Callable[[Verdict[S], Collection[str]], str],
 ) -> tuple[Decision[S], str]:
-    """A real robot leaves a rest that no effect explains: the decision beside it, and a sentence on
-    what comes nearest and yet cannot be it.
+    """Decision beside a residual that no effect explains, as real robots leave it, and a sentence
+    on a refuted cause that comes nearest; empty if there is none.
 
-    Evidence takes the rest for white noise, so rivals are what held-out rows do not tell from the
-    leading cause. What is named only once the rest counts as noise must have one size throughout.
+    Evidence takes that residual for white noise, so rivals are effects that held-out rows do not
+    separate from the leading cause. A cause that is named only once the residual counts as noise
+    must have a constant size.
 
     Args:
-        first: decision without regard to the rest.
-        again: the decision with the rest as noise.
-        rivals: effects that close as much as the leading cause on held-out rows.
-        changing: a sentence on one of some causes whose size changes; empty if none does.
+        first: decision with the sensor's noise alone.
+        again: makes the decision with the residual as noise.
+        rivals: effects that close as much as a verdict's leading cause on held-out rows.
+        changing: sentence on one of the named causes whose size changes; empty if none does.
     """
     if first.settled:
         return replace(first, verdict=widened(first.verdict, rivals(first.verdict))), ""
@@ -282,13 +285,13 @@ def conclude(
     signs: Sequence[str] = (),
     between: Sequence[tuple[str, float]] = (),
 ) -> Verdict[S]:
-    """The last word, with what only shows beside the means of readings.
+    """Final verdict, with the findings that means of readings do not show.
 
     Args:
-        decision: on the means.
+        decision: on the means of readings.
         elements: joints, links or axes that explain as well as the claimed one, by cause.
-        signs: of trouble that ordinary noise does not show: with one of them nothing is ``none``.
-        between: effects that show between rows only and their probabilities, surest first.
+        signs: sentences on unusual noise; with one of them the answer is not ``none``.
+        between: effects that show between rows only, with probabilities, surest first.
     """
     verdict = decision.verdict
     if signs and verdict.word == NONE:
@@ -315,9 +318,9 @@ def conclude(
 def beside_contact(
     verdict: Verdict[S], name: str, probability: float, gap: Closure, *, at_a_point: bool
 ) -> Verdict[S]:
-    """The verdict with a contact of this name and probability, of which all other rows are free.
+    """Verdict on the untouched rows, completed by a contact ``name`` of a probability.
 
-    A force that acts at no one point is something unknown, and then nothing else can be told.
+    A force that acts at no one point makes the whole answer ``unknown``.
     """
     if not at_a_point:
         return replace(verdict, word=UNKNOWN, causes=(), probabilities={UNKNOWN: 1.0})
@@ -329,10 +332,11 @@ def beside_contact(
 
 
 def withdrawn(verdict: Verdict[S], instead: str) -> Verdict[S]:
-    """The verdict without its answer, of which a little probability remains.
+    """Verdict ``instead`` (`none`, `unknown`) of an answer that falls and keeps a little
+    probability.
 
-    Where causes give way to `unknown` there is a gap, so that `none` falls with them; where an
-    unknown gap gives way to `none`, so do all causes of one.
+    If causes give way to `unknown` there is a gap, so that `none` falls with them; if an unknown
+    gap gives way to `none`, so do all causes of one.
     """
     probability = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
     fallen = {NONE} if verdict.word == NONE else set(probability) - {instead}
@@ -344,9 +348,9 @@ def withdrawn(verdict: Verdict[S], instead: str) -> Verdict[S]:
 
 
 def only(verdict: Verdict[S], kept: tuple[Cause, ...]) -> Verdict[S]:
-    """The verdict with some of its causes, the probability of the leading one with the first.
+    """Verdict with the causes ``kept``, of which the first leads.
 
-    That one leads with no more than the probability that it is there; the rest is unknown.
+    It leads with no more than the probability that it is present; the rest goes to ``unknown``.
     """
     probability = dict(verdict.probabilities)
     before, now = ("|".join(c[0].names) for c in (verdict.causes, kept))
@@ -358,7 +362,7 @@ def only(verdict: Verdict[S], kept: tuple[Cause, ...]) -> Verdict[S]:
 
 
 def widened(verdict: Verdict[S], rivals: Sequence[str]) -> Verdict[S]:
-    """The verdict with more rivals of its leading cause; of too many nothing is claimed."""
+    """Verdict with more rivals of its leading cause; ``unknown`` if they are too many."""
     if not verdict.causes:
         return verdict
     lead, *others = verdict.causes

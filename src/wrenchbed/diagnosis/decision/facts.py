@@ -1,4 +1,4 @@
-"""What a decision rests on, and what it comes to."""
+"""Input (`Facts`) and result (`Decision`) of a decision."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from wrenchbed.diagnosis.gap.gaps import Closure
 
 @dataclass(frozen=True, eq=False)
 class Decision(Generic[S]):
-    """A verdict with what it rests on.
+    """A verdict with the held-out gaps behind it.
 
     Attributes:
-        verdict: final.
+        verdict: the decided one.
         gap: on held-out rows, with the causes of ``verdict``.
     """
 
@@ -23,7 +23,7 @@ class Decision(Generic[S]):
 
     @property
     def settled(self) -> bool:
-        """Whether held-out rows uphold an answer that leaves no cause open."""
+        """Whether the word says that no cause is missing: none, identified or ambiguous."""
         return self.verdict.word in (NONE, "identified", "ambiguous")
 
     @property
@@ -34,18 +34,18 @@ class Decision(Generic[S]):
 
 @dataclass(frozen=True, eq=False)
 class Facts(Generic[S]):
-    """All that a decision rests on.
+    """Everything that a decision depends on.
 
     Attributes:
         options: structures that may explain the recording, best first.
-        unknown: probability of something that no effect of the library makes.
-        measure: gaps on held-out rows with the causes of a verdict.
-        right: fraction of such verdicts that are right.
-        least: probability that every cause needs: more where few rows are left to tell causes
-            apart.
-        ordinary_fitted: whether the calibrated simulator has all stated values free within their
+        unknown: probability of a cause that is no effect of the library.
+        measure: function from a verdict to the gaps on held-out rows with its causes.
+        right: function to the share of such verdicts that were right.
+        least: smallest probability of a cause: above 0 where few rows are left to separate causes.
+        ordinary_fitted: whether the calibrated simulator fits all stated values within their
             ordinary spread, so that it may imitate causes.
-        own_rest: whether what no effect explains counts as noise: without a cause it is unknown.
+        own_rest: whether the unexplained residual counts as noise: an answer without a cause is
+            then ``unknown``.
     """
 
     options: Sequence[Option[S]]

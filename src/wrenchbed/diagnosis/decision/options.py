@@ -14,7 +14,7 @@ from wrenchbed.diagnosis.gap.gaps import Closure
 
 
 def weights(ranking: Ranking) -> np.ndarray:
-    """Probability of something unknown, then of each explanation (1 + E,)."""
+    """Probabilities (1 + E,) of an unknown cause and of each explanation."""
     best, unknown = ranking.explanations[0], ranking.unknown
     if ranking.gap < CLAIMABLE:  # normal imperfections, whatever they look like
         unknown = -np.inf
@@ -32,7 +32,7 @@ def facts_of(
     least: float = 0.0,
     own_rest: bool = False,
 ) -> Facts[Explanation]:
-    """What a decision on a ranking rests on; see `Facts`."""
+    """Facts for a decision on a ranking of explanations; see `Facts`."""
     weight = weights(ranking)
     both = zip(weight[1:], ranking.explanations, strict=True)
     options = tuple(Option(e, float(w), e.parts) for w, e in both)

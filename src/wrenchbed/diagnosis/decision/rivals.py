@@ -1,9 +1,9 @@
-"""Rivals that held-out rows do not tell from a cause: a paired comparison, row by row.
+"""Rivals of the leading cause on held-out rows: a paired comparison, row by row.
 
-Evidence takes what is left for white noise. A real rest is not white, and an effect of many numbers
-takes up some of it. So each rival is fitted in the leading cause's place, all are judged on rows
-that no fit saw, and what closes as much there, within the interval of the difference, is a rival.
-Channels count by the noise that the analysis gave them, the rest included.
+Evidence takes the residual for white noise. That of a real robot is not white, and an effect of
+many numbers takes up some of it. So each rival is fitted in the leading cause's place, all are
+judged on held-out rows, and what closes as much there, within the interval of the difference, is a
+rival. Channels weigh by the noise of the analysis, the recording's own residual included.
 """
 
 from collections.abc import Sequence
@@ -32,9 +32,9 @@ two causes and no rivals: the larger half is its own."""
 
 
 def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:
-    """Rivals of the leading cause that held-out rows leave it, best first.
+    """Names of further rivals of the leading cause by held-out rows, best first.
 
-    A number that the metadata states has none.
+    A wrong stated number has none.
     """
     if not verdict.causes or verdict.causes[0].part.index is None:
         return ()
@@ -71,14 +71,14 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str
 
 
 def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:
-    """The best variant of the likeliest effects beside a finalist."""
+    """Best variants of the effects that are likeliest beside a finalist, at most `TRIED`."""
     singles = a.refitter.added(base) if base.parts else a.searcher.singles(a.refitter.y)
     best = best_variants(a.searcher.hypotheses, singles)
     return [s for name, s in best.items() if name not in {*taken, *STATED}][:TRIED]
 
 
 class _Judge:
-    """Gaps of simulators on held-out rows, in the noise of the analysis."""
+    """Computes gaps of finalists on held-out rows, in units of the analysis' noise."""
 
     def __init__(self, a: Analysis, wrong: Sequence[str], seed: int) -> None:
         self._a, self._wrong = a, wrong

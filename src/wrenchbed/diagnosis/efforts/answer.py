@@ -1,4 +1,4 @@
-"""The entries of ``diagnosis.json`` of joint efforts: causes, places, notes, what next."""
+"""Entries of ``diagnosis.json`` of joint efforts: causes, places, notes, what next."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -28,7 +28,7 @@ _OF_COMMANDS = (
 
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
-    """Entries of ``which`` of the diagnosis: the claimed causes with sizes and probabilities."""
+    """Entries of ``which``: the claimed causes with sizes and probabilities."""
     result = list[dict[str, Any]]()
     for c in v.causes:
         entry = _entry(s, c, blocks([x for x in v.causes if x is not c]), c.probability)
@@ -38,7 +38,7 @@ def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, 
 
 
 def _entry(s: Simulators, c: Cause, beside: Sequence[int], probability: float) -> dict[str, Any]:
-    """A cause with its size beside other causes' blocks, its joints and its rivals."""
+    """Entry of a cause, fitted beside the blocks of other causes, with its joints and rivals."""
     assert c.part.index is not None
     numbers, (effect, joint) = parameters(s.of((*beside, c.part.index)), c.part.index), c.part.key
     alike = [key for key in c.keys if key[0] == effect]
@@ -49,8 +49,8 @@ def _entry(s: Simulators, c: Cause, beside: Sequence[int], probability: float) -
 
 
 def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
-    """Entries of ``rivals``, by effect: each with the parameters of its likeliest joint, as they
-    come out with it in the cause's place."""
+    """Entries of ``rivals`` by effect, with the parameters of each's likeliest joint, fitted in the
+    cause's place."""
     by_effect: dict[str, list[tuple[Key, float]]] = {}
     for key, share in zip(c.keys[1:], c.shares[1:], strict=True):
         if key[0] != c.part.name:
@@ -66,8 +66,7 @@ def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, An
 
 
 def minor(s: Simulators, every: Sequence[Weighed], v: Verdict[Structure]) -> list[dict[str, Any]]:
-    """Entries of ``minor``: causes, with their rivals, that are there and add less than what
-    counts."""
+    """Entries of ``minor``: detected causes, with rivals, that add less gap than a claim must."""
     claimed = {key for c in v.causes for key in c.keys}
     result = []
     for c in leading(facts_of(s, every, 0, LEAST_MINOR)).causes if v.word != UNKNOWN else ():
@@ -79,7 +78,7 @@ def minor(s: Simulators, every: Sequence[Weighed], v: Verdict[Structure]) -> lis
 
 
 def scales(d: Dictionary) -> dict[str, Scale]:
-    """Noise of a row, and what counts, of each channel."""
+    """Row noise and material residual (a gap of 1) of each channel."""
     each = zip(d.scene.columns, d.channels, d.scene.units, strict=True)
     return {name: Scale(c.noise.std, c.counts, unit) for name, c, unit in each}
 
@@ -87,7 +86,7 @@ def scales(d: Dictionary) -> dict[str, Scale]:
 def where(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = ()
 ) -> list[dict[str, Any]]:
-    """Places: of each claim, or the joints in which an unknown gap lies."""
+    """Entries of ``where``: of each claim, else hints at the joints in which the gap lies."""
     if v.word == NONE:
         return []
     if v.causes:
@@ -102,7 +101,7 @@ def where(
 
 
 def _channel(d: Dictionary, j: int) -> tuple[str, str]:
-    """Subsystem and name of a channel, from 0."""
+    """Subsystem (drive or sensor) and name of channel j, from 0."""
     return "drive" if j < d.scene.joints else "sensor", d.scene.channels[j]
 
 
@@ -115,14 +114,13 @@ def _claimed(c: Cause, share: float) -> dict[str, Any]:
 
 
 def cannot_tell(v: Verdict[Structure]) -> tuple[str, ...]:
-    """Sentences on causes that this recording does not distinguish."""
+    """Sentences on causes that this recording does not separate from their rivals."""
     classes = (" or ".join(title(*key) for key in c.keys) for c in v.causes if c.keys[1:])
     return tuple(f"{titles}: this recording does not distinguish them" for titles in classes)
 
 
 def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
-    """Entries of ``next`` of the diagnosis: actions that would separate causes from their
-    rivals."""
+    """Entries of ``next``: actions that would separate causes from their rivals."""
     steps: dict[str, dict[str, Any]] = {}
     for c in (c for c in v.causes if c.keys[1:]):
         text = known()[c.part.name].remedy
@@ -135,7 +133,7 @@ def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
 def notes(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = (), outside: str = ""
 ) -> tuple[str, ...]:
-    """Notes for the reader: what the answer rests on and what it leaves open."""
+    """Notes on what the answer is based on, and on what it leaves open."""
     scene, noise = d.scene, [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
     result = [f"noise of a row: {', '.join(noise)}, from what all effects together leave"]
     stated = [k for k in scene.drives.value if scene.drives.known(k).any()]

@@ -1,6 +1,6 @@
 """Columns with free amplitudes: of each joint, of each channel of the wrench, of the whole arm.
 
-Causes without a name (`outside`) have columns too: what these explain best is unknown.
+Causes without a name (`outside`) have columns too: if they explain best, the cause is unknown.
 """
 
 from dataclasses import replace
@@ -65,7 +65,7 @@ Made = tuple[list[Column], list[Block]]
 
 
 def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
-    """Columns and causes of joint j, from 0, but those whose shape a residual suggests."""
+    """Columns and causes of one joint, except those whose shape a residual suggests."""
     columns, blocks = list[Column](), list[Block]()
     if rows.command is not None:  # setpoints of limited speed trail by the square of the speed
         speed = np.gradient(rows.command, rows.t)
@@ -84,7 +84,7 @@ def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
 
 
 def rows_of(scene: EffortScene, j: int) -> DriveRows:
-    """Rows of a scene as the drive effects of joint j, from 0, see them."""
+    """Input of the drive effects for joint j, from 0: motion, predicted effort, what is stated."""
     q, known = scene.q, scene.drives.known("drive.coulomb")
     spread = {
         name: _spread(scene, j, effect)
@@ -106,7 +106,7 @@ def rows_of(scene: EffortScene, j: int) -> DriveRows:
 
 
 def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
-    """Ordinary spread of a stated number, of a drive constant relative; None where nothing is
+    """Ordinary spread of a stated number, relative for a drive constant; None if it is not
     stated."""
     drives, kind = scene.drives, effect.name
     if kind == _CONSTANT and not (scene.currents or scene.commanded):  # a torque sensor's is 1
@@ -121,7 +121,7 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
 
 
 def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarray]]:
-    """Columns of springs between links, beside a constant, then of torque errors for which the
+    """Columns by cause: of cables and springs between links, then of torque errors for which the
     library has no name."""
     size = np.abs(rows.total)
     hats = _hats(rows.t)
@@ -151,16 +151,16 @@ def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarra
 
 
 def _hats(t: np.ndarray) -> list[np.ndarray]:
-    """Overlapping triangles (N,) over stretches of time, but the first."""
+    """Overlapping triangles in time (N,), one for each of `STRETCHES` but the first."""
     place = (t - t[0]) / (t[-1] - t[0]) * (STRETCHES - 1)
     return [np.maximum(1.0 - np.abs(place - k), 0.0) for k in range(1, STRETCHES)]
 
 
 def of_sensor(scene: EffortScene, channel: int) -> Made:
-    """Columns and causes without a name of one channel of the wrench, from 0.
+    """Columns and unnamed causes of one channel of the wrench, from 0.
 
-    Tool and tilt have columns in all channels, so that both kinds of data testify together. What
-    only the sensor sees is ordinary, or has no name here: a diagnosis of the wrench names it.
+    Tool and tilt have columns in all channels, so that torques and wrench are evidence together.
+    What only the sensor sees is ordinary, or has no name here: a diagnosis of the wrench names it.
     """
     total, t, name = scene.load, scene.signals.t, CHANNELS[channel]
     alike = range(3) if channel < 3 else range(3, 6)
@@ -218,7 +218,7 @@ def _links(scene: EffortScene) -> Made:
 
 
 def _tool(scene: EffortScene) -> Made:
-    """Mass and moments of the tool; free where they are not stated."""
+    """Columns and causes of the tool's mass and first moment; free where they are not stated."""
     y = scene.regressor[..., carrier_columns(scene.robot)] @ load_columns(scene.robot, scene.theta)
     stated, tool = scene.recording.metadata.tool, scene.tool
     cog, mass = np.asarray(tool.cog, dtype=float), float(tool.mass)
@@ -226,7 +226,7 @@ def _tool(scene: EffortScene) -> Made:
     known = by_file or stated.mass is not None, by_file or stated.cog is not None
 
     def seen(form: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
-        """Change of all channels (N, C) by a mass [kg] and a moment (3,) [kg·m]."""
+        """Change of all channels (N, C) by a mass [kg] and a first moment (3,) [kg·m]."""
         place = [float(c) for c in cog + _STEP * moved / max(mass, LIGHT)]
         theta = scene.robot.theta_of_tool(scene.theta, mass + _STEP * more, place)
         return np.hstack([y @ form, (scene.sensed(theta) - scene.load) / _STEP])
@@ -248,7 +248,7 @@ def _tool(scene: EffortScene) -> Made:
 
 
 def _lag(scene: EffortScene) -> list[Column]:
-    """A delay and a filter that all joints share: a controller's clock is nobody's fault."""
+    """Columns of a delay and a filter common to all joints: the controller's clock, no cause."""
     t, rate = scene.signals.t, scene.signals.rate
     delayed = np.stack([late(x, t, _LATE) for x in scene.total.T], axis=-1)
     filtered = np.stack([slow(x, rate, _LATE) for x in scene.total.T], axis=-1)

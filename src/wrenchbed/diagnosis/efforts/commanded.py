@@ -1,7 +1,7 @@
-"""Tracking errors of position servos as joint torques: kp (u(t − T) − q) is what a servo gives.
+"""Tracking errors of position servos as joint torques, kp (u(t − T) − q).
 
 Kp and T are stated or fitted. So whatever changes torques is named in commands too; a stiffness
-that differs is a drive constant, and what the servo does late is a lag of its command.
+that differs is a drive constant, and a late servo is a lag of its command.
 """
 
 from dataclasses import replace
@@ -18,11 +18,11 @@ from wrenchbed.errors import CalibrationError, DiagnosisError
 
 
 def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives, Material]:
-    """The longest piece of commands as joint torques, the values with which it is compared, and
-    the residual that counts: noise of one row of the encoders, as a torque.
+    """Longest piece of commands as a recording of joint torques, the drives' values to compare it
+    with, and the material residual: one row's encoder noise as a torque.
 
     Raises:
-        DiagnosisError: nobody states the servos' stiffness, and it cannot be fitted.
+        DiagnosisError: the servos' stiffness is not stated and cannot be fitted.
     """
     try:
         piece = max(pieces_of(recording), key=lambda p: len(p.signals.t))
@@ -44,7 +44,7 @@ def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives,
 
 
 def _fitted(recording: Recording, drives: Drives) -> Drives:
-    """Drives with the stiffness and delay that the recording itself tells."""
+    """Drives with stiffness and delay fitted to the recording itself."""
     fit = calibrate_servos(recording, (SERVO,))
     kinds, many = (STIFFNESS, DELAY), range(1, len(recording.joints) + 1)
     value = {k: np.array([fit[f"{k}.{j}"].value for j in many]) for k in kinds}

@@ -1,4 +1,4 @@
-"""What is stated of an arm's drives: in the recording's metadata, or by an earlier fit."""
+"""Stated values of an arm's drives: from the recording's metadata, or from an earlier fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,12 +21,12 @@ FIELD = "configured"
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Stated values of drives by kind (J,) with their standard uncertainty; NaN where unknown.
+    """Stated values of drive parameters by kind (J,), with uncertainties; NaN where unknown.
 
     Attributes:
         value, std: by kind (J,).
-        load: mass [kg] and centre of gravity [m] of the tool that their fit found, beside which
-            they hold, and the standard uncertainties (2, 4); None if it found none.
+        load: mass [kg] and centre of gravity [m] of the tool fitted together with them, and the
+            standard uncertainties (2, 4); None if their fit has no tool.
     """
 
     value: Mapping[str, np.ndarray]
@@ -34,16 +34,16 @@ class Drives:
     load: np.ndarray | None = None
 
     def known(self, kind: str) -> np.ndarray:
-        """Which joints (J,) have a stated value of a drive parameter, boolean."""
+        """Whether each joint (J,) has a stated value of a drive parameter, boolean."""
         return np.asarray(np.isfinite(self.value[kind]))
 
     def of(self, kind: str) -> np.ndarray:
-        """Stated values (J,) of a drive parameter, zero where unknown."""
+        """Stated values (J,) of a drive parameter, 0 where unknown."""
         return np.nan_to_num(self.value[kind])
 
 
 def stated_drives(recording: Recording, path: str | Path | None = None) -> Drives:
-    """Values of the metadata, replaced by those of a fit of a healthy recording.
+    """Stated values from the metadata, replaced by those of a fit of a healthy recording.
 
     Args:
         recording: its metadata may state ``configured``.
@@ -63,7 +63,7 @@ def stated_drives(recording: Recording, path: str | Path | None = None) -> Drive
 
 
 def with_tool(recording: Recording, drives: Drives) -> Recording:
-    """The recording with the tool of an earlier fit, where its metadata state none."""
+    """Recording with the tool of an earlier fit, if its metadata state none."""
     if drives.load is None or recording.metadata.tool.mass is not None:
         return recording
     mass, *cog = drives.load[0].tolist()
@@ -72,7 +72,7 @@ def with_tool(recording: Recording, drives: Drives) -> Recording:
 
 
 def _state(value: Mapping[str, np.ndarray], raw: Any, where: str) -> None:
-    """Fill in values by name, or lists of one a joint."""
+    """Write stated values, by name or as lists over joints, into ``value``."""
     if not isinstance(raw, Mapping):
         raise DiagnosisError(f"{where}: must be values by name, as drive.coulomb.2")
     for kind, values in value.items():
@@ -96,7 +96,7 @@ def _numbers(raw: Any, count: int, where: str) -> np.ndarray:
 def _from_fit(
     recording: Recording, path: Path, value: dict[str, np.ndarray], std: dict[str, np.ndarray]
 ) -> np.ndarray | None:
-    """Fill in a fit's values, and return `Drives.load`."""
+    """Write a fit's values into ``value`` and ``std``; returns `Drives.load`."""
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis
@@ -120,7 +120,7 @@ def _from_fit(
 
 
 def _parameters(parameters: checked.Fields) -> dict[str, tuple[float, float]]:
-    """Values with standard uncertainties of a fit's parameters, of those that its motion told."""
+    """Values and standard uncertainties of a fit's parameters, without undetermined ones."""
     result = {}
     for name in parameters.raw:
         if name in LOAD or name.startswith(KINDS):

@@ -38,14 +38,14 @@ STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class EffortFindings:
-    """A diagnosis of joint efforts with the analysis that it follows from.
+    """A diagnosis of joint efforts with the analysis behind it.
 
     Attributes:
         diagnosis: the answers.
         d: columns and noise.
-        verdict: with joints.
-        simulators: with causes, those that were fitted.
-        outside: what a gap without a name looks most like, in words.
+        verdict: decided; causes have joints.
+        simulators: those fitted so far, by their causes.
+        outside: unnamed cause that a gap without a name looks most like, in words.
         seed: of the bootstrap.
     """
 
@@ -58,7 +58,7 @@ class EffortFindings:
 
     @property
     def fit(self) -> Simulator:
-        """The better simulator."""
+        """Simulator with the claimed causes."""
         return self.simulators.of(blocks(self.verdict.causes))
 
     def write(self, folder: str | Path) -> None:
@@ -78,18 +78,19 @@ def diagnose_efforts(
     material: Material | None = None,
     progress: Progress = lambda _: None,
 ) -> EffortFindings:
-    """Diagnosis of an arm's motion from joint torques or motor currents.
+    """Diagnose an arm's motion from joint torques, motor currents or commands.
 
     Args:
         recording: of an arm, with ``tau1…`` or ``i1…``, or with commands alone, ``q_target1…``.
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
         seed: of the bootstrap over held-out blocks.
-        wrench: the recording's wrench testifies too.
-        material: residual of a torque, and of a force, that counts; a row's noise if None.
+        wrench: whether to use the recording's wrench as evidence too.
+        material: residual of a torque, and of a force, that counts as a gap of 1; default: a row's
+            noise.
         progress: called with the step that begins.
 
     Raises:
-        RecordingError, CalibrationError, NotFoundError, DiagnosisError: the data cannot answer.
+        RecordingError, CalibrationError, NotFoundError, DiagnosisError: these data allow no answer.
     """
     begun = time.perf_counter()
     progress("motion and stated robot")

@@ -1,6 +1,6 @@
 """All columns of all channels, whitened, with their products block by block of time.
 
-Structures are compared on these products alone; rows are needed again only for figures.
+Structures are compared by these products alone; rows are needed again only for figures.
 """
 
 from dataclasses import dataclass
@@ -33,18 +33,18 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One joint, or one channel of the wrench, at the kept rows.
+    """Residual and columns of one joint, or of one channel of the wrench, at the kept rows.
 
     Attributes:
         y: measured less predicted (M,) [N·m; N of slides and forces].
-        use: which rows count (M,): those clear of rest.
-        moving: which rows count in a gap (M,): all in which something moves, those next to
-            reversals too, where a delay acts most.
-        at: its columns, then the arm's, by their places among all (K,).
+        use: rows used for evidence (M,), boolean: those clear of rest.
+        moving: rows used for a gap (M,): all in motion, also next to reversals, where a delay shows
+            most.
+        at: indices of its columns, then of the arm's, among all columns (K,).
         data: these columns (M, K).
-        left: what all of them leave of y (M,), zero where no row counts.
-        noise: of a row.
-        counts: residual that counts, a gap of 1: a row's noise unless the user says otherwise.
+        left: residual of y after a fit of all these columns (M,), zero where not used.
+        noise: noise of a row, with its whitening filter.
+        counts: material residual (a gap of 1): a row's noise unless the user says otherwise.
     """
 
     y: np.ndarray
@@ -58,31 +58,30 @@ class Channel:
 
     @property
     def noise_counts(self) -> float:
-        """Variance of a row's noise over the square of what counts."""
+        """Variance of a row's noise over the square of the material residual."""
         return float((self.noise.std / self.counts) ** 2)
 
     @cached_property
     def gram(self) -> np.ndarray:
-        """Mean products (K, K) of the columns over the rows that count in a gap, in units of what
-        counts."""
+        """Mean products (K, K) of the columns over the rows ``moving``, in material residuals."""
         seen = self.data[self.moving] / self.counts
         return np.asarray(seen.T @ seen / len(seen))
 
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """Columns of all channels: joints, then those of the wrench if it is there.
+    """Columns of all channels (joints, then the wrench if used), and the causes made of them.
 
     Attributes:
-        scene: what they are of.
-        channels: with their columns.
+        scene: the motion, with the prediction of the stated robot.
+        channels: residual and columns of each channel.
         names: of all columns (P,): channel by channel, then the arm's.
-        joint: channel of each column (P,), −1 of the arm's.
+        joint: index of the channel that each column belongs to (P,), −1 for the arm.
         std: prior standard deviation of each amplitude (P,) unless a cause sets it free.
         free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
-        size: rms that an amplitude of 1 adds, in noises of a row (P,): of its joint, or of the
-            root mean square over joints times √J.
-        blocks: causes, named and not.
+        size: rms that an amplitude of 1 adds, in row noises (P,): in its joint, or the root mean
+            square over joints times √J.
+        blocks: causes, with and without a name.
     """
 
     scene: EffortScene
@@ -102,7 +101,7 @@ class Dictionary:
         return tuple(np.array([place[n] for n in b.columns]) for b in self.blocks)
 
     def sized(self, block: int) -> np.ndarray:
-        """Indices of the columns whose amplitudes make the size of a cause that has a name."""
+        """Indices of the columns whose amplitudes make the size of a named cause."""
         begins = known()[self.blocks[block].effect].size.columns or ("",)
         return np.array([k for k in self.at[block] if self.names[k].startswith(begins)])
 
@@ -128,14 +127,13 @@ class Dictionary:
         return gram, right
 
     def weighed(self, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sums of `products` with a weight of each block (B,): (P, P) and (P, 1)."""
+        """Sums of `products` over the blocks of time, with weights (B,): (P, P) and (P, 1)."""
         gram, right = self.products
         return np.tensordot(weight, gram, axes=1), (weight @ right)[:, None]
 
 
 def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
-    """Dictionary of all columns of a scene. ``material`` is the residual of a torque, and of a
-    slide's force, that counts; a row's noise if None."""
+    """Dictionary of all columns of a scene; ``material`` as in `diagnose_efforts`."""
     y, use = scene.thin(scene.residual), scene.moving()
     if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:
         raise DiagnosisError(
@@ -176,11 +174,11 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
 def _made(
     scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, arm: np.ndarray
 ) -> tuple[list[Column], np.ndarray, list[Block]]:
-    """Columns of channel j, from 0, what they are at the kept rows (M, K), and its causes.
+    """Columns of channel j, from 0, their values at the kept rows (M, K), and its causes.
 
     Args:
-        y, use: residual of the channel (M,), and which rows of it count.
-        arm: the columns of the arm there (M, A).
+        y, use: residual of the channel (M,), and the rows to use of it.
+        arm: columns of the arm at these rows (M, A).
     """
     if j >= scene.joints:
         columns, blocks = of_sensor(scene, j - scene.joints)

@@ -1,4 +1,4 @@
-"""Effects that joint efforts show: those of the drives by the registry, and of what they carry."""
+"""Names of the effects that joint efforts show: of drives (registry) and of what they carry."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -15,7 +15,7 @@ _REACH = "record poses with the arm stretched and folded, at rest in both direct
 
 
 class Carried(NamedTuple):
-    """An effect of what the drives carry; see `DriveEffect`."""
+    """Description of an effect of what the drives carry; fields as in `DriveEffect`."""
 
     title: str
     size: Size
@@ -58,12 +58,12 @@ def drive_effects() -> Mapping[str, DriveEffect]:
 
 @cache
 def known() -> Mapping[str, DriveEffect | Carried]:
-    """All effects by name."""
+    """Drive effects, and effects of what the drives carry, by name."""
     return {**drive_effects(), **OTHERS}
 
 
 def place(key: Key) -> tuple[str, str]:
-    """Subsystem and detail of an effect: ``joint``, ``joint 2``."""
+    """Subsystem and element of an effect: ``("drive", "joint 2")``, ``("link", "link 3")``."""
     effect, joint = key
     part = effect.split(".")[0]
     if joint is None:
@@ -72,5 +72,5 @@ def place(key: Key) -> tuple[str, str]:
 
 
 def title(effect: str, joint: int | None) -> str:
-    """Description of an effect with its joint, beginning in lower case."""
+    """Description of an effect with its joint's number, in lower case."""
     return known()[effect].title.format(joint=joint)

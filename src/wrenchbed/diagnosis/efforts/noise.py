@@ -1,6 +1,6 @@
 """Noise of joint efforts: its size, its memory, and the filter that makes it white.
 
-It is what the richest model leaves, so that causes do not count as noise. Memory is that of an
+It is the residual of the richest model, so that causes do not count as noise. Memory is that of an
 autoregressive process (Yule–Walker equations; Brockwell & Davis 1991, Section 8.1).
 """
 
@@ -20,7 +20,7 @@ _RIDGE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class RowNoise:
-    """Noise of one channel.
+    """Size and memory of one channel's noise.
 
     Attributes:
         std: standard deviation of one row's noise [N·m].
@@ -33,19 +33,19 @@ class RowNoise:
     innovation: float
 
     def white(self, columns: np.ndarray) -> np.ndarray:
-        """Columns (M, …) in units of the innovations."""
+        """Columns (M, …) whitened, in units of ``innovation``."""
         filtered = scipy.signal.lfilter(self.filter, [1.0], columns, axis=0)
         return np.asarray(filtered / self.innovation)
 
 
 def row_noise(y: np.ndarray, left: np.ndarray, use: np.ndarray, columns: int) -> RowNoise:
-    """Noise of one channel.
+    """Estimate the noise of one channel.
 
     Args:
         y: measured less predicted (M,) [N·m].
-        left: what a fit of all columns leaves of it (M,), zero where no row counts.
-        use: which rows count (M,).
-        columns: their number.
+        left: residual of y after a fit of all columns (M,), zero where not used.
+        use: rows to use (M,), boolean.
+        columns: number of fitted columns.
     """
     rows = int(use.sum())
     std = float(np.std(left[use])) * float(np.sqrt(rows / max(rows - columns, 1)))
@@ -66,7 +66,7 @@ def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 
 def _whitening(residual: np.ndarray) -> np.ndarray:
-    """Filter (1 + K,) that makes a residual (M,) [N·m] white: 1, −a₁, …, −a_K, where aₖ are the
+    """Whitening filter (1 + K,) of a residual (M,) [N·m]: 1, −a₁, …, −a_K, where aₖ are the
     coefficients of the autoregressive process fitted to it."""
     n = len(residual)
     moments = np.array([residual[: n - k] @ residual[k:] / n for k in range(_ORDER + 1)])

@@ -30,7 +30,7 @@ _MOSTLY = 2.0 / 3.0
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """A structure with its probability, and the gap that each of its causes adds, by block."""
+    """A structure with its probability, and the gap that each cause adds, by block index."""
 
     structure: Structure
     probability: float
@@ -38,12 +38,12 @@ class Weighed:
 
     @property
     def counting(self) -> dict[int, float]:
-        """Gap of each cause that counts, by block."""
+        """Gaps of the causes that are large enough for a claim, by block index."""
         return {b: g for b, g in self.gaps.items() if g >= CLAIMABLE}
 
 
 def weighed(chances: Mapping[Structure, float], simulators: Simulators) -> tuple[Weighed, ...]:
-    """Probable structures, of all best first, with the gap that each of their causes adds."""
+    """Probable structures, the best of all first, with the gap that each of their causes adds."""
     likely = {s: p for k, (s, p) in enumerate(chances.items()) if p >= _SMALL or k == 0}
     total, result = sum(likely.values()), list[Weighed]()
     for structure, p in likely.items():
@@ -54,7 +54,7 @@ def weighed(chances: Mapping[Structure, float], simulators: Simulators) -> tuple
 
 
 def outside(d: Dictionary, best: Weighed) -> str:
-    """Unnamed cause that adds most, with its channel; empty if there is none."""
+    """Name and channel of the unnamed cause that adds most; empty if there is none."""
     unnamed = {b: g for b, g in best.counting.items() if d.blocks[b].outside}
     if not unnamed:
         return ""
@@ -65,8 +65,8 @@ def outside(d: Dictionary, best: Weighed) -> str:
 def options(
     d: Dictionary, every: Sequence[Weighed], least: float = CLAIMABLE
 ) -> tuple[tuple[Option[Structure], ...], float]:
-    """Structures that name what they say, and the probability of those that do not; a cause adds at
-    least a gap."""
+    """Options made of named causes that each add the gap ``least``, and the probability of
+    structures in which unnamed causes add too much."""
     result, unknown = list[Option[Structure]](), 0.0
     for w in every:
         named = {b: g for b, g in w.gaps.items() if g >= least and not d.blocks[b].outside}
@@ -83,16 +83,16 @@ def options(
 
 
 def blocks(causes: Sequence[Cause]) -> tuple[int, ...]:
-    """Sorted numbers of the claimed causes' blocks."""
+    """Sorted indices of the claimed causes' blocks."""
     return tuple(sorted(c.part.index for c in causes if c.part.index is not None))
 
 
 def facts_of(
     s: Simulators, every: Sequence[Weighed], seed: int, least: float = CLAIMABLE
 ) -> Facts[Structure]:
-    """What a decision on joint efforts rests on, of probable structures, best first; see `Facts`.
+    """Facts for a decision on joint efforts, from probable structures, best first; see `Facts`.
 
-    A cause adds at least a gap.
+    A cause must add the gap ``least``.
     """
     some, unknown = options(s.d, every, least)
 
@@ -116,8 +116,8 @@ def facts_of(
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
-    """Fraction of answers like this one that are right: less where ordinary errors may imitate a
-    cause, or where much of the gap or one that counts is left, in all joints or in the cause's."""
+    """Share of such answers that are right: less where ordinary errors may imitate a cause, or
+    where much of the gap, or a gap of 1, is left in all joints or in the cause's."""
     if not verdict.causes:
         return BELIEVED if verdict.word == NONE else 1.0
     joint = verdict.causes[0].part.joint

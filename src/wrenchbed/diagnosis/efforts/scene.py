@@ -1,4 +1,4 @@
-"""What an arm did while its joint efforts were recorded, and what the stated robot predicts.
+"""Motion of an arm while joint efforts were recorded, and the stated robot's prediction of them.
 
 Columns of every cause are made at the recording's rate and thinned as the efforts are.
 """
@@ -52,16 +52,16 @@ class EffortScene:
     Attributes:
         recording: what was recorded.
         robot, model, theta: the arm as stated.
-        inertias: of its links, and of its motors as stated.
+        inertias: of its links and motors, as stated.
         signals: kinematics (N, J) and effort, as torques.
         body: torque of the rigid body (N, J) [N·m, of slides N].
         friction: torque of stated friction, or of ordinary friction fitted (N, J) [N·m or N].
-        levels: Coulomb friction, viscous friction and offset behind it (3, J).
+        levels: Coulomb friction, viscous friction and offset of ``friction`` (3, J).
         regressor: of the links' inertial parameters (N, J, 10 L).
-        drives: what is stated of the drives.
+        drives: stated values of the drives.
         currents: whether currents were recorded and turned into torques.
         step: rows from one kept row to the next.
-        wrench: measured (N, 6) [N, N·m] where both kinds of data testify, else None.
+        wrench: measured (N, 6) [N, N·m] where used as evidence too, else None.
     """
 
     recording: Recording
@@ -81,7 +81,7 @@ class EffortScene:
 
     @property
     def commanded(self) -> bool:
-        """Whether the efforts are tracking errors of position servos times their stiffness."""
+        """Whether efforts are tracking errors of position servos times their stiffness."""
         return f"{COMMANDED}1" in self.recording.columns
 
     @property
@@ -121,8 +121,8 @@ class EffortScene:
         return self.sensed(self.theta)
 
     def sensed(self, theta: np.ndarray, pull: np.ndarray | float = 0.0) -> np.ndarray:
-        """Wrench (N, 6) of other parameters (P,) and more gravity (3,) [m/s²]; (N, 0) without
-        one."""
+        """Predicted wrench (N, 6) with parameters (P,) and additional gravity (3,) [m/s²]; (N, 0)
+        without a measured one."""
         if self.wrench is None:
             return np.zeros((len(self.signals.t), 0))
         whole = self.model.configured(self.recording.metadata)
@@ -138,7 +138,7 @@ class EffortScene:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The recording's column of each channel (C,)."""
+        """Name of each channel's column in the recording (C,)."""
         joints = tuple(f"{self.recording.effort}{j + 1}" for j in range(self.joints))
         return (*joints, *self.channels[self.joints :])
 
@@ -150,7 +150,7 @@ class EffortScene:
 
     @cached_property
     def speeds(self) -> np.ndarray:
-        """Speeds (N, C) by which rows count; the arm's for the wrench."""
+        """Speeds (N, C) that say which rows to use: of each joint; for the wrench the arm's."""
         arm = np.abs(self.q.d).max(axis=1, keepdims=True)
         return np.hstack([self.q.d, np.repeat(arm, self.load.shape[1], axis=1)])
 
@@ -160,28 +160,28 @@ class EffortScene:
         return self.signals.rate / self.step
 
     def thin(self, columns: np.ndarray) -> np.ndarray:
-        """Columns (N, …) at the kept rows (M, …), low-pass filtered where rows are left out."""
+        """Columns (N, …) at the kept rows (M, …), low-pass filtered if rows are left out."""
         if self.step > 1:
             sections = scipy.signal.butter(_ORDER, _PASS / self.step, output="sos")
             columns = scipy.signal.sosfiltfilt(sections, columns, axis=0)
         return np.asarray(columns[self.kept()])
 
     def moving(self) -> np.ndarray:
-        """Which kept rows of which channels (M, C) count, boolean: for joints those clear of
-        rest."""
+        """Whether to use each kept row of each channel (M, C): for joints if clear of rest,
+        boolean."""
         use = [moving(v, self.signals.rate) for v in self.q.d.T]
         use += [np.ones(len(self.q.d), dtype=bool)] * (len(self.channels) - self.joints)
         return np.stack(use, axis=-1)[self.kept()]
 
     def kept(self) -> slice:
-        """Rows that are kept: one in `step`, without the ends."""
+        """Slice of the rows that are kept: one in `step`, without the ends."""
         rows = len(self.signals.t)
         edge = min(round(_END_S * self.signals.rate), rows // 10)
         return slice(edge, rows - edge, self.step)
 
 
 def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) -> EffortScene:
-    """A recording with the stated robot's prediction, of the wrench too if that is asked for.
+    """Make the scene of a recording, with its wrench if ``wrench``.
 
     Raises:
         RecordingError, CalibrationError: no efforts, an uneven clock, nothing moves.
@@ -241,8 +241,8 @@ def _constants(recording: Recording, drives: Drives) -> np.ndarray:
 def _friction(
     drives: Drives, speeds: np.ndarray, residual: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Stated friction (N, J) at speeds (N, J) and its levels (3, J); what is not stated is fitted
-    to the residual (N, J) of the rigid body by least squares."""
+    """Friction (N, J) at speeds (N, J) and its levels (3, J); what is not stated is fitted to the
+    residual (N, J) of the rigid body by least squares."""
     friction, levels = np.zeros_like(speeds), np.zeros((3, speeds.shape[1]))
     for j, speed in enumerate(speeds.T):
         columns = np.column_stack([direction(speed), speed, np.ones_like(speed)])

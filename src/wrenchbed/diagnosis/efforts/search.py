@@ -1,8 +1,8 @@
 """Evidence of structures of causes, and the search for those that explain a recording.
 
-The Gaussian model is that of `evidence.likelihood`: a structure gives the columns of its causes
-wide priors, all others keep their small ones, so that every effect is a little there. Forward
-search with a beam; tempered, so that a law that is not quite right makes an answer less sure.
+The Gaussian model is that of `evidence.likelihood`: the columns of a structure's causes have wide
+priors, all others keep their small ones, so that every effect is a little present. Forward search
+with a beam. Evidence is tempered, so that a law that is not quite right makes an answer less sure.
 """
 
 from collections import Counter
@@ -37,19 +37,19 @@ Structure = tuple[int, ...]
 
 
 def wide(d: Dictionary) -> np.ndarray:
-    """Standard deviation (P,) of an amplitude that a cause sets free."""
+    """Prior standard deviation (P,) of each amplitude when a cause frees it."""
     return np.asarray(AMPLITUDE / np.maximum(d.size, 1e-12))
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The Gaussian model of all rows; of columns ``d``."""
+    """Gaussian evidence of structures for all rows of a dictionary ``d``."""
 
     d: Dictionary
 
     @cached_property
     def level(self) -> Products:
-        """The background: no cause is free."""
+        """Background model, in which no cause is free."""
         return Products(self._products[0], self.d.std**2)
 
     @cached_property
@@ -59,22 +59,22 @@ class Evidence:
 
     @cached_property
     def known(self) -> tuple[np.ndarray, np.ndarray]:
-        """P (P, P) and w (P,) of all columns over the background alone."""
+        """Information P (P, P) and score w (P,) of all columns, with the background as noise."""
         (gram, right), every = self._products, np.arange(len(self.d.std))[None]
         score = right - gram @ self.level.held(right)
         return self.level.information(every)[0], score[:, 0]
 
     @cached_property
     def _more(self) -> np.ndarray:
-        """Standard deviation (P,) that a cause adds to that of each of its columns."""
+        """Standard deviation (P,) that a cause adds in quadrature to each of its columns' prior."""
         return np.sqrt(np.maximum(wide(self.d) ** 2 - self.level.V, 0.0))
 
     def _freed(self, blocks: Structure) -> np.ndarray:
-        """Indices of the columns (K,) that some causes set free."""
+        """Indices of the columns (K,) that some causes free."""
         return np.unique(np.concatenate([np.zeros(0, int), *(self.d.at[b] for b in blocks)]))
 
     def logs(self, structures: Sequence[Structure]) -> np.ndarray:
-        """Log evidence of structures (S,) over that of the background alone."""
+        """Log evidence of structures (S,), relative to the background alone."""
         each = [self._freed(blocks) for blocks in structures]
         shape = len(each), max(len(at) for at in each)
         columns, more = np.zeros(shape, dtype=int), np.zeros(shape)
@@ -86,7 +86,7 @@ class Evidence:
 
     @cached_property
     def _each(self) -> np.ndarray:
-        """Log prior of each block (B,): alike for each cause, whatever its number of variants."""
+        """Log prior of each block (B,): the same for each cause, divided among its variants."""
         every = self.d.blocks
         counts = Counter({b.key: b.outside for b in every}.values())
         of = {k: np.log(PRIOR[UNKNOWN if k else "one"] / n) for k, n in counts.items()}
@@ -98,7 +98,7 @@ class Evidence:
         return float(none + self._each[list(blocks)].sum())
 
     def possible(self, blocks: Structure) -> bool:
-        """Whether effects of a structure whose size is never below zero are not."""
+        """Whether all sizes that cannot be below zero come out so in a structure."""
         every = self.d.blocks
         signed = [k for k in blocks if not every[k].outside and known()[every[k].effect].one_way]
         if not signed:
@@ -113,8 +113,8 @@ class Evidence:
 
 
 def search(evidence: Evidence) -> dict[Structure, float]:
-    """Probabilities of structures of up to `MOST_CAUSES` causes, best first, by a beam search; that
-    of nothing is among them."""
+    """Probabilities of structures of up to `MOST_CAUSES` causes, the empty one included, best
+    first, by a beam search."""
     slots = [b.slot for b in evidence.d.blocks]
     score: dict[Structure, float] = {(): evidence.prior(())}
     beam: list[Structure] = [()]

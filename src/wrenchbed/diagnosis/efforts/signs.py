@@ -1,6 +1,6 @@
-"""Signs in what the richest model leaves that ordinary noise does not have.
+"""Signs of trouble in the residual of the richest model that ordinary noise does not show.
 
-Noise is estimated from that same residual, so its size says nothing here: only how it is spread
+Noise is estimated from that same residual, so its size says nothing here: only its distribution
 over time and frequency, and whether a drive repeats an old value.
 """
 
@@ -36,11 +36,11 @@ quantised noise reaches, 0.07 s."""
 
 @dataclass(frozen=True)
 class Sign:
-    """One sign of trouble in the residual of a joint.
+    """One sign of trouble in the residual of a channel.
 
     Attributes:
         joint: number of the channel, from 1.
-        text: what was seen and when; begins small.
+        text: what was seen and when; begins in lower case.
     """
 
     joint: int
@@ -48,7 +48,7 @@ class Sign:
 
 
 def signs(d: Dictionary) -> tuple[Sign, ...]:
-    """Signs of faults in the efforts of all channels that rest on no model of a cause."""
+    """Signs of faults in the efforts of all channels that assume no model of a cause."""
     scene, result = d.scene, list[Sign]()
     time = scene.signals.t[scene.kept()]
     for j, (name, channel) in enumerate(zip(scene.channels, d.channels, strict=True)):
@@ -64,7 +64,7 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
 
 
 def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
-    """Description of times at which an effort (N,) repeats exactly in motion; empty if none."""
+    """Words on times at which an effort (N,) repeats exactly in motion; empty if none."""
     moves = np.abs(speed[1:]) > REST * np.abs(speed).max()
     same = np.concatenate([[0], ((np.diff(effort) == 0.0) & moves).astype(int), [0]])
     first, end = np.flatnonzero(np.diff(same) > 0), np.flatnonzero(np.diff(same) < 0)
@@ -81,7 +81,7 @@ def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
 
 
 def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Description of stretches in which a residual (M,) scatters far more; empty if none."""
+    """Words on stretches in which a residual (M,) scatters far more; empty if none."""
     fold = np.arange(len(residual)) * _STRETCHES // len(residual)
     rows = np.bincount(fold, use, _STRETCHES)
     some = np.flatnonzero(rows >= _LEAST_ROWS)
@@ -100,7 +100,7 @@ def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
 
 
 def peak(residual: np.ndarray, rate: float) -> str:
-    """Description of a narrow peak in the spectrum of a residual (M,); empty if none."""
+    """Words on a narrow peak in the spectrum of a residual (M,); empty if none."""
     hertz, power = scipy.signal.welch(residual, rate, nperseg=min(_SEGMENT, len(residual)))
     around = scipy.ndimage.median_filter(power, _NEIGHBOURS, mode="nearest")
     over = (power / np.maximum(around, 1e-300))[_FIRST:]
@@ -111,7 +111,7 @@ def peak(residual: np.ndarray, rate: float) -> str:
 
 
 def outliers(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Description of a few rows far out in a residual (M,); empty if none."""
+    """Words on a few extreme rows of a residual (M,); empty if none."""
     some = residual[use]
     square = max(float(np.mean(some**2)), 1e-300)
     if float(np.mean(some**4)) / square**2 < _KURTOSIS:

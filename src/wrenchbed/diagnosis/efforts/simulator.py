@@ -1,10 +1,10 @@
 """The better simulator: stated values within their ordinary spread, and the claimed causes alone.
 
-Nothing else is free, so that what it leaves is what nobody named. Uncertainty is the scatter of
-fits without each block of time (jackknife over blocks, Künsch 1989, doi 10.1214/aos/1176347265),
-which grows with noise that remembers and with a law that is not right, and what ordinary errors of
-all stated values move a fit by: the same in every block of time. The same fits say how far the gap
-shrinks on rows that they did not see.
+Nothing else is free, so its residual is what no claim explains. Uncertainty is the scatter of fits
+without each block of time (jackknife over blocks, Künsch 1989, doi 10.1214/aos/1176347265), which
+grows with noise that has memory and with a law that is not right, and the shift of a fit by
+ordinary errors of all stated values, which are the same in every block of time. The same fits say
+how far the gap shrinks on rows that they did not see.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -32,11 +32,11 @@ _PARTS = 4
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
-    """A simulator with some causes.
+    """Simulator with some causes, fitted to a dictionary.
 
     Attributes:
-        d: the columns.
-        blocks: causes that are free without bounds.
+        d: the dictionary of columns.
+        blocks: indices of the causes that are free without bounds.
     """
 
     d: Dictionary
@@ -44,25 +44,25 @@ class Simulator:
 
     @property
     def x(self) -> np.ndarray:
-        """Amplitudes of all columns (P,), zero where they take no part."""
+        """Amplitudes of all columns (P,), zero for those not in the simulator."""
         return self._fit[0]
 
     @cached_property
     def each(self) -> np.ndarray:
-        """Amplitudes (B, P) without each block of time."""
+        """Amplitudes (B, P) fitted without each block of time."""
         return np.stack([self._fitted(weight)[0] for weight in 1.0 - np.eye(BLOCKS)])
 
     @cached_property
     def errors(self) -> np.ndarray:
-        """What a fit takes for other values, less what was off: errors (S, P) of all amplitudes
-        where one stated value is off by its ordinary spread."""
+        """Errors (S, P) of all amplitudes when one stated value is off by its ordinary spread, its
+        own true change subtracted."""
         level, at = self._fit[1], np.flatnonzero(self._bounded)
         errors = level.held(level.gram[:, at]).T
         errors[np.arange(len(at)), at] -= 1.0
         return np.asarray(self.d.std[at, None] * errors)
 
     def number(self, of: Callable[[np.ndarray], float]) -> dict[str, float]:
-        """``value`` and ``std`` of a number that is made ``of`` amplitudes (P,)."""
+        """``value`` and ``std`` of a number computed by ``of`` from amplitudes (P,)."""
         value = of(self.x)
         each = np.array([of(x) for x in self.each])
         scatter = (BLOCKS - 1) / BLOCKS * ((each - each.mean()) ** 2).sum()
@@ -75,18 +75,18 @@ class Simulator:
 
     @cached_property
     def _unbounded(self) -> np.ndarray:
-        """Which amplitudes (P,) have no bounds, boolean."""
+        """Whether each amplitude (P,) has no bounds, boolean."""
         result = self.d.free.copy()
         result[[k for b in self.blocks for k in self.d.at[b]]] = True
         return result
 
     @property
     def _bounded(self) -> np.ndarray:
-        """Which amplitudes (P,) are of stated values within their ordinary spread, boolean."""
+        """Whether each amplitude (P,) is of a stated value within its ordinary spread, boolean."""
         return self.d.stated & ~self._unbounded
 
     def _fitted(self, weight: np.ndarray) -> tuple[np.ndarray, Products]:
-        """Amplitudes (P,) of weighted blocks of time (B,), and what they were fitted with."""
+        """Amplitudes (P,) fitted to blocks of time with weights (B,), and the model behind them."""
         d, bounded, (gram, right) = self.d, self._bounded, self.d.weighed(weight)
         free = np.where(self._unbounded, FREE / np.maximum(d.size, 1e-12), 0.0)
         variance, fixed = np.where(bounded, d.std, free) ** 2, np.zeros(right.shape)
@@ -102,20 +102,20 @@ class Simulator:
 
 
 class Simulators:
-    """Simulators with causes, each of which is fitted once; of columns ``d``."""
+    """Cache of fitted simulators by their causes, for a dictionary ``d``."""
 
     def __init__(self, d: Dictionary) -> None:
         self.d, self._made = d, cache(partial(Simulator, d))
 
     def of(self, blocks: Iterable[int] = ()) -> Simulator:
-        """The simulator with some causes."""
+        """Simulator with the causes of some blocks."""
         return self._made(tuple(sorted(blocks)))
 
     def judged(self, blocks: Sequence[int]) -> Judged:
-        """Simulators on held-out rows: as stated, after the usual fit, and with some causes.
+        """Gaps on held-out rows: as stated, after the usual fit, and with some causes.
 
-        A cause is left out where the others are fitted anew without it. But a wrong number of the
-        stated tool counts from what is configured (`docs/contracts.md`), so no ordinary error of a
+        To measure one cause, the others are refitted without it. But a wrong number of the stated
+        tool is measured from the configured value (`docs/contracts.md`), so no ordinary error of a
         link takes its place.
         """
         d, fit = self.d, self.of(blocks)
@@ -145,8 +145,8 @@ def added(d: Dictionary, x: np.ndarray, block: int) -> float:
     """Gap that a cause with amplitudes x (P,) adds at the joint where it is largest, after the
     columns that every fit leaves free are fitted to it there.
 
-    Columns shared by all joints are known from the other joints, so they take up no part of a
-    cause in one drive.
+    Columns common to all joints are known from the other joints, so they take up nothing of a cause
+    in one drive.
     """
     joint, gap = d.joint[d.at[block]], 0.0
     in_one = bool((joint >= 0).all())
@@ -164,7 +164,7 @@ def added(d: Dictionary, x: np.ndarray, block: int) -> float:
 
 
 def remaining(d: Dictionary, each: np.ndarray) -> np.ndarray:
-    """Residual (M, C) in noises of a row beside amplitudes (B, P) of each block of time."""
+    """Residual (M, C) in row noises with the amplitudes (B, P) of each row's block of time."""
     some, result = np.abs(each).max(axis=0) > 0.0, list[np.ndarray]()
     for channel in d.channels:
         of_channel = some[channel.at]
@@ -175,15 +175,15 @@ def remaining(d: Dictionary, each: np.ndarray) -> np.ndarray:
 
 
 def _gaps(d: Dictionary, residual: np.ndarray) -> np.ndarray:
-    """Gap at each row (M,) of a residual (M, C) in noises of a row, averaged over the joints that
-    count there."""
+    """Gap at each row (M,) of a residual (M, C) in row noises, mean over the channels used
+    there."""
     use = np.stack([c.use for c in d.channels], axis=-1)
     counts = np.array([c.noise_counts for c in d.channels])
     return np.asarray(((residual**2 - 1.0) * counts * use * (use.size / use.sum())).mean(axis=1))
 
 
 def _of_channels(d: Dictionary, residual: np.ndarray) -> np.ndarray:
-    """Gap of each channel (C,) on the rows that count there."""
+    """Gap of each channel (C,) on the rows used, of a residual (M, C) in row noises."""
     each = zip(d.channels, residual.T, strict=True)
     return np.array([c.noise_counts * (np.mean(x[c.use] ** 2) - 1.0) for c, x in each])
 

@@ -1,7 +1,7 @@
-"""Sizes of causes with standard uncertainty, what is fitted beside them, and what does not show.
+"""Sizes of causes with standard uncertainty, fitted numbers beside them, and blind spots.
 
-The sizes from which a cause shows are those of `next.blind`: what evidence finds and what adds a
-gap is reported.
+The sizes from which a cause shows are those of `next.blind`: detected by the evidence, and adding
+enough gap to be reported.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -53,7 +53,7 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
 
 
 def unit_of(d: Dictionary, block: int) -> str:
-    """Unit of a cause's size, that of a slide where its joint is one."""
+    """Unit of a cause's size; that of a slide where its joint is one."""
     b = d.blocks[block]
     unit = known()[b.effect].size.unit
     if b.joint is None or not (d.joint[d.at[block]] >= 0).all():
@@ -62,7 +62,7 @@ def unit_of(d: Dictionary, block: int) -> str:
 
 
 def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
-    """Size of a cause over the amplitudes of its columns, at amplitudes x (P,) of all."""
+    """Factor from the amplitudes of a cause's columns to its size, at amplitudes x (P,) of all."""
     return 1.0 / _mass_of_tool(d, x) if d.blocks[block].effect == "tool.cog" else 1.0  # moments
 
 
@@ -72,7 +72,7 @@ def _mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
 
 
 def fitted(fit: Simulator) -> list[dict[str, Any]]:
-    """Entries of ``fitted``: friction, rotor inertia and tool, as far as nobody states them."""
+    """Entries of ``fitted``: friction, rotor inertia and tool, where they are not stated."""
     d, result = fit.d, list[dict[str, Any]]()
     for name in (d.names[k] for k in np.flatnonzero(d.free)):
         kind, _, of = name.partition(".")
@@ -88,7 +88,7 @@ def fitted(fit: Simulator) -> list[dict[str, Any]]:
 
 
 def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
-    """Value of a drive, or the tool's mass or CoG, by its column, at the amplitudes x (P,)."""
+    """Value of a drive, or the tool's mass or CoG, from amplitudes x (P,) of all columns."""
     (kind, _, of), amplitude = name.partition("."), float(x[d.names.index(name)])
     if kind != "tool":
         start = dict(zip(_UNITS, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
@@ -102,7 +102,7 @@ def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
 
 
 def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Values of the drives as a recording's metadata state them, and the named effects."""
+    """Contents of ``drives.json``: corrected values of the drives, and the named effects."""
     names = [n for n in d.names if n.partition(".")[0] in _UNITS]
     values = {f"drive.{n}": _value(d, n, x) for n in names}
     for entry in entries:
@@ -116,7 +116,7 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
 
 
 def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
-    """Effects, by joint or link, that these efforts show at no plausible size."""
+    """Effects, by joint or link, that these efforts would show at no plausible size."""
     d, spots = evidence.d, list[BlindSpot]()
     for effect, number in _every(d):
         blocks = [k for k, b in enumerate(d.blocks) if b.key == (effect, number)]
@@ -148,7 +148,7 @@ def shows_from(evidence: Evidence, block: int) -> float:
 
 
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
-    """Effects with each joint, or link that weighs something."""
+    """Effects, each with every joint, or every link that has a mass."""
     for effect, about in known().items():
         if d.scene.commanded and effect == "drive.bandwidth":  # a delay stands for it
             continue
@@ -164,7 +164,7 @@ def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
 
 
 def _why(effect: str) -> str:
-    """Why a dictionary has no column of an effect."""
+    """Reason why a dictionary has no column of an effect."""
     if effect == "drive.temperature":
         return NOT_HERE
     return NOTHING if effect.startswith("link.") else FITTED
