@@ -98,9 +98,36 @@ def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
         assert process.stderr is not None
         err = process.stderr.read()
     assert process.returncode == 130
-    assert "what was recorded is on disk" in err and "--resume" in err
+    assert "what was recorded is on disk" in err and "--resume" not in err  # only on a robot
     assert len(Recording.read(tmp_path / "rec.parquet")) >= 500
     assert not list(tmp_path.glob("*.journal"))
+
+
+@pytest.mark.parametrize("written", [False, True])
+@pytest.mark.parametrize("resume", [False, True])
+@pytest.mark.parametrize("live", [False, True])
+def test_a_stopped_recording_says_what_is_there(
+    tmp_path, capfd, monkeypatch, written, resume, live
+):
+    """Before the first row there is nothing with which `--resume` could go on."""
+    plan, out = tmp_path / "plan.parquet", tmp_path / "rec.parquet"
+    assert main(["plan", "ur5", "--n", "3", "--out", str(plan)]) == 0
+    words = ["record", "--robot", "ur5", "--plan", str(plan), "--out", str(out)]
+    if resume:
+        assert main([*words, "--samples", "5"]) == 0
+
+    def stopped(*_, **__):
+        if written:
+            out.write_bytes(b"rows")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("wrenchbed.record", stopped)
+    monkeypatch.setattr("wrenchbed.SimDriver.live", live)
+    capfd.readouterr()
+    assert main([*words, *(["--resume"] * resume)]) == 130
+    said = capfd.readouterr().err
+    assert ("what was recorded is on disk" in said) == written
+    assert ("--resume" in said) == (live and (written or resume))
 
 
 @pytest.mark.parametrize(

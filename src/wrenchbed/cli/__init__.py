@@ -64,7 +64,6 @@ _VERBS = {
 _GROUPS = ("blind",)
 """Verbs that consist of other verbs."""
 _WHEN_STOPPED = {
-    "record": "; what was recorded is on disk, and on a robot `record … --resume` goes on",
     "campaign": "; what was done so far is on disk, and the same command goes on",
     "study": "; what was done so far is on disk, and the same command goes on",
     "blind": "; what was done so far is on disk, and the same command goes on",
@@ -107,8 +106,9 @@ def main(arguments: list[str] | None = None) -> int:
     if words and words[0] in _VERBS:
         try:
             return _run(words)
-        except KeyboardInterrupt:
-            print(f"wrenchbed: stopped{_WHEN_STOPPED.get(words[0], '')}", file=sys.stderr)
+        except KeyboardInterrupt as stop:
+            notes = getattr(stop, "__notes__", [_WHEN_STOPPED.get(words[0], "")])
+            print(f"wrenchbed: stopped{notes[0]}", file=sys.stderr)
             return 130
     match words:
         case ["-h" | "--help", *_]:

@@ -182,16 +182,39 @@ def record(
         _rehearse(todo, limits, run)
     link: Driver = kind(device.options(kind, robot, limits))
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
-    with (
-        ready(link, todo, recover=run.recover, yes=run.yes) as complete,
-        console.progress(f"recording {robot}", len(todo)) as report,
-    ):
-        done = wb.record(
-            link, todo, out, samples=run.samples, rate=run.rate, progress=report, revisit=revisit,
-            resume=run.resume, clear=run.dry_run or None, limits=complete,
-        )  # fmt: skip
+    before = _version(out)
+    try:
+        with (
+            ready(link, todo, recover=run.recover, yes=run.yes) as complete,
+            console.progress(f"recording {robot}", len(todo)) as report,
+        ):
+            done = wb.record(
+                link, todo, out, samples=run.samples, rate=run.rate, progress=report,
+                revisit=revisit, resume=run.resume, clear=run.dry_run or None, limits=complete,
+            )  # fmt: skip
+    except KeyboardInterrupt as stop:
+        static = kind.live and todo.mode == "static"
+        stop.add_note(_left_behind(_version(out) != before, static, run.resume))
+        raise
     _leave_out(out, device.recorded)
     _answer(done, todo, device.driver, as_json)
+
+
+def _version(path: Path) -> tuple[int, int] | None:
+    """Time and size of a file, by which a new one is told from the old; None: there is none."""
+    return (path.stat().st_mtime_ns, path.stat().st_size) if path.is_file() else None
+
+
+def _left_behind(new: bool, static: bool, resumed: bool) -> str:
+    """What a stopped recording leaves, and how it goes on.
+
+    Args:
+        new: the file was written.
+        static: a live driver visited poses, which alone can be resumed.
+        resumed: a recording that exists was to go on.
+    """
+    what = "; what was recorded is on disk" if new else "; nothing was recorded"
+    return f"{what}, and `record … --resume` goes on" if static and (new or resumed) else what
 
 
 def _leave_out(path: Path, recorded: tuple[str, ...]) -> None:
