@@ -6,13 +6,20 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 
 import numpy as np
 import pytest
 
 import rtde_moves
 from rtde_moves import HOST, NAMED_S, A, B, alive, disturbed, recovered
-from wrenchbed.errors import DriverError, LinkError, SafetyStopError, StoppedError
+from wrenchbed.errors import (
+    DriverError,
+    LinkError,
+    SafetyStopError,
+    StoppedError,
+    WrenchbedWarning,
+)
 from wrenchbed.hardware.device import GONE_S, wait_until
 
 pytest.importorskip("rtde_control")
@@ -36,6 +43,25 @@ def test_a_stop_brings_it_to_rest_and_the_next_move_works(bench, link, kind):
     motion.cancel()
     back = link.position() + 0.02
     assert link.move(back).wait().q == pytest.approx(back, abs=5e-4)
+
+
+def test_a_speed_slider_is_said_and_moves_get_the_time_that_it_takes(link):
+    io = pytest.importorskip("rtde_io").RTDEIOInterface(HOST)
+    try:
+        assert io.setSpeedSlider(0.3)
+        assert wait_until(lambda: link.health().counters["arm speed scaling"] < 0.31, 2.0)
+        with pytest.warns(WrenchbedWarning, match=r"slider is at 30%: moves take 3.3 times"):
+            link.move(link.position() + 0.02).wait()
+        assert link.pace == pytest.approx(0.3)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            link.move(link.position() - 0.02).wait()  # said once
+    finally:
+        assert io.setSpeedSlider(1.0)
+        assert wait_until(lambda: link.health().counters["arm speed scaling"] > 0.99, 2.0)
+        io.disconnect()
+    link.move(link.position() + 0.02).wait()
+    assert link.pace == 1.0
 
 
 def test_rows_at_rest_are_fresh_and_evenly_spaced(link):

@@ -180,6 +180,9 @@ class LiveDriver(Driver):
             self._stops += 1
         super().stop(kind)
 
+    pace = 1.0
+    """Fraction of the speed that is asked for at which the robot moves at present."""
+
     @abstractmethod
     def _open(self) -> None:
         """Open the robot's own link and wait for its first state; nothing moves."""
@@ -280,7 +283,7 @@ class LiveDriver(Driver):
             if not isinstance(error, DriverError):
                 stop_after(error, self.stop)
             raise
-        return WatchedMove(self, goal, seconds)
+        return WatchedMove(self, goal, seconds / self.pace)
 
     def guard(self) -> None:
         """Stop the robot, and raise, if the sensor reads more than the limits allow."""

@@ -1,6 +1,7 @@
 """Driver of UR robots: states by RTDE, commands through a process that uses ur_rtde."""
 
 import time
+import warnings
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,6 +18,7 @@ from wrenchbed.errors import (
     ParameterError,
     SafetyStopError,
     StoppedError,
+    WrenchbedWarning,
 )
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
@@ -47,6 +49,9 @@ _EVIDENCE = {
     "tau_target": "target_moment", "joint_temperature": "temperatures",
 }  # fmt: skip
 """Columns that a recording keeps beside the joints, and the field of a state of each."""
+_FULL, _SLOWEST = 0.99, 0.05
+"""Fraction of the speed from which a slider stands at its end, as `doctor` judges, and the least by
+which the time of a move is divided: slower, a move is given up."""
 _MOST_HZ = 500.0
 """States per second of an e-Series; source: Universal Robots, RTDE guide."""
 
@@ -224,6 +229,7 @@ class RtdeDriver(LiveDriver):
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
         control, self._followed = self._armed(), Followed()
         control.refused = ""
+        self._heed_slider(self._look().scaling)
         top = self.limits.speed * min(joint.speed for joint in self.robot.joints)
         distance = float(np.abs(goal - np.array(self._look().q)).max())
         speed, acceleration = trapezoid(distance, seconds, top)
@@ -238,6 +244,19 @@ class RtdeDriver(LiveDriver):
             wait_until(lambda: status.problem(self._look()) is not None, STALE_S)
             trouble = status.problem(self._look())
             raise StoppedError(trouble[1] if trouble else f"{why}: call recover()")
+
+    def _heed_slider(self, scaling: float) -> None:
+        """Give moves the time that the speed slider makes them take, and say so when it is moved.
+
+        Args:
+            scaling: of the speed, 0 … 1.
+        """
+        before, self.pace = self.pace, max(scaling, _SLOWEST)
+        if self.pace < _FULL and abs(self.pace - before) > 1.0 - _FULL:
+            warnings.warn(
+                f"the speed slider is at {scaling:.0%}: moves take {1.0 / self.pace:.1f} times as "
+                "long, and motions fail", WrenchbedWarning, stacklevel=2,
+            )  # fmt: skip
 
     def _stream(self, q: np.ndarray, at: float) -> Applied:
         control = self._armed()
