@@ -3,7 +3,6 @@
 Every verb of the command line is a function here. A name is imported on first use; the imports for
 type checkers say from where: a public name is imported as itself, or with ``_`` before it where it
 has another name there.
-Used by: the command line, and everybody who writes ``import wrenchbed``.
 """
 
 import sys

@@ -31,7 +31,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text as one line without control characters; what is very long is cut."""
+    """The text as one line without control characters; a very long one is cut."""
 
     def cut(found: re.Match[str]) -> str:
         return f"{found[0][:200]}… ({len(found[0]):,} characters)"
@@ -43,7 +43,7 @@ def one_line(text: str) -> str:
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:
-    """``; did you mean 'this'?`` if a known word is close, else nothing."""
+    """Text ``; did you mean 'this'?`` if a known word is close, else ""."""
     close = get_close_matches(str(word), list(known), 1)
     close = close or [k for k in known if len(str(word)) > 2 and k.startswith(str(word))]
     return f"; did you mean {close[0]!r}?" if close else ""
@@ -149,7 +149,8 @@ class WrenchbedWarning(UserWarning):
 
 
 def shortage(cause: BaseException, where: str | Path = "") -> ShortageError | None:
-    """The error for want of memory or files, if that is what an error is about.
+    """The `ShortageError` for an error about too little memory or too few files; None for any
+    other.
 
     Args:
         cause: any error, for instance of a reader.
@@ -175,7 +176,8 @@ def shortage(cause: BaseException, where: str | Path = "") -> ShortageError | No
 
 
 def raise_shortage(cause: BaseException, where: str | Path = "") -> None:
-    """Raise `ShortageError` if that is what an error is about: then no file is to blame."""
+    """Raise `ShortageError` for an error about too little memory or too few files: then no file is
+    to blame."""
     error = shortage(cause, where)
     if error is not None:
         raise error from cause

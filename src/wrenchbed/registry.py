@@ -50,7 +50,8 @@ def _entry_points(kind: str) -> dict[str, Any]:
 
 
 def _loaders(kind: str) -> dict[str, Callable[[], Any]]:
-    """What loads each plug-in of a kind, by its name; this package's own before others'.
+    """Function that loads each plug-in of a kind, by its name; this package's own come before
+    others'.
 
     Raises:
         NotFoundError: the kind does not exist.
@@ -81,8 +82,8 @@ def plugin_modules(kind: str) -> tuple[str, ...]:
 
 
 def _public(kind: str, module: str) -> str:
-    """``ati_gamma`` is ati-gamma; an effect's module ``joint_gear_error`` is joint.gear_error, and
-    that of a drive's effect ``coulomb`` is drive.coulomb."""
+    """Public name of a plug-in's module: ``ati-gamma`` of ati_gamma, ``joint.gear_error`` of an
+    effect joint_gear_error, ``drive.coulomb`` of a drive's effect coulomb."""
     if kind == "drives":
         return f"drive.{module}"
     return module.replace("_", ".", 1) if kind == "effects" else module.replace("_", "-")
@@ -108,7 +109,7 @@ def names(kind: str) -> tuple[str, ...]:
 
 
 def load(kind: str, name: str) -> Any:
-    """The plug-in's object, imported on use.
+    """Load a plug-in's object; its module is imported on use.
 
     Raises:
         NotFoundError: no such kind or name; the message lists what exists.
@@ -144,14 +145,14 @@ def _is_file(kind: str, name: str) -> bool:
 
 
 def _from_file(kind: str, path: Path) -> Any:
-    """The object that a file describes, kept as long as the file says the same."""
+    """Load the object that a file describes; it is kept as long as the file is unchanged."""
     described = importlib.import_module(_DESCRIBED[kind]).read(path)
     _records.setdefault((kind, described.name), described.record)
     return _known.setdefault((kind, described.name), described)
 
 
 def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
-    """Make known what a file carries about an object that a user described.
+    """Register an object that a user described, from what a file carries about it.
 
     A plug-in's name keeps meaning the plug-in.
     """
@@ -160,13 +161,13 @@ def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
 
 
 def revived(kind: str, name: str, record: Mapping[str, Any]) -> Any:
-    """The object of a name and of what a file carries about it."""
+    """Make the object of a name from what a file carries about it."""
     remember(kind, name, record)
     return load(kind, name)
 
 
 def record_of(kind: str, name: str) -> Mapping[str, Any] | None:
-    """What a file has to carry so that others can load an object by name; None of plug-ins."""
+    """What a file has to carry so that others can load an object by name; None for a plug-in."""
     return _records.get((kind, name))
 
 
@@ -180,7 +181,8 @@ def known_as(kind: str, name: str) -> str:
 
 
 def is_known(kind: str, name: str) -> bool:
-    """Whether `load` finds it: a plug-in, a user's file, or one that a file has made known."""
+    """Whether `load` finds a name: a plug-in, a user's file, or a name that a file has
+    registered."""
     if _is_file(kind, name):
         return Path(name).is_file()
     return (kind, name) in _records or name in names(kind)

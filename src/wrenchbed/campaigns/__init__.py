@@ -1,8 +1,9 @@
 """The run of one plan on one robot, resumable, and campaigns of many simulated robots.
 
-May import: hardware, diagnosis, calibration, planning, twin and the rooms below them.
+Free: order of checks and wording; tests/campaigns speak.
+Others rely on: metadata and segments of recordings (`resume`, monitoring), columns of
+robots.parquet (docs/how-to/campaigns.md); row k is a function of settings and k alone.
 Never: print, or move a robot along a way that was not checked first.
 Read first: ``run.py`` (`record`), ``moves.py`` (what is checked before) and ``resume.py`` (after a
 stop); ``simulated_robots.py`` for many.
-Used by: cli.
 """

@@ -82,7 +82,8 @@ def itinerary(
     *,
     clear: bool,
 ) -> tuple[Leg, ...]:
-    """Moves that visit rows of a static plan in this order, from joint values ``start`` (J,) on.
+    """Plan the moves that visit rows of a static plan in this order, from joint values ``start``
+    (J,) on.
 
     If ``clear`` they touch neither the robot itself nor its surroundings: a straight move that is
     blocked is replaced by one around the obstacle.
@@ -115,8 +116,8 @@ def _check(robot: Robot, limits: Limits, start: np.ndarray, end: np.ndarray, whe
 
 @dataclass(frozen=True)
 class LiveLimits:
-    """Complete limits of every motion; in words where ``workspace``, ``force`` and ``torque`` come
-    from."""
+    """Complete limits of every motion of a live robot; texts state the origin of ``workspace``,
+    ``force`` and ``torque`` (given, or derived from what)."""
 
     limits: Limits
     origin: Mapping[str, str]
@@ -133,8 +134,8 @@ class LiveLimits:
 
 
 def live_limits(driver: Driver, plan: Plan, *, clear: bool = True) -> LiveLimits:
-    """The limits of a connected driver, which does not move, and those that it lacks worked out for
-    a plan; with ``clear`` its moves lead around obstacles.
+    """Complete the limits of a connected driver, which does not move, for a plan; with ``clear``
+    its moves lead around obstacles.
 
     Raises:
         PlanError: the robot cannot run the plan.
@@ -155,7 +156,8 @@ def live_limits(driver: Driver, plan: Plan, *, clear: bool = True) -> LiveLimits
 def _box(
     driver: Driver, plan: Plan, clear: bool
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Around the sensor's way through the plan and back to its first pose."""
+    """Lower and upper corner [m] of the box around the sensor's way through the plan and back to
+    its first pose, with `MARGIN_M`."""
     robot, here = driver.robot, driver.read().q
     rows = [*range(len(plan)), 0] if plan.mode == "static" else [0]
     legs = itinerary(robot, plan, here, driver.limits, rows, clear=clear)
@@ -172,7 +174,7 @@ def _box(
 
 
 def _loads(driver: Driver, missing: Mapping[str, bool]) -> dict[str, tuple[float, str]]:
-    """Limits of force [N] and torque [N·m] that are missing, and their origin."""
+    """Missing limits of force [N] and torque [N·m] by name, each with a text on its origin."""
     robot, loads = driver.robot, {}
     theta, gravity = robot.parameters.nominal, np.asarray(robot.gravity)
     tool, q = robot.tool(theta), driver.read().q[None]

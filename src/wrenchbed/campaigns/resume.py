@@ -1,4 +1,4 @@
-"""A run that was stopped: may it continue by itself, and which poses does its recording hold?"""
+"""A stopped run: whether it may continue by itself, and which poses its recording holds."""
 
 import json
 import re
@@ -33,7 +33,7 @@ _SAME = {"rate_hz": "--rate", "sensor": "--sensor", "wrench": "--sensor"}
 
 
 class Retries(IntEnum):
-    """Successive repetitions of an attempt without a person, by the cause of failure."""
+    """Allowed successive repetitions without a person, by the cause of failure."""
 
     NEVER = 0
     """The robot protects itself or people, is in fault or off, or the load was too large."""
@@ -67,7 +67,7 @@ def retries(driver: Driver, error: DriverError) -> Retries:
 
 
 def bare(error: DriverError) -> str:
-    """Message of a failure, without the advice for a program."""
+    """Message of a failure, without its advice for programs."""
     return re.sub(r"(,? then|[:;,]) call recover\((unlock=True)?\)( again)?$", "", str(error))
 
 
@@ -101,14 +101,14 @@ class Before:
 
 
 def second_visit(plan: Plan) -> int:
-    """Segment number of the first pose's second visit."""
+    """Segment number of the second visit of the first pose."""
     return int(plan.segment.max()) + 1
 
 
 def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Before:
     """Read the recording of a plan's stopped run; an incomplete visit is dropped.
 
-    Its poses need so many rows each (P,), and its metadata are what the run would state now.
+    ``needed`` (P,) are the rows of each pose, ``metadata`` what the run would state now.
 
     Raises:
         PlanError: it is not of this plan, was recorded otherwise, or cannot be resumed.

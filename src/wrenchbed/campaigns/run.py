@@ -139,7 +139,7 @@ def record(
 
 
 class _Run:
-    """One run of a plan, checked."""
+    """One run of a plan whose checks are done."""
 
     def __init__(
         self, driver: Driver, plan: Plan, path: Path, settings: RunSettings, progress: Progress
@@ -234,7 +234,8 @@ class _Run:
     def _failed(
         self, what: str, error: DriverError, failed: Counter[Retries], most: int, remedy: str
     ) -> None:
-        """Count a failure and wait a little; raise where a person must look, or at the last one."""
+        """Count a failure and wait a little; raise it where a person must look, or at the last
+        repetition."""
         if not self.driver.live:
             raise error
         kind = resume.retries(self.driver, error)
@@ -254,7 +255,7 @@ class _Run:
         return itinerary(self.driver.robot, self.plan, start, limits, rows, clear=clear)
 
     def _visit(self, leg: Leg, segment: int, writer: RecordingWriter) -> Hold:
-        """Go there and record; on a live driver, recover from a failed link and try again."""
+        """Go to a pose and record; on a live driver, recover from a failed link and try again."""
         taken: list[np.ndarray] = []
         failed: Counter[Retries] = Counter()
         while True:
@@ -280,7 +281,8 @@ class _Run:
     def _hold(
         self, row: int, segment: int, writer: RecordingWriter, taken: list[np.ndarray]
     ) -> Hold:
-        """Record the rows that a pose still needs; the time and the readings (n, 6) of the hold."""
+        """Record the rows that a pose still needs; return the time and the readings (n, 6) of the
+        hold."""
         at_once = max(1, int(_BLOCK_S * self.rate))
         while (missing := int(self.needed[row]) - sum(map(len, taken))) > 0:
             block = dict(self.driver.sample(min(at_once, missing), self.rate))

@@ -59,7 +59,7 @@ _TRIES = 50
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """Many robots of one kind; row k follows from these and from k alone.
+    """Settings of a campaign of many robots of one kind; row k follows from these and from k alone.
 
     Attributes:
         robot: registry name.
@@ -102,7 +102,7 @@ class Fleet:
         self.model_robot()
 
     def model_robot(self) -> SimulatedRobot:
-        """The robot.
+        """The robot as its nominal model.
 
         Raises:
             ParameterError: it has no model that could be simulated.
@@ -129,7 +129,8 @@ class Fleet:
 
 
 def varied(model: Model) -> tuple[int, ...]:
-    """Parameters that differ from robot to robot: those that `calibrate` identifies."""
+    """Indices of the parameters that differ from robot to robot: those that `calibrate`
+    identifies."""
     return model.parameters.select(model.robot.free)
 
 
@@ -166,7 +167,7 @@ def schema(fleet: Fleet) -> pa.Schema:
 
 
 def course(fleet: Fleet, k: int) -> Recording:
-    """Recording of robot k with readings of 0."""
+    """Recording of robot k before it is measured: its times and poses, with readings of 0."""
     robot = fleet.model_robot()
     plan = fleet.plan
     if plan is None:
@@ -201,7 +202,7 @@ def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray,
 
 
 def robot_row(fleet: Fleet, k: int) -> Row:
-    """Row of robot k; a named error of the package stands in column ``error``."""
+    """Row of robot k in the table; a named error of the package stands in column ``error``."""
     row, begun = Row(robot=k, seed=fleet.seed, error=""), time.perf_counter()
     try:
         recording, theta = recorded(fleet, k)
@@ -278,7 +279,8 @@ def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
 
 @cache
 def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Poses (100, J) at which readings are judged, and those (G, J) for positions, if any."""
+    """Poses (100, J) at which errors of readings are evaluated, and those (G, J) for positions, if
+    any."""
     robot: SimulatedRobot = Fleet(name, 1).model_robot()
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
 

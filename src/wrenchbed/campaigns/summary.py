@@ -22,7 +22,7 @@ all stand in the table of rows."""
 
 
 def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Document:
-    """The summary of the rows of a fleet's campaign in a folder, and the command that made them.
+    """Summary page of the rows of a fleet's campaign in a folder; ``command`` made them.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -79,7 +79,7 @@ def _finite(values: np.ndarray) -> np.ndarray:
 
 
 def _cards(table: pa.Table) -> Iterator[Card]:
-    """Card of the accuracy of calibration."""
+    """Cards of the accuracy of calibration."""
     before, after = (_finite(1e3 * numbers(table, f"force.{w}")) for w in _WHEN)
     if len(after):
         words = f"Median rms force error at new poses of {len(after):,} robots"

@@ -1,11 +1,12 @@
 """The command line: every verb is a function of the library with files in and out.
-May import every room; only this room prints.
-Never: compute; a verb calls the library and prints what it returns.
+Free: tables and their layout; tests/cli speak.
+Others rely on: verbs, options, exit codes and JSON (docs/contracts.md); from docstrings of verbs
+and comments of options `scripts/command_line` writes docs/reference/command-line.md.
+Never: compute; a verb calls the library and prints what it returns, and only this room prints.
 Read first: this file, then `console`; each verb's module is loaded when it is called.
-Used by: the program ``wrenchbed``.
 
-Before libraries are loaded, memory and terminal are looked at: libraries of linear algebra wait for
-ever, or end the process, where the address space is too small for them.
+Before libraries are loaded, memory and terminal are checked: libraries of linear algebra hang, or
+end the process, where the address space is too small for them.
 """
 
 import ast
@@ -92,7 +93,7 @@ def run() -> None:
 
 
 def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
-    """An interrupt that met a callback of the interpreter, which swallows it, comes again."""
+    """Repeat an interrupt that arrived in a callback of the interpreter, which swallows it."""
     if unraisable.exc_type is KeyboardInterrupt:
         threading.Timer(_AGAIN_S, signal.raise_signal, (signal.SIGINT,)).start()
     else:
@@ -129,7 +130,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _usage() -> str:
-    """Every verb with the first paragraph of its docstring, in 80 columns."""
+    """Help text of the program: every verb with the first paragraph of its docstring, in 80
+    columns."""
     indent = max(map(len, _VERBS)) + 4
     lines = [
         "usage: wrenchbed VERB …", "",
@@ -157,7 +159,7 @@ def _summary(module: str, function: str) -> str:
 
 
 def prepare() -> None:
-    """Let standard output and error write everything, on at least `_LEAST_COLUMNS` columns."""
+    """Let standard output and error print every character, on at least `_LEAST_COLUMNS` columns."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -241,7 +243,8 @@ def _check_interrupt(error: BaseException | None) -> None:
 
 
 def _in_words(error: OSError | MemoryError | ImportError) -> str:
-    """What a file, or this machine, lacks; empty where a library is broken."""
+    """Text on the file, or the resource of this machine, that was missing; empty where a library is
+    broken."""
     if isinstance(error, OSError):
         short = shortage(error, error.filename or "")
         reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
@@ -275,7 +278,8 @@ def _call(verb: str, arguments: Sequence[str]) -> int:
 
 
 def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
-    """A function of the same signature that returns the call instead of calling."""
+    """Wrap a function: a call of the result returns another one, without arguments, that makes the
+    call."""
 
     @wraps(function)
     def bound(*args: Any, **kwargs: Any) -> Callable[[], Any]:
@@ -286,7 +290,8 @@ def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
 
 @contextmanager
 def _cleaned(arguments: Sequence[str]) -> Iterator[None]:
-    """Control characters of arguments (names of files) are spelled out in what a parser prints."""
+    """Spell out control characters of arguments (such as names of files) in what a parser
+    prints."""
     if not any(map(OBEYED.search, arguments)):
         yield
         return

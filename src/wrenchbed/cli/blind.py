@@ -33,7 +33,8 @@ class FamilyArguments:
     world: Literal["referee", "look-alikes", "efforts", "both"] = "referee"
 
     def family(self, seed: int) -> "Family":
-        """Cases that follow from a seed."""
+        """The family of sealed cases (robots, kinds, number) that these arguments and a seed
+        determine."""
         from wrenchbed.benchmark.sealed.make import EffortFamily, Family, LookalikeFamily
 
         if self.world in ("efforts", "both"):
@@ -147,7 +148,7 @@ def score(
 
 
 def _score_table(page: "Document") -> Group:
-    """The figures of a sealed benchmark: targets, the judged entrant and the next one."""
+    """Table of the figures of a score: targets, the judged entrant and the next one."""
     figures = page.sections[0].parts[0]
     assert not hasattr(figures, "svg")
     table = console.table("", *(f">{head}" for head in figures.columns[1:5]))

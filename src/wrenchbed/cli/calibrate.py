@@ -45,7 +45,7 @@ class DataArguments:
     touch_std: float | None = None
 
     def read(self) -> wb.Touches | None:
-        """The touches, if any."""
+        """Read the file of touches; None if there is none."""
         if self.touches is None:
             if self.touch_std is not None:
                 raise ParameterError("--touch-std goes with --touches")
@@ -103,7 +103,7 @@ def calibrate(
 
 
 def _channels(data: wb.Recording) -> str:
-    """What is fitted where nothing else is said: the wrench, else joint efforts, else places, else
+    """Channels that are fitted by default: the wrench, else joint efforts, else places, else
     commands."""
     if data.has_wrench:
         return "wrench"
@@ -116,7 +116,7 @@ def _fitted(
     channels: str, data: wb.Recording, options: wb.Options, given: DataArguments,
     truth: Path | None, known: Mapping[str, float] | None,
 ) -> tuple[wb.Fit | DriveFit | TrackerFit, Group]:  # fmt: skip
-    """The fit to a recording's channels and its display, beside known true values."""
+    """Fit a recording's channels; return the fit, and its table beside known true values."""
     if channels == "effort":
         efforts = wb.calibrate_efforts(
             data, options.free, constants=given.constants, force=options.force

@@ -51,7 +51,7 @@ _WORDS: list[str] = []
 
 
 def pairs(words: Sequence[str]) -> dict[str, str]:
-    """Values by name, as text.
+    """Split words NAME=VALUE into values by name, as text.
 
     Raises:
         ParameterError: a word is not NAME=VALUE.
@@ -64,7 +64,8 @@ def pairs(words: Sequence[str]) -> dict[str, str]:
 
 
 def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> dict[str, Any]:
-    """Values for fields of an options dataclass; fields with a flag of their own are excluded.
+    """Convert words to values for fields of an options dataclass; fields in ``excluded`` have flags
+    of their own.
 
     Raises:
         ParameterError: no such field (the message lists all), or a value of another type.
@@ -102,7 +103,8 @@ def _simple_type(hint: Any) -> tuple[type, bool, bool] | None:
 
 
 class Console(RichConsole):
-    """A console on which text of foreign files is only text: control characters are spelled out."""
+    """A console that prints text of foreign files as text only: control characters are spelled
+    out."""
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -124,7 +126,7 @@ def check_seed(seed: int) -> None:
 
 @contextmanager
 def outputs() -> Iterator[None]:
-    """Let go of all outputs when the block ends."""
+    """Release the locks of all outputs when the block ends."""
     with _CLAIMED:
         yield
 
@@ -132,7 +134,7 @@ def outputs() -> Iterator[None]:
 def check_out(
     out: Path | None, kind: Kind, *inputs: Path | None, force: bool = False, lock: bool = True
 ) -> None:
-    """Refuse to replace what must not be replaced, and keep other processes off the output."""
+    """Refuse to replace what must not be replaced, and lock the output against other processes."""
     if out is None:
         return
     if lock and out.name and not out.is_dir():
@@ -157,7 +159,7 @@ def check_positive(flag: str, count: int) -> int:
 
 
 def parameters(path: Path | None) -> dict[str, float]:
-    """A JSON object {name: value}; empty without a file."""
+    """Read a JSON object {name: value}; empty without a file."""
     if path is None:
         return {}
     raw = load(path, ParameterError)
@@ -167,12 +169,12 @@ def parameters(path: Path | None) -> dict[str, float]:
 
 
 def command() -> str:
-    """The command line of wrenchbed that runs, to be printed."""
+    """The running command line of wrenchbed, to be printed."""
     return shlex.join(["wrenchbed", *_WORDS])
 
 
 def note_words(words: Sequence[str]) -> None:
-    """Keep the words of the command line that runs, see `command`."""
+    """Store the words of the running command line for `command`."""
     _WORDS[:] = words
 
 
@@ -182,7 +184,8 @@ def say(text: str) -> None:
 
 
 def note(display: RenderableType) -> None:
-    """Print on stderr what people read before a verb goes on; stdout is the result's."""
+    """Print on stderr a display that people read before a verb goes on; stdout has the result
+    alone."""
     _NOTES.print(display, markup=False, highlight=False)
 
 
@@ -191,7 +194,7 @@ def _print(text: str) -> None:
 
 
 def answer(result: Any, as_json: bool, *displays: RenderableType) -> None:
-    """Print what people read, texts or tables of rich; or the result as JSON."""
+    """Print the displays (texts or tables of rich), or with ``as_json`` the result as JSON."""
     if as_json:
         print(json.dumps(result, indent=1, allow_nan=False))
         return
@@ -230,10 +233,11 @@ def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]
 
 @contextmanager
 def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Callable[..., None]]:
-    """A bar on stderr, nothing where stderr is no terminal; call it with (steps done, label).
+    """Show a progress bar on stderr if that is a terminal; yield a function to call with (steps
+    done, label).
 
-    Without a total, or with steps of which one may take much longer than another, it shows the
-    time since its begin, else the time that remains.
+    Without a total, or with steps of which one may take much longer than another, it shows the time
+    since its begin, else the time that remains.
     """
     console = Console(stderr=True)
     alike = alike and total is not None
@@ -253,7 +257,7 @@ def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Ca
 
 @contextmanager
 def until_signal() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set; the handlers before are put back."""
+    """Yield an event that SIGINT and SIGTERM set; then put the handlers before back."""
     event = threading.Event()
     kinds = (signal.SIGINT, signal.SIGTERM)
     before = {kind: signal.signal(kind, lambda *_: event.set()) for kind in kinds}

@@ -158,7 +158,7 @@ def _milli(value: float) -> str:
 
 
 def _sure(value: float, std: float) -> str:
-    """A thousand times a number, to two digits of its uncertainty."""
+    """Text of a value ± its standard uncertainty, times a thousand, to two digits of the latter."""
     places = max(0, 1 - math.floor(math.log10(1e3 * std))) if std > 0.0 else 3
     return f"{1e3 * value:.{places}f} ± {1e3 * std:.{places}f}"
 
@@ -178,7 +178,7 @@ class EmulatorArguments:
     seed: int = 0  # Of the noise.
 
     def options(self) -> "wb.EmulatorOptions":
-        """The emulator's options."""
+        """Options of the emulator from these arguments."""
         console.check_seed(self.seed)
         parameters, words = console.parameters(self.parameters), console.pairs(self.set)
         return wb.EmulatorOptions(

@@ -119,8 +119,8 @@ def diagnose(
 
 
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
-    """Whether joint efforts of a motion are diagnosed: where they are asked for, or there is no
-    wrench. At rest they are a channel like others."""
+    """Whether joint efforts of a motion are diagnosed: if the option says so, or there is no
+    wrench. At rest they are one channel of the diagnosis of a wrench."""
     if len(data) == 1 and data[0].metadata.mode == "static" and data[0].effort == "tau":
         return False
     held = data[0].effort is not None or data[0].only_commanded
@@ -157,8 +157,8 @@ def _diagnose_efforts(
 def _diagnose_wrench(
     data: list[wb.Recording], look_alikes: int, seed: int, out: Path, material: str | None
 ) -> tuple[list[str], Answer]:  # fmt: skip
-    """Diagnose the wrench of recordings, or a tracker's readings; names of files, without plans,
-    and the words."""
+    """Diagnose the wrench of recordings, or a tracker's readings; return the names of written
+    files, without plans, and the answer to print."""
     from wrenchbed.diagnosis.diagnose import diagnose as one
     from wrenchbed.diagnosis.several import diagnose_several as several
     from wrenchbed.reports.diagnosis_page import diagnosis_page
@@ -187,10 +187,10 @@ def _diagnose_wrench(
 
 
 def material_of(text: str) -> Material:
-    """What is material, of ``0.2N,0.01N·m,0.1mm``.
+    """Read the sizes that are material from text such as ``0.2N,0.01N·m,0.1mm``.
 
     Raises:
-        ParameterError: something else than a force, a torque and a place above 0, each once.
+        ParameterError: something else than a force, a torque and a length above 0, each once.
     """
     from wrenchbed.diagnosis.prepare.prepared import Material
 
@@ -207,7 +207,7 @@ def material_of(text: str) -> Material:
 
 
 def _names(folder: Path) -> list[str]:
-    """Names of the files that could be made."""
+    """Names of those files of a diagnosis that were written to a folder."""
     made = ("diagnosis.json", "twin.json", _DRIVES, _PAGE, _PICTURE)
     return [name for name in made if (folder / name).exists()]
 
@@ -219,7 +219,7 @@ def _draw(findings: Findings, path: Path) -> None:
 
 
 def _tried(name: str, write: Callable[[], object]) -> None:
-    """Write a file; warn where that needs a library that is missing."""
+    """Call ``write``; warn if it needs a library that is missing."""
     try:
         write()
     except MissingExtraError as error:
@@ -227,7 +227,8 @@ def _tried(name: str, write: Callable[[], object]) -> None:
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
-    """How often claims are right at this design too."""
+    """Learn how often claims are right at this recording's design too, from ``count``
+    look-alikes."""
     from wrenchbed.benchmark.scoring.at_design import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
@@ -259,7 +260,8 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
 
 
 def answer_display(a: Answer) -> Group:
-    """The three answers, then what the data cannot tell and what to do next; as on the page."""
+    """Display of an answer: the three answers, then what the data cannot tell and what to do next,
+    as on the page."""
     d = a.d
     head = Text.assemble(("diagnosis ", "bold"), a.about)
     verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {a.headline}")
@@ -294,7 +296,7 @@ def _causes(a: Answer) -> Table:
 
 
 def isolability(name: str, result: DryRun) -> Group:
-    """Which effects a plan could show, from what size on."""
+    """Display of a dry run: which effects a plan could show, from what size on."""
     from wrenchbed.diagnosis.next.blind import sentences
     from wrenchbed.pages import numbers
 

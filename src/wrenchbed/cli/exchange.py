@@ -113,8 +113,8 @@ def _import_lerobot(
 
 
 def _doubt(recording: Recording) -> str | None:
-    """Why a calibration would refuse a recording; None where nothing speaks against it, or where
-    its robot is not known, so that nothing can."""
+    """Reason for which a calibration would refuse a recording; None if there is none, or if its
+    robot is not known."""
     from wrenchbed.calibration.trust import check
 
     try:
@@ -125,7 +125,8 @@ def _doubt(recording: Recording) -> str | None:
 
 
 def _changed(column_map: ColumnMap, options: RowOptions) -> ColumnMap:
-    """A column map whose mode and incomplete rows are as the command line states."""
+    """The column map with the mode and the handling of incomplete rows that the command line
+    states."""
     mode = options.mode
     if options.skip_incomplete:
         files = tuple(replace(f, skip_incomplete=True) for f in column_map.files)

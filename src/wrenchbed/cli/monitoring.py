@@ -96,18 +96,18 @@ def check(
         stored.in_time(before, time, now)  # before the robot moves
         out = history / stored.file_of(time)
         console.check_out(out, Kind.RECORDING)
-        recording = _recorded(plan, out, device, how, motion, len(before))
+        recording = _record(plan, out, device, how, motion, len(before))
     judgement = wb.check(
         arm, history, recording, time=time, temperature=how.temperature, baseline=how.new_baseline
     )
     return _answer(judgement, as_json)
 
 
-def _recorded(
+def _record(
     plan: wb.Plan, out: Path, device: DeviceArguments, how: CheckArguments, motion: LimitArguments,
     number: int,
 ) -> wb.Recording:  # fmt: skip
-    """The plan recorded by a driver."""
+    """Record the plan by a driver."""
     kind = wb.load("drivers", device.driver)
     if device.driver == SimDriver.name and device.seed is None:
         device = replace(device, seed=number)  # noise of its own
@@ -122,7 +122,7 @@ def _recorded(
 
 
 def _answer(judgement: wb.Judgement, as_json: bool) -> int:
-    """Print the verdict and the numbers; the exit code."""
+    """Print the verdict and the numbers; return the exit code."""
     console.answer(judgement.to_json(), as_json, compared(judgement.comparison))
     return EXIT[judgement.verdict]
 
@@ -206,7 +206,7 @@ def _sentence(done: LiveSummary) -> str:
 
 
 class _Gauge:
-    """Six bars; a sink and a context manager."""
+    """Shows six bars in the terminal; a sink of `live` and a context manager."""
 
     def __init__(self, frame: str) -> None:
         self._live, self._frame, self._shown = Live(auto_refresh=False), frame, -np.inf
@@ -225,7 +225,7 @@ class _Gauge:
 
 
 def gauge(external: External, frame: str) -> Table:
-    """Values, bars in units of noise, and the alarm."""
+    """Table of a reading: values, bars in units of noise, and the alarm."""
     caption = external.alarm or (
         "at rest" if external.at_rest else "moving: inertia is not compensated"
     )

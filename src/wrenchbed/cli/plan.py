@@ -148,7 +148,7 @@ def _chosen(arm: wb.Robot, poses: PoseArguments, motion: MotionArguments, seed: 
 
 
 def _touches(out: Path) -> Path:
-    """Plan of touches beside a plan."""
+    """Path of the plan of touches beside a plan."""
     return out.with_name(f"{out.stem}.touches.parquet")
 
 

@@ -63,8 +63,13 @@ class DeviceArguments:
     set: Repeated = ()
 
     @property
-    def recorded(self) -> tuple[str, ...]:
-        """Channels that were asked for."""
+    def asked_channels(self) -> tuple[str, ...]:
+        """Names of the channels in ``--channels``, in the order given; empty if the option is not
+        given.
+
+        Raises:
+            ParameterError: the driver is not sim, or a name is not one of `CHANNELS_OF`.
+        """
         names = tuple((self.channels or "").replace(" ", "").split(",")) if self.channels else ()
         if self.channels is not None and self.driver != "sim":
             raise ParameterError(f"--channels: driver {self.driver!r} does not take it")
@@ -73,9 +78,9 @@ class DeviceArguments:
         return names
 
     def check(self, mode: str) -> None:
-        """Refuse channels that a plan of a mode does not show."""
+        """Refuse channels that a plan of this mode (static or dynamic) cannot show."""
         other = ("command",) if mode == "static" else ("pose", "imu")
-        if wrong := [name for name in self.recorded if name in other]:
+        if wrong := [name for name in self.asked_channels if name in other]:
             when = "in motion" if mode == "static" else "at rest"
             raise ParameterError(f"--channels {wrong[0]}: is simulated {when} only")
 
@@ -90,7 +95,7 @@ class DeviceArguments:
         flagged = ("robot", "limits", *given)
         words = console.typed(device.options, console.pairs(self.set), flagged)
         chosen: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
-        usual = {_OPTION_OF[c]: _USUAL[c] for c in self.recorded if c in _OPTION_OF}
+        usual = {_OPTION_OF[c]: _USUAL[c] for c in self.asked_channels if c in _OPTION_OF}
         chosen = {k: v for k, v in usual.items() if k not in words} | chosen
         for name in chosen:
             if name == "effects" and name not in known:
@@ -117,7 +122,7 @@ class LimitArguments:
     max_torque: float | None = None  # Stop the robot above this measured torque [N·m]; likewise.
 
     def limits(self, live: bool) -> Limits:
-        """What is not given is as usual for live or simulated robots."""
+        """Limits as given, the others as usual for live or simulated robots."""
         usual, box = LIVE if live else Limits(), self.workspace
         return Limits(
             usual.speed if self.speed is None else self.speed,
@@ -196,31 +201,32 @@ def record(
         static = kind.live and todo.mode == "static"
         stop.add_note(_left_behind(_version(out) != before, static, run.resume))
         raise
-    _leave_out(out, device.recorded)
+    _leave_out(out, device.asked_channels)
     _answer(done, todo, device.driver, as_json)
 
 
 def _version(path: Path) -> tuple[int, int] | None:
-    """Time and size of a file, by which a new one is told from the old; None: there is none."""
+    """Time and size of a file, which show whether it was rewritten; None if there is none."""
     return (path.stat().st_mtime_ns, path.stat().st_size) if path.is_file() else None
 
 
 def _left_behind(new: bool, static: bool, resumed: bool) -> str:
-    """What a stopped recording leaves, and how it goes on.
+    """Text on what a stopped recording leaves on disk, and how to continue it.
 
     Args:
         new: the file was written.
         static: a live driver visited poses, which alone can be resumed.
-        resumed: a recording that exists was to go on.
+        resumed: with --resume: an existing recording was to be continued.
     """
     what = "; what was recorded is on disk" if new else "; nothing was recorded"
     return f"{what}, and `record … --resume` goes on" if static and (new or resumed) else what
 
 
-def _leave_out(path: Path, recorded: tuple[str, ...]) -> None:
-    """Take the columns of channels that were not asked for out of a recording."""
-    stems = {s for name, columns in CHANNELS_OF.items() if name not in recorded for s in columns}
-    if not recorded or not stems:
+def _leave_out(path: Path, asked: tuple[str, ...]) -> None:
+    """Delete from a recording the columns of channels that are not in ``asked``; keep all if it is
+    empty."""
+    stems = {s for name, columns in CHANNELS_OF.items() if name not in asked for s in columns}
+    if not asked or not stems:
         return
     recording = wb.Recording.read(path)
     kept = {n: x for n, x in recording.columns.items() if n.rstrip("0123456789") not in stems}
@@ -229,7 +235,7 @@ def _leave_out(path: Path, recorded: tuple[str, ...]) -> None:
 
 
 def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments) -> None:
-    """Print the moves, checked, as a table."""
+    """Check the moves, and print them as a table."""
     if run.resume:
         raise ParameterError("--dry-run records from the start: leave --resume out")
     arm = wb.load("robots", plan.robot)
@@ -282,9 +288,9 @@ def _answer(done: RunProgress, plan: wb.Plan, driver: str, as_json: bool) -> Non
 
 @contextmanager
 def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[LiveLimits | None]:
-    """Connected and able to move; errors name the flag instead of the Python method.
+    """Connect a driver and activate it for the block; errors name the flag, not the Python method.
 
-    The block gets the limits of a live driver, which were shown.
+    Yields the limits of a live driver, which were printed and agreed to.
 
     Args:
         link: closed.
@@ -319,7 +325,7 @@ def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[
 
 
 def _shown(link: LiveDriver, plan: wb.Plan) -> LiveLimits:
-    """The complete limits, printed."""
+    """Print the complete limits and return them."""
     complete = live_limits(link, plan)
     limits, origin = complete.limits, complete.origin
     assert limits.workspace is not None
@@ -338,7 +344,7 @@ def _shown(link: LiveDriver, plan: wb.Plan) -> LiveLimits:
 
 
 def _agree(address: str) -> None:
-    """Ask at the terminal.
+    """Ask at the terminal whether the robot may move.
 
     Raises:
         ParameterError: the answer is not yes.

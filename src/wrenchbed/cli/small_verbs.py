@@ -94,7 +94,7 @@ def compare(
 
 
 def compared(result: wb.Comparison) -> Group:
-    """A comparison as a table of all numbers, the sentences first."""
+    """Display of a comparison: its sentences, then a table of all numbers."""
     table = console.table("|", ">A", ">B", ">B − A", ">σ")
     for c in result.changes:
         style = "bold" if c.changed else ""
@@ -121,7 +121,7 @@ class RobotArguments:
     seed: int = 0  # All follows from it.
 
     def fleet(self, robot: str) -> "wb.Fleet":
-        """The settings that all rows of the campaign follow from."""
+        """Settings that determine all rows of the campaign."""
         words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
         plan = None if self.plan is None else wb.Plan.read(self.plan)
         return wb.Fleet(robot, self.robots, words, self.poses, self.samples, self.seed, plan)

@@ -1,8 +1,8 @@
 """Gymnasium environments of calibration and contact; importing this room registers them.
-It may import all rooms below it, which is every room but cli, studies and viewer.
+Free: rendering, policies; tests/environments/test_environments.py speaks.
+Others rely on: ids, observations, actions and rewards: a change makes learnt agents useless.
 Never: import this room from another one, so that gymnasium stays optional.
-Read `calibration`, then `contact`.
-Used by: users, by `gymnasium.make`.
+Read first: `calibration`, then `contact`.
 """
 
 import os

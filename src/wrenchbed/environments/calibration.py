@@ -1,6 +1,6 @@
-"""Calibration environment: choose poses so that few seconds of the robot inform most.
+"""Calibration environment: choose poses that inform most in few seconds of robot time.
 
-What poses tell of a robot's accuracy is linear about the nominal robot.
+Information is linear, about the nominal robot: it does not depend on the readings.
 """
 
 import math
@@ -30,7 +30,8 @@ _TRIES = 50
 
 
 def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
-    """What is known before any pose of a pool (N, J) is read with ``std`` (6,) [N, N·m]."""
+    """Knowledge before any pose of a pool (N, J) is read with ``std`` (6,) [N, N·m] of a
+    reading."""
     robot, nominal = model.robot, model.parameters.nominal
     columns = model.parameters.select(robot.free)
     scale = model.parameters.tolerance[list(columns)]
@@ -53,9 +54,9 @@ class Knowledge:
     Attributes:
         columns: parameters that differ from robot to robot.
         unit: of errors.
-        rows: readings of each pose of the pool by the parameters, in noise and tolerances
-            (N, 6, K).
-        criterion: of an information matrix: 1 / mean square error.
+        rows: derivatives of each pose's readings by the parameters, in noise and tolerances (N, 6,
+            K).
+        criterion: function of an information matrix, 1 / mean square error.
         information: on the parameters in tolerances (K, K).
     """
 
@@ -77,7 +78,7 @@ class Knowledge:
 
     @property
     def open(self) -> tuple[float, float]:
-        """Least and mean remaining share of the initial uncertainty, 0 … 1."""
+        """Least and mean share of the initial uncertainty of the parameters that remains, 0 … 1."""
         std = np.sqrt(np.clip(np.linalg.inv(self.information).diagonal(), 0.0, 1.0))
         return float(std.min()), float(std.mean())
 
@@ -143,7 +144,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Another robot; with a seed also another pool."""
+        """Draw another robot; with a seed also another pool."""
         super().reset(seed=seed)
         if seed is not None or not len(self.pool):
             self.pool = self.robot.sample(self._size, self.np_random)
@@ -177,11 +178,12 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return move + SETTLE_S + self.samples / RATE_HZ
 
     def render(self) -> np.ndarray | None:
-        """The robot at its pose (H, W, 3), if the render mode is ``rgb_array``."""
+        """Picture (H, W, 3) of the robot at its pose, None unless the render mode is
+        ``rgb_array``."""
         return None if self.render_mode is None else self.picture(self.simulation, self.q)
 
     def _random_parameters(self) -> np.ndarray:
-        """Parameters within tolerance with which every pose is reached."""
+        """Draw parameters within tolerance with which every pose is reached."""
         columns, count = list(self._unread.columns), len(self.robot.parameters)
         tolerance = self.model.parameters.tolerance[columns]
         for _ in range(_TRIES):
@@ -199,7 +201,8 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return np.sqrt(white**2 / self.samples + slow**2 * octaves)
 
     def _read(self) -> np.ndarray:
-        """Mean of the rows (6,) [N, N·m], by MuJoCo, with the sensor's noise."""
+        """Simulate a reading: mean of its rows (6,) [N, N·m], by MuJoCo, with the sensor's
+        noise."""
         load = self.model.read(self.simulation.wrench(self.q[None]), self.theta)
         t = self._time + self._ticks
         rows, _ = self._stream.corrupt(t, np.repeat(load, self.samples, axis=0))

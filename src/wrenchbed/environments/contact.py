@@ -47,7 +47,7 @@ _ZEROED = 25
 
 
 class Hand:
-    """Joint targets that lead the tip of a nominal robot.
+    """Computes joint targets that lead the tip of a nominal robot.
 
     Args:
         robot: at its home pose.
@@ -163,7 +163,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Another limb below the tip, another force; the sensor is zeroed."""
+        """Draw another limb below the tip and another force; zero the sensor."""
         super().reset(seed=seed)
         rng = self.np_random
         self.wanted = float(rng.uniform(*TARGET_N))
@@ -188,7 +188,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Move for `STEP_S`."""
+        """Move the tip for `STEP_S`."""
         wish = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
         for q in self.hand.move(SPEED * STEP_S * wish, CYCLES):
             self.body.step(q)
@@ -202,13 +202,13 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), reward, hurt, over and not hurt, self._info()
 
     def render(self) -> np.ndarray | None:
-        """The robot now (H, W, 3), if the render mode is ``rgb_array``."""
+        """Picture (H, W, 3) of the robot now, None unless the render mode is ``rgb_array``."""
         if self.render_mode is None:
             return None
         return self.picture(self.body.simulation, self.body.q, self.limb)
 
     def _limb(self) -> Limb:
-        """A limb below the tip."""
+        """Draw a limb below the tip."""
         draws = self.np_random.random(4)
         stiffness = STIFFNESS[0] * (STIFFNESS[1] / STIFFNESS[0]) ** draws[0]
         radius, above = (

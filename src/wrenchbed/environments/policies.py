@@ -24,7 +24,7 @@ class GreedyInformation:
         self._env: CalibrationEnv = _unwrapped(env, CalibrationEnv, words)
 
     def __call__(self, observation: np.ndarray) -> int:
-        """The number of a pose."""
+        """Number of the pose to visit next."""
         env = self._env
         seconds = np.array([env.seconds(k) for k in range(len(env.pool))])
         return int(np.argmax(env.knowledge.gains() / seconds))
@@ -35,7 +35,7 @@ class ForceController:
 
     Args:
         env: a contact environment, wrapped or not.
-        softness: of what is touched, as far as one knows [m/N].
+        softness: estimated compliance of what is touched [m/N].
 
     Raises:
         ParameterError: another environment.
@@ -46,7 +46,7 @@ class ForceController:
         self._gain = 0.15 * softness / (SPEED * STEP_S)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Speed of the tip, straight up and down, −1 … 1."""
+        """Speed of the tip, up or down, as an action −1 … 1."""
         force = self._env.hand.orientation @ observation[:3]
         wanted, least = float(observation[9]), -0.5
         down = self._gain * (wanted - float(force[2]))

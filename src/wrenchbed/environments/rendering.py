@@ -30,7 +30,7 @@ def simulated(name: str) -> SimulatedRobot:
 
 
 class Rendered:
-    """Part of an environment that renders its robot.
+    """Base of an environment that renders its robot.
 
     Attributes:
         render_mode: ``rgb_array`` or None.
@@ -43,7 +43,8 @@ class Rendered:
     def picture(
         self, simulation: Simulation, q: np.ndarray, limb: Limb | None = None
     ) -> np.ndarray:
-        """The robot (H, W, 3) at joint values (J,), and the limb that it probes."""
+        """Picture (H, W, 3) of the robot at joint values (J,), and of the limb that it presses
+        on."""
         data = mujoco.MjData(simulation.model)
         data.qpos[:] = simulation.robot.qpos(q[None], simulation.theta)[0]
         mujoco.mj_forward(simulation.model, data)

@@ -23,7 +23,7 @@ XML = "<!--"
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What formats ask for beside the numbers.
+    """Inputs that some formats need besides the numbers.
 
     Attributes:
         urdf: text of the user's own URDF.
@@ -35,14 +35,14 @@ class ExportOptions:
 
 
 class Export(ABC):
-    """A format.
+    """A file format of another program: writes load numbers as its text.
 
     Attributes:
         name: as in ``export --to NAME``.
         title: one line for people.
         source: the document or program that defines the format.
-        comment: how a comment's line begins, or ``<!--``; empty where the format has none, then
-            the notes are written to a file beside it.
+        comment: how a comment's line begins, or ``<!--``; empty where the format has none, then the
+            notes are written to a file beside it.
         needs_flange: whether it is in flange axes and has no use for sensor axes.
         carries: which numbers of `CARRIES` it takes; the others are named as left out.
     """
@@ -56,14 +56,14 @@ class Export(ABC):
 
     @abstractmethod
     def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
-        """The whole file; ``notes`` are lines for its comments.
+        """Text of the whole file; ``notes`` are lines for its comments.
 
         Raises:
             ExportError: the data did not determine what the format needs.
         """
 
     def hints(self, numbers: LoadNumbers) -> tuple[str, ...]:
-        """What a person has to know of the format: units, what to fill in."""
+        """Notes on the format for people: units, what to fill in."""
         return ()
 
     def commented(self, notes: Sequence[str]) -> str:
@@ -124,8 +124,8 @@ def output_files(format_name: str, out: str | Path) -> list[Path]:
 
 
 def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:
-    """What a person should know of an exported file, each note one line without control characters:
-    names of files, recordings and parameters are texts of others."""
+    """Notes on an exported file for people, each one line without control characters: names of
+    files, recordings and parameters are texts of others."""
     here = [getattr(numbers, name) for name in form.carries]
     absent = [n for n in CARRIES if not {n, f"{n}_sensor"} & set(form.carries)]
     unused = [q.line() for q in (getattr(numbers, n) for n in absent) if q.known]

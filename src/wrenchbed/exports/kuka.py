@@ -14,7 +14,8 @@ _MM = 1000.0
 
 
 class Kuka(Export):
-    """M [kg], CM [mm, °] with the principal axes of inertia, J about them [kg·m²]."""
+    """Export format of KUKA load data: M [kg], CM [mm, °] with the principal axes of inertia, J
+    about them [kg·m²]."""
 
     name = "kuka"
     title = "KUKA load data (KRL)"

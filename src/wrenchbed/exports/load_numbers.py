@@ -52,7 +52,7 @@ Vectors = Mapping[str, np.ndarray]
 
 
 class Origin(StrEnum):
-    """Where a number is from."""
+    """Where a number of a calibration comes from."""
 
     IDENTIFIED = "identified from the data"
     STATED = "not identified: as the recording or the model states it"
@@ -61,15 +61,15 @@ class Origin(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A number or a vector.
+    """A number or a vector of a calibration.
 
     Attributes:
         name: for people.
         value: (K,) [unit].
         std: standard uncertainty (K,) [unit]; None if it is not known.
         unit: SI.
-        origin: where it is from.
-        why: if it is undetermined, the parameters that stand behind that.
+        origin: where it comes from.
+        why: if it is undetermined, the parameters of which the data fix only a combination.
     """
 
     name: str
@@ -94,11 +94,11 @@ class Quantity:
 
     @property
     def known(self) -> bool:
-        """Whether the data determined it."""
+        """Whether the data determined this number."""
         return self.origin is Origin.IDENTIFIED
 
     def line(self) -> str:
-        """Value ± std [unit] and origin, in one line."""
+        """The number as one line: value ± std [unit] and origin."""
         if self.origin is Origin.UNDETERMINED:
             return f"{self.name}: undetermined, {self.why}"
         std = self.std if self.std is not None else (None,) * len(self.value)
@@ -151,9 +151,9 @@ class LoadNumbers:
 
 
 class _Calibrated(NamedTuple):
-    """A simulator with θ, in which effects are parameters where they can be; of the identified
-    parameters the indices, their covariance (K, K) if it is known, and those of which the data fix
-    only a combination, and with which; and what no format carries."""
+    """A calibrated simulator with parameters θ, in which effects are parameters where they can be;
+    of the identified parameters the indices, their covariance (K, K) if it is known, and those of
+    which the data fix only a combination, and with which; and what no format carries."""
 
     twin: Twin
     free: tuple[int, ...]
@@ -218,7 +218,7 @@ def calibrated_twin(path: str | Path) -> Twin:
 
 
 def _trusted(fields: checked.Fields) -> None:
-    """Refuse a fit that its data refute, or that did not converge."""
+    """Refuse a fit that its own data refute, or that did not converge."""
     if refuted := fields.raw.get("refuted"):
         raise ExportError(f"{fields.where}its own data refute it: {refuted}")
     if fields.raw.get("converged") is not True:

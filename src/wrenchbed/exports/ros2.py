@@ -37,7 +37,8 @@ gravity_compensation_filter:
 
 
 class Ros2(Export):
-    """Two parameter blocks of one load; a user keeps the one that is needed."""
+    """Export format of ROS 2: two parameter blocks of one load; a user keeps the one that is
+    needed."""
 
     name = "ros2"
     title = "ROS 2 parameters of admittance_controller and gravity_compensation_filter"

@@ -8,7 +8,8 @@ from wrenchbed.files.checked import listed
 
 
 class UniversalRobots(Export):
-    """A program to load; it also goes line by line into a program of the user's own."""
+    """Export format of Universal Robots: a URScript program, whose lines may also be copied into
+    another."""
 
     name = "ur"
     title = "URScript with set_target_payload and set_gravity"

@@ -23,7 +23,8 @@ _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 class Urdf(Export):
-    """Edits the user's elements; the comments stand inside the inertial."""
+    """Export format of URDF: edits elements of the user's file; the notes are comments in its
+    inertial."""
 
     name = "urdf"
     title = "the user's URDF with the load and the sensor's frame"
@@ -117,13 +118,13 @@ def _parsed(text: str) -> Element:
 
 
 def _linked(joint: Element, side: str) -> str:
-    """Name of the link at one side of a joint, ``parent`` or ``child``; empty if it names none."""
+    """Name of the link at a side of a joint, ``parent`` or ``child``; empty if it has none."""
     end = joint.find(side)
     return "" if end is None else end.get("link", "")
 
 
 def _part(element: Element, tag: str) -> Element:
-    """A part of an element, made where there is none."""
+    """Child element of this tag, made where there is none."""
     part = element.find(tag)
     if part is None:
         part = Element(tag)

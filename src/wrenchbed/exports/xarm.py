@@ -16,7 +16,8 @@ stand in a name."""
 
 
 class XArm(Export):
-    """Mass [kg], CoG in sensor axes [mm], zero of the six channels [N, N·m]."""
+    """Export format of xArm: mass [kg], CoG in sensor axes [mm], zero of the six channels [N,
+    N·m]."""
 
     name = "xarm"
     title = "the ten numbers of xArm's ft_sensor_cali_load"

@@ -1,7 +1,9 @@
 """The one way to write: a file is complete under its name, or what was there before is.
 
-Its room also reads JSON and TOML of others, `checked`. Used by: every room that writes files.
-May import: errors. Never: open an output in place; it is complete under its name, or not there.
+Free: speed; tests/project/test_files.py and test_write_faults.py speak.
+Others rely on: atomicity, locks and names aside (NAME~, NAME~2), on which every room that writes
+builds.
+Never: open an output in place; read JSON or TOML of others but by `checked`, with its limits.
 """
 
 import errno
@@ -111,7 +113,7 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def locked(path: str | Path, folder: bool = False) -> Iterator[None]:
-    """Hold an output for this process while the block runs; a process that dies lets it go.
+    """Lock an output for this process while the block runs; a process that dies lets it go.
 
     A file is locked by ``.NAME.lock`` beside it; a folder, which is made if it is missing, by
     itself. This process may lock an output again. File systems without locks lock nothing.
@@ -235,12 +237,12 @@ def _sweep(folder: Path) -> None:
 
 
 def no_link(name: str, flags: int) -> int:
-    """An opener that follows no symbolic link."""
+    """Open a file descriptor, an opener for `open`, without following symbolic links."""
     return os.open(name, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
 
 
 def _lock(name: Path, folder: bool) -> int:
-    """A handle that holds the lock."""
+    """Open the lock of an output and hold it; return the file descriptor."""
     kind = os.O_DIRECTORY if folder else os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW
     while True:
         handle = os.open(name, kind | os.O_CLOEXEC, 0o666)
@@ -258,7 +260,7 @@ def _lock(name: Path, folder: bool) -> int:
 
 
 def _replaceable(path: Path) -> int | None:
-    """Permissions of the file that ``path`` names, None if the name is free or a link.
+    """Permissions of the file at ``path`` that may be replaced; None if the name is free or a link.
 
     Raises:
         OSError: a folder, a device or a write-protected file has the name.
@@ -277,7 +279,7 @@ def _replaceable(path: Path) -> int | None:
 
 
 def _make(folder: Path) -> list[Path]:
-    """Make a folder and its parents; those that were missing, the innermost last."""
+    """Make a folder and its parents; return those that were missing, the innermost last."""
     missing = []
     while not folder.exists():
         missing.append(folder)
@@ -289,14 +291,15 @@ def _make(folder: Path) -> list[Path]:
 
 
 def _unmake(made: list[Path]) -> None:
-    """Delete folders that stayed empty."""
+    """Delete those folders that stayed empty."""
     with suppress(OSError):
         for folder in reversed(made):
             folder.rmdir()
 
 
 def _sync(folder: Path, named: Path) -> None:
-    """Bring the names in a folder to the disk, where a file system can; errors name an output."""
+    """Flush the names in a folder to the disk, where the file system can; errors name the
+    output."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(handle)

@@ -120,7 +120,7 @@ class Fields:
         self.raw = raw
 
     def error(self, key: str, rule: str) -> WrenchbedError:
-        """The error for a field: its value, or that it is missing, and what is allowed there."""
+        """Error for a field: its value, or that it is missing, and what is allowed there."""
         if key not in self.raw:
             return self.kind(f"{self.where}{self._label(key)} is missing: it {rule}")
         return self.kind(f"{self.where}{self._label(key)} = {self.raw[key]!r} {rule}")
@@ -129,7 +129,7 @@ class Fields:
         return f"{self.name}.{key}" if self.name else key
 
     def only(self, known: Collection[str], what: str = "it") -> "Fields":
-        """Raise the error for a field that is not known, with the nearest name; else itself."""
+        """Refuse a field that is not known, naming the nearest known one; return these fields."""
         for key in self.raw:
             if key not in known:
                 has = f"{what} has {', '.join(sorted(known))}"
@@ -189,7 +189,8 @@ class Fields:
         return float(self.raw[key])
 
     def amount(self, key: str, unit: str, most: float = inf, not_in: str = "") -> float:
-        """A number from 0 to ``most`` in a unit; beyond it may be ``not_in`` another unit."""
+        """Number of a field from 0 to ``most`` in a unit; a larger one may be ``not_in`` another
+        unit."""
         value = self.stated_number(key, f"must be a number in {unit}, without its unit")
         if not 0.0 <= value <= most:
             hint = f" (is it in {not_in}?)" if not_in and value > most else ""
@@ -211,7 +212,8 @@ class Fields:
     def stated_numbers(
         self, key: str, n: int, rule: str = "", most: float = inf, not_in: str = ""
     ) -> tuple[float, ...]:
-        """So many finite numbers within ± ``most``; beyond it may be ``not_in`` another unit."""
+        """List of n finite numbers within ± ``most`` that must be there; a larger one may be
+        ``not_in`` another unit."""
         values: Any = self.raw.get(key)
         rule = rule or f"must be {n} finite numbers"
         count = len(values) if isinstance(values, list | tuple) else 0
@@ -222,7 +224,7 @@ class Fields:
         return tuple(float(x) for x in values)
 
     def square(self, key: str, size: int) -> list[list[float]]:
-        """A matrix (size, size) of finite numbers."""
+        """Matrix (size, size) of finite numbers in a field."""
         rows: Any = self.raw.get(key)
         right = isinstance(rows, list) and len(rows) == size
         if not right or not all(
@@ -234,7 +236,7 @@ class Fields:
 
     @contextmanager
     def naming(self, key: str) -> Iterator[None]:
-        """Errors of the library inside the block name the field."""
+        """Name the field in errors of the library that are raised inside the block."""
         try:
             yield
         except self.kind:
@@ -253,11 +255,11 @@ def toml_fields(text: str, where: str, error: type[WrenchbedError]) -> Fields:
 
 
 def quoted(words: str) -> str:
-    """A TOML string of one line."""
+    """TOML string of one line for some text."""
     escaped = words.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
 
 
 def listed(values: Iterable[float]) -> str:
-    """A TOML array of numbers, with all their digits."""
+    """TOML array of numbers, with all their digits."""
     return "[" + ", ".join(repr(float(v)) for v in values) + "]"

@@ -1,4 +1,4 @@
-"""Work of a library that looks at no signal and knows no limit, in a process that has both."""
+"""Runs work of a library that ignores signals and has no limits in a process that has both."""
 
 import os
 import pickle
@@ -26,7 +26,7 @@ R = TypeVar("R")
 
 
 def bounded(work: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """What ``work`` returns in a child of this process; an interrupt here ends it at once.
+    """Call ``work`` in a child process and return its result; an interrupt here ends it at once.
 
     Raises:
         ShortageError: it took too long, too much memory, or crashed; says which.
@@ -87,7 +87,7 @@ def _limit() -> None:
 
 
 def _received(reader: int) -> bytes:
-    """All that the child writes; nothing if it ends without a word."""
+    """All bytes that the child writes; empty if it ends without writing."""
     end, content = time.monotonic() + _WALL_S, b""
     while select.select([reader], [], [], max(end - time.monotonic(), 0.0))[0]:
         chunk = os.read(reader, _CHUNK)
@@ -98,7 +98,7 @@ def _received(reader: int) -> bytes:
 
 
 def _how(code: int) -> str:
-    """Why a child ended without a word, from its exit code."""
+    """Text on why a child ended without a result, from its exit code."""
     if code in (-signal.SIGXCPU, -signal.SIGKILL):
         return f"takes more than {_CPU_S} s of processor time"
     return f"takes more than {_MEMORY >> 30} GiB of memory, or is nested without an end"

@@ -1,7 +1,7 @@
-"""A process ends with the one that started it, also where that was killed and could say nothing.
+"""Ends processes together with the one that started them, also if that one was killed.
 
-On Linux the kernel kills it (prctl, PR_SET_PDEATHSIG). Elsewhere, and where something must be
-ended first, a thread looks who the parent is.
+On Linux the kernel kills it (prctl, PR_SET_PDEATHSIG). Elsewhere, and where something must be ended
+first, a thread looks who the parent is.
 """
 
 import ctypes
@@ -55,7 +55,7 @@ def end_by_kernel() -> None:
 
 @contextmanager
 def with_group(group: int) -> Iterator[None]:
-    """While the block runs, a process group that this worker started ends with it."""
+    """End a process group that this worker started if the worker ends during the block."""
     _GROUPS.add(group)
     before = signal.signal(signal.SIGTERM, _end_with_groups)
     _kernel_kills(0)  # the thread must kill the group before this process ends
@@ -70,7 +70,8 @@ def with_group(group: int) -> Iterator[None]:
 
 @contextmanager
 def without_orphans() -> Iterator[None]:
-    """At the end of the block, kill what was started in it and runs on, daemons too, on Linux."""
+    """Kill, at the end of the block, the processes that were started in it and still run, daemons
+    too, on Linux."""
     if not sys.platform.startswith("linux"):
         yield
         return
@@ -87,13 +88,13 @@ def without_orphans() -> Iterator[None]:
 
 
 def _children() -> set[int]:
-    """Processes whose parent is this one, by /proc."""
+    """Ids of the processes whose parent is this one, by /proc."""
     lists = Path("/proc/self/task").glob("*/children")
     return {int(child) for one in lists for child in one.read_text().split()}
 
 
 def bound(command: Sequence[str]) -> list[str]:
-    """A command that starts a program, given by its path, which ends with this process."""
+    """Command that starts a program, given by its path, such that it ends with this process."""
     if not sys.platform.startswith("linux"):
         return list(command)
     return [sys.executable, "-I", "-S", "-c", _START, str(os.getpid()), *command]
@@ -113,6 +114,6 @@ def _end_with_groups(*_: object) -> None:
 
 
 def _kernel_kills(number: int) -> None:
-    """Have the kernel send a signal at the parent's end; 0: none."""
+    """Have the kernel send this process a signal at its parent's end; 0: none."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)

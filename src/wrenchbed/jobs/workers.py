@@ -32,7 +32,7 @@ R = TypeVar("R")
 
 
 class Progress(Protocol):
-    """Called when further steps are done."""
+    """A function that is called when further steps are done."""
 
     def __call__(self, count: int, label: str = "", /) -> None:
         """Report ``count`` further steps; ``label`` names the last one."""
@@ -50,7 +50,8 @@ def in_workers(
     setup: Callable[..., None] | None = None,
     *shared: Any,
 ) -> None:
-    """Work on items in worker processes; an error or an interrupt here ends all of them.
+    """Call ``work`` on each item in worker processes; an error or an interrupt here ends all of
+    them.
 
     Args:
         work: a module-level function of one item.
@@ -73,7 +74,7 @@ def in_workers(
 def workers(
     count: int, setup: Callable[..., None] | None = None, *shared: Any
 ) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes that end on an error or an interrupt.
+    """Yield a pool of processes that end on an error or an interrupt.
 
     Args:
         count: processes, at least one.
@@ -119,7 +120,7 @@ def workers(
 
 
 def _check_files(count: int) -> None:
-    """Refuse a limit of open files at which workers would wait for ever."""
+    """Refuse a limit of open files with which workers would hang."""
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     need = _LEAST_FILES + _FILES_A_WORKER * count
     if limit != resource.RLIM_INFINITY and limit < need:
@@ -139,7 +140,8 @@ def _initialise(parent: int, setup: Callable[..., None] | None, shared: tuple[An
 
 
 def _how(processes: Sequence[BaseProcess]) -> str:
-    """How the first worker died: those that the pool itself ended afterwards do not count."""
+    """Text on how the first worker died; those that the pool itself ended afterwards do not
+    count."""
     codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
     code = codes[0] if codes else None
     if code == -signal.SIGKILL:
@@ -154,7 +156,7 @@ def _how(processes: Sequence[BaseProcess]) -> str:
 
 
 def one_thread(work: Callable[P, R]) -> Callable[P, R]:
-    """A function that does ``work`` without threads in its linear algebra."""
+    """Wrap ``work`` so that its linear algebra uses one thread."""
 
     @wraps(work)
     def limited(*args: P.args, **options: P.kwargs) -> R:

@@ -1,7 +1,7 @@
 """The monthly check of one robot: a recording of a few poses, compared with all earlier ones.
 
-A comparison of the last 1, 2, 4 and 8 checks with those before them, by the rules of `compare`. Its
-σ is that of the scatter from check to check, see `steps`. False alarms are budgeted over time:
+The last 1, 2, 4 and 8 checks are compared with those before them, by the rules of `compare`, with
+the σ of the scatter from check to check (`steps`). False alarms are budgeted over time:
 `ALARMS_A_YEAR` is spent in proportion to the time since the check before.
 """
 
@@ -88,7 +88,7 @@ class Judgement:
 
 
 def plan_of(robot: Robot, folder: str | Path) -> Plan:
-    """The plan of a history; chosen and written where there is none.
+    """Read the plan of a history; choose and write one where there is none.
 
     Raises:
         PlanError: the robot has no model, or the plan is damaged.
@@ -107,7 +107,8 @@ def plan_of(robot: Robot, folder: str | Path) -> Plan:
 
 
 def choose(robot: Robot) -> Plan:
-    """The poses of a robot's checks: informative ones that touch nothing, on a short way from home.
+    """Choose the poses of a robot's checks: informative ones that touch nothing, on a short way
+    from home.
 
     The information on the typical changes of numbers and joints, beside their sizes as a prior, is
     largest (Bayesian D-optimality: Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939).

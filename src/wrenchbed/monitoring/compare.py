@@ -48,7 +48,7 @@ class Change:
 
     @property
     def sentence(self) -> str:
-        """``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
+        """Text of the change: ``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
         step = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
         text = quantity(self.name, step, signed=True)
         return f"{self.name}: {text} ({abs(self.sigmas):.1f} σ)"
@@ -64,7 +64,7 @@ class Comparison:
         changes: every number that both determine.
         together: χ², degrees of freedom and p of all numbers at once; None of diagnoses.
         left: what could not be compared, and why.
-        sentences: what a person should know first.
+        sentences: summary for people, the most important first.
         changed: whether anything did.
     """
 
@@ -161,10 +161,10 @@ def changes_of(
     level: float = LEVEL,
     freedom: float = np.inf,
 ) -> tuple[Change, ...]:
-    """Numbers (K,) before and after, and which of them changed, by the standard uncertainties of
-    their differences (Student's t with ``freedom``).
+    """Changes of numbers (K,), and which are significant by the standard uncertainties of their
+    differences (Student's t with ``freedom``).
 
-    With probability ``level`` any is called changed where none did.
+    ``level`` is the probability that any is called changed where none did.
     """
     difference = after - before
     sigmas = np.divide(difference, std, out=np.zeros(len(std)), where=std > 0)
@@ -185,7 +185,8 @@ def _covariance(fields: checked.Fields, names: Sequence[str]) -> np.ndarray:
 
 
 def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
-    """χ² of a difference (K,), over the combinations that both determine."""
+    """χ² test of a difference (K,) over the combinations that both results determine: χ², degrees
+    of freedom, p."""
     scale = np.sqrt(np.diagonal(covariance))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

@@ -42,14 +42,14 @@ _CAUSES = "a push, another load or a shifted zero"
 
 @dataclass(frozen=True, eq=False)
 class External:
-    """Compensated reading: the wrench of the surroundings.
+    """Wrench of the surroundings from one compensated reading.
 
     Attributes:
         t: of the reading [s].
         wrench: of the surroundings (6,) [N, N·m], in the axes that were asked for.
         std: of its noise (6,) [N, N·m].
         at_rest: no joint moves.
-        zero: what the zero moved since the calibration (6,), sensor axes.
+        zero: drift of the sensor's zero since the calibration (6,), sensor axes.
         alarm: why the mean at rest is no noise; empty where it is.
     """
 
@@ -69,7 +69,7 @@ class External:
 
 
 class Compensator:
-    """Compensates reading by reading.
+    """Computes the wrench of the surroundings from each reading.
 
     Args:
         twin: the calibrated robot, with effects of a diagnosis if there are any.
@@ -137,7 +137,8 @@ class Compensator:
         return expected, _transform(flange.T @ turn, flange.T @ (at - origin))
 
     def _judge(self, t: float, residual: np.ndarray) -> None:
-        """Track the sensor's zero from a residual (6,), or raise an alarm."""
+        """Move the sensor's zero towards a small residual (6,) at rest; raise the alarm for a large
+        one."""
         self._recent.append((t, residual))
         self._sum = self._sum + residual
         while t - self._recent[0][0] > WINDOW_S:
@@ -157,14 +158,15 @@ class Compensator:
 
 
 def _transform(turn: np.ndarray, lever: np.ndarray) -> np.ndarray:
-    """Matrix (6, 6) of a wrench turned by (3, 3) whose old origin lies at a lever (3,) [m]."""
+    """Matrix (6, 6) that turns a wrench by (3, 3) and moves its origin, which lay at a lever (3,)
+    [m]."""
     about = np.cross(lever, turn, axisb=0, axisc=0)
     return np.block([[turn, np.zeros((3, 3))], [about, turn]])
 
 
 def _undone(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether an effect follows from the present pose and load alone, linearly: successive poses
-    read as each of them does alone, and the sensor's reading of a sum is the sum of readings."""
+    """Whether an effect can be compensated: readings at successive poses are those of each pose
+    alone, and an effect in the sensor is linear in the load."""
     if a.effect.modes == ("dynamic",):
         return False
     one = Twin(twin.model, twin.model.parameters.nominal, (a,))
@@ -192,5 +194,5 @@ def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
 
 
 def _slope(twin: Twin) -> np.ndarray:
-    """Readings (6, 6) of unit loads, a row each, less that of none."""
+    """Change of the readings by unit loads, a row each (6, 6)."""
     return _read(twin, np.eye(6)) - _read(twin, np.zeros((6, 6)))

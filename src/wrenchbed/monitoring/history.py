@@ -85,8 +85,8 @@ class Check:
 
 
 def read(folder: Path, robot: Robot, plan: Plan) -> list[Check]:
-    """All checks of a folder, the oldest first; what is no check of the plan is named and left
-    out."""
+    """Read all checks of a folder, the oldest first; warn of each recording that is no check of the
+    plan."""
     every, checks = list[Check](), list[Check]()
     for path in sorted((folder / RECORDINGS).glob("*.parquet")):
         try:
@@ -110,7 +110,7 @@ def _left_out(path: Path, error: WrenchbedError) -> None:
 
 
 def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
-    """A recording that keeps what a check states of it: time, temperature, baseline."""
+    """Add what a check states of itself (time, temperature, baseline) to its recording."""
     known = dict(recording.metadata.extra.get(_STATED) or {})
     extra = {**recording.metadata.extra, _STATED: {**known, **given}}
     return replace(recording, metadata=replace(recording.metadata, extra=extra))
@@ -147,12 +147,12 @@ def parse_time(text: str, where: str) -> datetime:
 
 
 def file_of(time: datetime) -> str:
-    """Name of the recording of a check, `RECORDINGS` before it."""
+    """Path of a check's recording in its history's folder, made of its time."""
     return f"{RECORDINGS}/{time:%Y%m%dT%H%M%SZ}.parquet"
 
 
 def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
-    """A recording that states its time as a check.
+    """Make a check of a recording that states its time.
 
     Raises:
         HistoryError: it states no time.
@@ -199,7 +199,7 @@ def _digest(*parts: bytes) -> str:
 
 
 def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
-    """Refuse the time of a new check that this machine's clock or the last check contradicts.
+    """Refuse a new check whose time contradicts this machine's clock or the last check.
 
     Raises:
         HistoryError: names the recording and the remedy.
@@ -236,7 +236,7 @@ def _day(time: datetime) -> str:
 
 
 def write(folder: Path, checks: Sequence[Check]) -> None:
-    """Write the table of all checks, atomically; one that knows others than these is kept with
+    """Write the table of all checks atomically; an old one that names other recordings is kept with
     ``~``."""
     rows, path = [_columns(c) for c in checks], folder / FILE
     if path.exists() and not _recordings(path) <= {c.recording for c in checks}:
@@ -259,7 +259,7 @@ def _recordings(path: Path) -> set[str]:
 
 
 def _columns(check: Check) -> dict[str, Any]:
-    """Plain columns of a check as one row."""
+    """Row of the table for a check."""
     row: dict[str, Any] = {name: getattr(check, name) for name in _TEXTS}
     row["time"] = check.time.isoformat(timespec="milliseconds")
     row["temperature"] = check.temperature

@@ -107,7 +107,7 @@ def _received(driver: LiveDriver) -> int:
 
 
 def _check_whole(driver: LiveDriver) -> None:
-    """Refuse a wrench that lacks the weight of a payload."""
+    """Refuse a driver whose wrench lacks the weight of a payload."""
     stated = driver.metadata("static", 1.0).extra.get("wrench") or {}
     payload = (stated.get("payload") or {}).get("mass")
     if stated.get("compensated") and payload != 0.0:
@@ -119,7 +119,7 @@ def _check_whole(driver: LiveDriver) -> None:
 
 
 class Datagrams(AbstractContextManager["Datagrams"]):
-    """One datagram of JSON a reading to HOST:PORT; a context manager and a sink.
+    """Sends each reading as a datagram of JSON to HOST:PORT; a context manager and a sink.
 
     Raises:
         ParameterError: the address is no HOST:PORT, or there is no such host.
@@ -131,7 +131,7 @@ class Datagrams(AbstractContextManager["Datagrams"]):
         self._socket.setblocking(False)
 
     def __call__(self, external: External) -> None:
-        """Send; nobody may listen, and what a full buffer lacks is old when the next one comes."""
+        """Send a reading; it is lost if nobody listens or the buffer is full."""
         with contextlib.suppress(OSError):
             self._socket.sendto(json.dumps(external.to_json()).encode(), self._target)
 

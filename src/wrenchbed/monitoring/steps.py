@@ -10,7 +10,7 @@ temperature, else a wave of a year (the season of a temperature that nobody reco
 coefficients of a Gaussian prior. w is a slow walk, since zeros drift for months. The scatter of ε
 is learnt: an inverse gamma prior from the sensor's data, worth `_PRIOR` checks, and all checks of
 the history. So b over its standard error has a Student's t distribution (Gelman et al., Bayesian
-Data Analysis, 3rd ed., 14.2). What the fit leaves is judged in the same way by an F.
+Data Analysis, 3rd ed., 14.2). The fit's residual is tested likewise, by an F distribution.
 """
 
 from collections.abc import Mapping, Sequence
@@ -84,8 +84,8 @@ joints."""
 
 
 class Step(NamedTuple):
-    """A step of all numbers that begins with a check: sizes and standard errors (K,), degrees of
-    freedom, the p value of what the numbers do not explain, and the step's log evidence."""
+    """A step of all numbers from a check on: sizes and standard errors (K,), degrees of freedom, p
+    value of the residual, and the step's log evidence."""
 
     size: np.ndarray
     std: np.ndarray
@@ -127,7 +127,8 @@ def _reference(robot: Robot, first: Check) -> _Reference:
 
 
 def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndarray, np.ndarray]:
-    """Readings (P, 6, K) by parameters, named by effect, of typical size, and those sizes (K,)."""
+    """Derivatives of the readings (P, 6, K) by parameters, named by effect, of typical size, and
+    those sizes (K,)."""
     response, known, columns, typical = Response(scene, (WRENCH,)), effects(), [], []
     for name, wanted in fitted.items():
         parameters = known[name].parameters(scene.robot)
@@ -140,7 +141,8 @@ def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndar
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Checks of one robot since its last baseline, the oldest first, with their numbers."""
+    """Checks of one robot since its last baseline, the oldest first, with the numbers fitted to
+    each."""
 
     robot: Robot
     checks: Sequence[Check]
@@ -170,7 +172,8 @@ class History:
 
     @cached_property
     def _turn(self) -> np.ndarray:
-        """Inverse root (6 P, 6 P) of the covariance of the holds' means: rows and 1/f noise."""
+        """Inverse square root (6 P, 6 P) of the covariance of the holds' means: rows and 1/f
+        noise."""
         first, noise = self.checks[0], self._sensor.noise
         flicker = noise.correlation * np.outer(noise.flicker, noise.flicker)
         rows = np.kron(np.eye(len(first.t)), np.diag(self._row_std**2 / np.median(first.count)))
@@ -226,8 +229,8 @@ class History:
 
     @cached_property
     def _expected(self) -> tuple[np.ndarray, np.ndarray]:
-        """Expected scatter of each number (K,) from check to check, and its change by a kelvin in
-        that."""
+        """Prior scatter of each number from check to check (K,), and its change by a kelvin
+        relative to that."""
         full, mass = self._sensor.calibration().range, self._first.origin[6]
         spans = [_SPAN_PER_K] * 2
         by_kelvin = np.concatenate([_ZERO_PER_K * full, [_SPAN_PER_K * mass], np.zeros(8), spans])
@@ -239,7 +242,8 @@ class History:
 
     @cached_property
     def _root(self) -> np.ndarray:
-        """Inverse root (n, n) of the covariance of white scatter and a walk."""
+        """Inverse square root (n, n) of the covariance of the checks: white scatter and a random
+        walk."""
         months = 12.0 * self.years
         covariance = np.eye(len(months)) + _WALK * np.minimum(months[:, None], months)
         return np.linalg.inv(np.linalg.cholesky(covariance))

@@ -1,9 +1,11 @@
 """HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
-May import: jobs and the root files.
-Never: a robot, a recording or a fit; it draws data that it is given.
+Free: styles and layout; tests/reports/test_charts.py and tests/reports speak.
+Others rely on: `numbers` (digits on pages and in the terminal), fields of `chart`, which
+``assets/page.js`` reads too.
+Never: a robot, a recording or a fit: this room draws data that it is given; a script or address
+that the page's security policy does not allow.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
 renderers), `document` (studies), `plots` and `numbers`.
-Used by: benchmark, calibration, campaigns, cli, drives, monitoring, reports, studies, viewer.
 """
 
 import base64
@@ -30,9 +32,9 @@ class ReportPage:
     """A page, ready to be written.
 
     Attributes:
-        context: what the template shows, by name; ``verdict``, if any, chooses its colour.
+        context: values that the template shows, by name; ``verdict``, if any, chooses its colour.
         template: which kind of page it is.
-        figures: that answer on the page; the library that draws them is left out if none.
+        figures: interactive ones of the page; without any the library that draws them is left out.
     """
 
     context: Mapping[str, Any]
@@ -40,7 +42,7 @@ class ReportPage:
     figures: Sequence[Drawn] = ()
 
     def html(self) -> str:
-        """One self-contained page; the browser runs these scripts of it and no other.
+        """HTML of the self-contained page; the browser runs its own scripts and no other.
 
         Raises:
             MissingExtraError: jinja2 is not installed.
@@ -69,14 +71,14 @@ class ReportPage:
 
 @cache
 def _script(name: str) -> tuple[str, str]:
-    """A script and what its page's Content-Security-Policy allows it by."""
+    """Text of a script, and the source expression by which a Content-Security-Policy allows it."""
     text = "\n" + _text(name).rstrip() + "\n"
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return text, f"'sha256-{digest}'"
 
 
 def _code(text: str) -> Any:
-    """A text with what stands between backticks as code."""
+    """HTML of a text in which what is between backticks is code."""
     html = registry.require("markupsafe", "report")
     parts = [html.escape(printable(part)) for part in str(text).split("`")]
     if len(parts) % 2 == 0:  # one that is alone is a character like others
@@ -89,7 +91,8 @@ def _code(text: str) -> Any:
 
 
 def _cleaned(value: Any) -> Any:
-    """What a template prints: in texts, unless they are HTML, control characters spelled out."""
+    """Spell out control characters of texts, unless they are HTML, before a template prints
+    them."""
     return printable(value) if type(value) is str else value
 
 

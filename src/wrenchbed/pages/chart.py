@@ -1,4 +1,4 @@
-"""One data object a figure: `draw` makes it a still SVG, ``assets/page.js`` an interactive figure.
+"""Data of a figure: `draw` makes a still SVG of them, ``assets/page.js`` an interactive figure.
 
 Both take the same numbers, so they cannot disagree.
 """
@@ -25,7 +25,7 @@ _MAPS = {False: "cividis", True: "RdBu_r"}
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis.
+    """One axis of a panel.
 
     Attributes:
         label, unit: what it shows.
@@ -80,7 +80,7 @@ class Series:
             raise ValueError(f"series {self.name!r}: arrays of different lengths")
 
     def at(self, keep: np.ndarray) -> "Series":
-        """The points of some indices (K,) alone."""
+        """The series with its points of these indices (K,) only."""
 
         def of(v: np.ndarray | None) -> np.ndarray | None:
             return None if v is None else v[keep]
@@ -90,7 +90,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Scale:
-    """What the colours of a matrix stand for: equal on every page.
+    """Colours of a matrix's values, the same on every page.
 
     Attributes:
         label: with unit.
@@ -108,7 +108,7 @@ class Scale:
     diverging: bool = False
 
     def share(self, value: float) -> float:
-        """Place of a value between the ends, 0 … 1."""
+        """Position of a value between the ends, 0 … 1."""
         value = min(max(value, self.low), self.high)
         if self.log:
             return float(np.log(value / self.low) / np.log(self.high / self.low))
@@ -191,7 +191,7 @@ class Chart:
         columns: panels beside each other where there is room.
         shared: whether all panels have the same x.
         caption: beneath it.
-        note: of what is not drawn.
+        note: on data that are not drawn.
     """
 
     name: str
@@ -231,7 +231,8 @@ def extremes(y: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
 def thinned(
     series: Sequence[Series], most: int = MOST_POINTS, what: str = "rows"
 ) -> tuple[tuple[Series, ...], str]:
-    """Series of at most ``most`` points each, and the note that says so; empty if all are drawn."""
+    """Thin series to at most ``most`` points each; also return a note on that, "" if all are
+    drawn."""
     longest = max((len(s.x) for s in series), default=0)
     if longest <= most:
         return tuple(series), ""
@@ -241,7 +242,8 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Extremes; of points also evenly spaced ones, for extremes alone look like two branches."""
+    """Indices of the points that are drawn: extremes, and evenly spaced points, for extremes alone
+    look like two branches."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)
     even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)
@@ -262,7 +264,8 @@ def luminance(colour: str) -> float:
 
 
 def _json(value: Any) -> Any:
-    """Parts of a chart as JSON: their fields by name, numbers with `DIGITS` digits, else null."""
+    """Convert parts of a chart to JSON: fields by name, numbers with `DIGITS` digits, NaN as
+    null."""
     if isinstance(value, np.ndarray):
         return _json(value.tolist())
     if isinstance(value, float):

@@ -1,5 +1,6 @@
-"""What a study shows: tables and figures in sections, as Markdown and as one HTML page; and where a
-page or a picture comes from: date, data by their SHA-256, version, seed, command."""
+"""Pages of studies and scores: tables and figures in sections, as Markdown and as one HTML page;
+and the origin of a page or a picture: date, data by their SHA-256, version, seed, command.
+"""
 
 import hashlib
 import os
@@ -26,10 +27,10 @@ Facts = Sequence[tuple[str, str]]
 def provenance(
     files: Sequence[str | Path], command: str = "", seed: int | None = None
 ) -> list[tuple[str, str]]:
-    """Label and text of each fact.
+    """Label and text of each fact on the origin of a page.
 
     Args:
-        files: paths of what was read; names of data that are in no file are told as such.
+        files: paths of what was read; of a name without a file it is said that there is none.
         command: that made it; left out if empty.
         seed: of all random choices; left out if there were none.
     """
@@ -54,18 +55,18 @@ def markdown(lines: Facts) -> list[str]:
 
 
 def _now() -> datetime:
-    """The time, or that of SOURCE_DATE_EPOCH [s since 1970] where builds are to be repeatable."""
+    """Present time, or SOURCE_DATE_EPOCH [s since 1970] for repeatable builds."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
 
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as text; texts are left-aligned, numbers right.
+    """A table of texts; cells that are numbers are right-aligned.
 
     Attributes:
         title: with its number in the paper, if it has one.
-        note: what to make of it.
+        note: how to read it.
     """
 
     title: str
@@ -77,7 +78,7 @@ class Table:
     def of(
         cls, title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], note: str = ""
     ) -> "Table":
-        """A table from numbers, shown with four significant digits, and texts."""
+        """Make a table of texts and of numbers, which are shown with four significant digits."""
         cells = tuple(tuple(render(x) for x in row) for row in rows)
         if any(len(row) != len(columns) for row in cells):
             raise ValueError(f"table {title!r}: rows must have {len(columns)} cells")
@@ -85,14 +86,14 @@ class Table:
 
     @property
     def numeric(self) -> tuple[bool, ...]:
-        """Columns whose cells are numbers: to the right; texts to the left."""
+        """Which columns hold numbers only, and are right-aligned."""
         return tuple(
             k > 0 and all(re.match(r"$|[+–−-]?[<>≥≤]?\s?[\d.]|–$", row[k]) for row in self.rows)
             for k in range(len(self.columns))
         )
 
     def markdown(self) -> str:
-        """A pipe table; a sentence where it has no rows."""
+        """The table in Markdown (with pipes); a sentence where it has no rows."""
         if not self.rows:
             return f"**{self.title}**\n\nNone."
         line = "| " + " | ".join(["---"] + ["---:"] * (len(self.columns) - 1)) + " |"
@@ -123,14 +124,14 @@ class Figure:
         return svg(self.drawn.chart, themed=False)
 
     def markdown(self) -> str:
-        """A link to the file."""
+        """Markdown link to the figure's file."""
         text = f"![{self.title}]({self.name}.svg)\n\n*{self.title}*"
         return f"{text}. {self.note}" if self.note else text
 
 
 @dataclass(frozen=True)
 class Card:
-    """One answer of the first screen.
+    """One answer at the top of a page.
 
     Attributes:
         label: the question, in a word or two.
@@ -143,7 +144,7 @@ class Card:
     text: str
 
     def markdown(self) -> str:
-        """An item of a list."""
+        """The card as an item of a Markdown list."""
         return f"- {self.label}: **{self.figure}**. {self.text}"
 
 
@@ -158,7 +159,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """A whole study.
+    """A whole page: summary, cards and sections.
 
     Attributes:
         made: how it was made, as a sentence.
@@ -200,7 +201,8 @@ class Document:
         return ReportPage(context, "study", [figure.drawn for figure in self.figures]).html()
 
     def write(self, folder: Path, name: str, numbers: Any = None) -> None:
-        """``name``.md, ``name``.html and the figures; ``name``.json if there are numbers."""
+        """Write ``name``.md, ``name``.html and the figures to a folder; ``name``.json if there are
+        numbers."""
         texts = {f"{figure.name}.svg": figure.svg for figure in self.figures}
         texts |= {f"{name}.html": self.html(), f"{name}.md": self.markdown()}
         with atomic_folder(folder) as new:
@@ -211,7 +213,7 @@ class Document:
 
 
 def render(x: object) -> str:
-    """A cell: texts as they are, numbers with four significant digits, NaN as a dash."""
+    """Text of a cell: texts as they are, numbers with four significant digits, NaN as a dash."""
     if isinstance(x, str):
         return x
     if isinstance(x, int) and not isinstance(x, bool):

@@ -49,7 +49,7 @@ class Drawn:
 
 
 def draw(chart: Chart) -> Drawn:
-    """A chart with its SVG.
+    """Draw a chart as SVG.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -210,7 +210,8 @@ def _legend(figure: Any, axes: list[Any]) -> None:
 
 
 def _own(text: str, name: str, *, themed: bool) -> str:
-    """An SVG with ids of its own, without addresses, and with the page's colours if ``themed``."""
+    """Make an SVG fit for embedding: with ids of its own, without addresses, and with the page's
+    colours if ``themed``."""
     if not themed:
         return text
     for colour, variable in _THEME.items():

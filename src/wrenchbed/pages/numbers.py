@@ -26,7 +26,7 @@ POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def gap(value: float) -> str:
-    """A gap with up to three figures; below half a hundredth it is zero."""
+    """Text of a gap with up to three figures; 0 if it is below half a hundredth."""
     size = abs(value)
     if size < 0.005:
         return "0.00"
@@ -35,7 +35,7 @@ def gap(value: float) -> str:
 
 
 def percent(x: float) -> str:
-    """A share with one decimal, none from a thousand percent on, more close below the whole."""
+    """Text of a share in %: one decimal, none from 1,000 % on, more just below 100 %."""
     rest = 1.0 - x
     if 0.0 < rest < 1e-3:
         digits = min(MOST_NINES, -math.floor(math.log10(rest)) - 2)
@@ -45,17 +45,17 @@ def percent(x: float) -> str:
 
 
 def chance(p: float) -> str:
-    """A probability; certainty is never claimed."""
+    """Text of a probability, never 0 or 1."""
     return ">\u00a00.99" if p > 0.994 else "<\u00a00.01" if p < 0.006 else f"{p:.2f}"
 
 
 def p_value(p: float) -> str:
-    """A p-value with one or two figures."""
+    """Text of a p-value with one or two figures."""
     return "< 0.001" if p < 0.001 else f"{p:.3f}" if p < 0.0995 else f"{p:.2f}"
 
 
 def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> str:
-    """A parameter's value ± standard uncertainty with its unit."""
+    """Text of a parameter's value ± standard uncertainty with its unit."""
     value, std = entry.get("value"), entry.get("std")
     if not _is_number(value) or "unit" not in entry:
         shown = f"{value:g}" if _is_number(value) else str(value)
@@ -67,13 +67,14 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
 
 
 def rough(name: str, value: float, unit: str) -> str:
-    """A parameter's size of which two figures are enough."""
+    """Text of a parameter's size with two figures."""
     factor, shown = _unit(name, {"value": value, "unit": unit})
     return minus(_with(f"{factor * value:.2g}", shown))
 
 
 def measured(value: float, std: float | None, *, signed: bool = False) -> str:
-    """``(1.40 ± 0.05)·10⁴``: as many digits as the uncertainty allows, four without one."""
+    """Text of a number with as many digits as its uncertainty allows, four without one: ``(1.40 ±
+    0.05)·10⁴``."""
     if not math.isfinite(value):
         return "–"
     plus = "+" if signed and value > 0 else ""
@@ -100,12 +101,12 @@ def round_down(x: float) -> float:
 
 
 def minus(text: str) -> str:
-    """The minus sign proper instead of the hyphen, none before a plain zero."""
+    """Replace the hyphen of a negative number by a minus sign; a plain zero has none."""
     return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")
 
 
 def _unit(name: str, entry: Mapping[str, Any]) -> tuple[float, str]:
-    """Factor and unit in which people read a parameter."""
+    """Factor from SI to the unit in which people read a parameter, and that unit."""
     unit, value = str(entry.get("unit", "")), entry.get("value") or 0.0
     if unit == "1":
         return (100.0, "%") if name.split(".")[0] in _SHARES else (1.0, "")
@@ -116,12 +117,12 @@ def _unit(name: str, entry: Mapping[str, Any]) -> tuple[float, str]:
 
 
 def _with(number: str, unit: str) -> str:
-    """A number and its unit; the degree sign alone needs no space."""
+    """Text of a number and its unit; the degree sign alone needs no space."""
     return number + unit if unit == "°" else f"{number} {unit}".rstrip()
 
 
 def _power(size: float) -> int:
-    """Power of ten that is split off: none where a plain number reads well."""
+    """Power of ten that is written apart: 0 where a plain number reads well."""
     return 0 if size == 0.0 or 1e-2 <= size < 1e4 else math.floor(math.log10(size))
 
 

@@ -15,7 +15,7 @@ MOST_PLACES = 1200
 
 
 def course(values: np.ndarray, x: str, y: str) -> Chart:
-    """Values (N,) over their number, from 0."""
+    """Chart of values (N,) over their number, from 0."""
     numbers = np.arange(len(values), dtype=float)
     series = Series("", "line", numbers, values)
     return Chart("", "", (Panel(Axis(x), Axis(y), (series,), height=1.6),))
@@ -29,7 +29,7 @@ def histograms(
     log: bool = False,
     bins: int = 50,
 ) -> Chart:
-    """Side by side, each with one or more distributions (N,) by name.
+    """Chart of panels side by side, each with histograms of one or more samples (N,) by name.
 
     Args:
         panels: values by name, by the panel's title.
@@ -64,7 +64,8 @@ def _steps(edges: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> Chart:
-    """Positions (N, 3) [m] seen from above and from the front; ``targets`` in another colour."""
+    """Chart of positions (N, 3) [m] seen from above and from the front; ``targets`` in another
+    colour."""
     named: tuple[tuple[Role, Mapping[str, np.ndarray]], ...] = (
         ("measured", sets), ("before", targets)
     )  # fmt: skip
@@ -83,7 +84,7 @@ def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]
 
 
 def decades(values: np.ndarray) -> tuple[float, ...]:
-    """Marks of an axis in decades over values (N,): few enough to be read beside each other."""
+    """Marks of a logarithmic axis over values (N,), few enough to be read beside each other."""
     known = values[np.isfinite(values) & (values > 0.0)]
     if not len(known):
         return ()
@@ -100,7 +101,8 @@ def decades(values: np.ndarray) -> tuple[float, ...]:
 def groups(
     panels: Mapping[str, tuple[str, Mapping[str, Sequence[float]]]], labels: Sequence[str]
 ) -> Chart:
-    """Panels by title, each with its unit and one horizontal bar a label and name."""
+    """Chart of panels by title, each with its unit and one horizontal bar for each label and
+    name."""
     roles: tuple[Role, ...] = ("measured", "before", "after", "box")
     drawn = []
     for title, (x, data) in panels.items():
@@ -116,7 +118,8 @@ def groups(
 
 
 def components(left: Mapping[str, np.ndarray]) -> Chart:
-    """Residual wrenches (N, 6) by method: force above, torque below, one column a method."""
+    """Chart of residual wrenches (N, 6) by method: force above, torque below, one column a
+    method."""
     roles: tuple[Role, ...] = ("measured", "before", "after")
     panels = []
     for first, label, unit in ((0, "force", "N"), (3, "torque", "N·m")):

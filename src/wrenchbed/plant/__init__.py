@@ -1,7 +1,6 @@
 """The robot behind the emulators: MuJoCo in real time, with effects, noise, drives and contact.
-Imports: twin, effects, simulation, robots, sensors, physics, registry, errors; the door of
-robot_emulators, which alone of all rooms this one knows.
+Free: how a cycle is computed, if it keeps real time; tests/emulators/test_emulated_body.py speaks.
+Others rely on: robot_emulators' door (`Plant`, `PlantRequest`), which this room alone imports.
 Never: a protocol; the emulators speak, this room moves.
 Read first: serving.py, then body.py.
-Used by: cli, for ``emulate``; environments.
 """

@@ -4,8 +4,8 @@ Robot, sensor, noise and effects are those of the simulated driver, but in real 
 unknown. `step` and `readings` may be called from different threads.
 
 The servos of the simulated body carry links without weight and without friction (its MJCF is built
-so). What they give accelerates the robot and holds what pushes on it. The weight, by MuJoCo's
-inverse dynamics at rest, rotor, friction, faults and noise are added in `RealTimeDrives`.
+so). Their torque accelerates the robot and holds external forces. The weight, by MuJoCo's inverse
+dynamics at rest, rotor, friction, faults and noise are added in `RealTimeDrives`.
 """
 
 import threading
@@ -59,7 +59,7 @@ class Efforts(NamedTuple):
 
 
 class RealTimeDrives:
-    """The drives of a robot.
+    """Computes what the drives of a robot report, cycle by cycle.
 
     Args:
         robot: which one.

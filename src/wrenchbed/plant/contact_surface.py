@@ -1,4 +1,4 @@
-"""What a tool's tip may press on: forces in closed form, as MuJoCo's contacts have no N/m."""
+"""Surfaces that a tool's tip presses on: forces in closed form, since MuJoCo has no N/m."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,15 +16,15 @@ _CREEP = 1e-3
 
 
 class Surface(Protocol):
-    """Something that pushes back."""
+    """Something that pushes back on the tool's tip."""
 
     def push(self, tip: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """Force (3,) on a tip at a place (3,) [m] that moves with a speed (3,) [m/s], in N."""
+        """Force (3,) [N] on a tip at (3,) [m] that moves with a speed (3,) [m/s]."""
 
 
 @dataclass(frozen=True)
 class Plate:
-    """Horizontal, with its top at a height [m]; a spring [N/m], straight up.
+    """A horizontal plate with its top at a height [m]: a spring [N/m], straight up.
 
     Raises:
         ParameterError: the height is no number.

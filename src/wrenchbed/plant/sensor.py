@@ -1,9 +1,9 @@
 """Sensors of a robot in real time, with effects and noise, at rest and in motion.
 
-At rest the readings are those of `Playback`, with what effects remember of the last poses, some
-two hundred. In motion, effects of the mechanism act as if the robot rested at its present joints,
-and effects of the sensor and of timing see the last seconds. Noise is drawn in blocks, because one
-row at a time costs as much as hundreds.
+At rest the readings are those of `Playback`, with effects that depend on the last two hundred poses
+or so. In motion, effects of the mechanism act as if the robot rested at its present joints, and
+effects of the sensor and of timing see the last seconds. Noise is drawn in blocks, because one row
+at a time costs as much as hundreds.
 
 `ArmSensor` is the wrench that a robot itself measures: by its motors' currents, or by a sensor in
 its flange. Its error is stated by three standard deviations; one half of the variance is white, the
@@ -68,7 +68,8 @@ class BufferedNoise:
         self._last = 0.0
 
     def corrupt(self, t: np.ndarray, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Readings (n, 6) and saturated channels (n,) of true loads (n, 6) at t (n,) [s]."""
+        """Add noise to true loads (n, 6) at t (n,) [s]; return readings (n, 6) and saturated
+        channels (n,)."""
         n = len(t)
         if len(self._rows) < n:
             self._draw(n, float(t[-1]))
@@ -120,7 +121,7 @@ class SensorWithEffects:
         self._extra_load, self._age = np.zeros(6), 0
 
     def advance(self, rows: deque[SensorRow]) -> None:
-        """Take in the newest cycle, the last of ``rows``."""
+        """Process the newest cycle, the last of ``rows``."""
         now = rows[-1]
         self._calm = self._calm + 1 if np.abs(now.qd).max() < STILL else 0
         if self._calm >= _CALM_CYCLES:
@@ -144,7 +145,7 @@ class SensorWithEffects:
         return np.stack(columns, axis=-1)
 
     def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Rows (n, 6) with the effects' random parts."""
+        """Add the effects' random parts to rows (n, 6) at t (n,)."""
         if len(self._times) > _EPOCH:
             self._since, self._times = np.empty((0, 6)), np.empty(0)
             self._epoch += 1
@@ -161,7 +162,7 @@ class SensorWithEffects:
         self._rest(now)
 
     def _rest(self, now: SensorRow) -> None:
-        """Compute the readings at rest ahead; a surface pushes as it does now."""
+        """Compute ahead the readings of the robot at rest; a surface pushes as it does now."""
         push = np.zeros(6)
         if self._touching:
             push = now.load - self._plain.load(self._twin.scene(now.q[None], np.zeros(1)))[0]
@@ -237,7 +238,7 @@ class ArmSensor:
 
 
 def noise_of(error: tuple[float, float]) -> NoiseModel:
-    """The noise whose three standard deviations are so much force [N] and torque [N·m]."""
+    """Noise whose three standard deviations are the given force [N] and torque [N·m]."""
     half = np.repeat(error, 3) / 3.0 / np.sqrt(2.0)
     flicker = half / np.sqrt(np.log(_HIGH_HZ / _LOW_HZ))
     return NoiseModel(white=half, flicker=flicker, f_low=_LOW_HZ, f_high=_HIGH_HZ)

@@ -1,5 +1,6 @@
-"""Emulators by name before robots in MuJoCo: a body as the plant that an emulator asks for, with
-nominal numbers, drives and own wrench; and their errors as this package says them."""
+"""Serves emulators by name before robots in MuJoCo: a body as the plant that an emulator asks for,
+with nominal numbers, drives and own wrench; an emulator's errors become this package's.
+"""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -32,7 +33,7 @@ from wrenchbed.simulation.drives.faults import faults_apart
 
 
 class MujocoPlant(Body):
-    """What an emulator asks for, in MuJoCo.
+    """The plant that an emulator asks for, simulated in MuJoCo.
 
     Args:
         options: of the emulator.
@@ -72,7 +73,7 @@ class MujocoPlant(Body):
         return Efforts(torque, current, self.drives.temperatures)
 
     def wrench(self) -> np.ndarray:
-        """The load that the robot itself measures now (6,)."""
+        """Load that the robot itself measures now (6,) [N, N·m]."""
         sensor = self._own_sensor
         return self.load if sensor is None else sensor.read(self.q, self.load)
 
@@ -111,7 +112,7 @@ def _links(robot: SimulatedRobot) -> np.ndarray:
 
 
 def _tool(robot: SimulatedRobot) -> Payload:
-    """The nominal tool, as a user would have entered it."""
+    """Payload of the nominal tool, as a user would have entered it."""
     nominal = robot.parameters.nominal
     tool, values = robot.tool(nominal), robot.values(nominal)
     inertia = np.array([float(values.get(f"tool.inertia.{axes}", 0.0)) for axes in INERTIA_AXES])
@@ -138,7 +139,7 @@ class EmulatorOptions(Options):
     table: float | None = None
 
     def plant(self, request: PlantRequest) -> Plant:
-        """The robot that an emulator asks for."""
+        """Make the robot that an emulator asks for."""
         return MujocoPlant(self, request)
 
 
@@ -169,7 +170,7 @@ def serve(
 
 @contextmanager
 def translated() -> Iterator[None]:
-    """Errors of an emulator inside the block are raised as this package's own."""
+    """Raise an emulator's errors inside the block as this package's own."""
     try:
         yield
     except SettingError as error:

@@ -29,8 +29,8 @@ class Answer(ABC):
 
     Attributes:
         d: the diagnosis.
-        fitted: what the calibrated simulator has.
-        notes: what else a reader should know.
+        fitted: phrase on what was fitted in the calibrated simulator.
+        notes: further sentences for the reader.
     """
 
     fitted: str
@@ -57,7 +57,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def no_cause(self) -> str:
-        """What stands for a cause where none is claimed."""
+        """Text in the place of a cause where none is claimed."""
 
     @property
     @abstractmethod
@@ -77,7 +77,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def nothing_more(self) -> str:
-        """What to do where no experiment is proposed."""
+        """Sentence on what to do where no experiment is proposed."""
 
     @property
     @abstractmethod
@@ -86,12 +86,12 @@ class Answer(ABC):
 
     @property
     def on(self) -> str:
-        """The rows on which the gap is measured, as the end of a sentence."""
+        """Phrase for the rows on which the gap is measured, as the end of a sentence."""
         return f"on {self.observations} that were held out of every fit"
 
     @property
     def measure(self) -> str:
-        """What a gap is, and what the calibrated simulator has."""
+        """Phrase on the unit of a gap, and on what was fitted in the calibrated simulator."""
         as_noise = all(s.material == s.noise for s in self.d.scale.values())
         unit, noise = ("the noise of one row", "that") if as_noise else ("what counts", "one row's")
         return (
@@ -109,8 +109,8 @@ class Answer(ABC):
         return next((text for text in texts if len(text) <= MOST_HEADLINE), texts[-1])
 
     def _claims(self, most: int) -> str:
-        """The claims with so many figures each."""
-        phrases = [c.told(most) for c in self.causes]
+        """The claims with at most ``most`` figures each, as one text."""
+        phrases = [c.sentence_with(most) for c in self.causes]
         if len(phrases) > 1:
             phrases.insert(0, f"{_COUNT[len(phrases)]} causes.")
         if self.d.verdict == "ambiguous":
@@ -128,7 +128,7 @@ class Answer(ABC):
 
     @property
     def steps(self) -> list[str]:
-        """What to do next, in sentences."""
+        """Sentences on what to do next."""
         return [str(n["sentence"]) for n in self.d.next] or [self.nothing_more]
 
     @property
@@ -137,21 +137,22 @@ class Answer(ABC):
         return sentences(self.d.blind)
 
     @abstractmethod
-    def claimed(self, entry: Mapping[str, Any]) -> Claim:
-        """The words of an entry of ``minor``."""
+    def claim_of(self, entry: Mapping[str, Any]) -> Claim:
+        """The `Claim` that puts one entry of ``minor`` of diagnosis.json (an effect that was
+        detected and is too small to count) into words."""
 
     @property
     def minor(self) -> list[str]:
-        """Sentences on what was detected and is too small to count."""
+        """Sentences on effects that were detected and are too small to count."""
         return [
-            f"{self.claimed(e).sentence} Gap {numbers.gap(float(e['gap']))}, probability "
+            f"{self.claim_of(e).sentence} Gap {numbers.gap(float(e['gap']))}, probability "
             f"{numbers.chance(float(e['probability']))}."
             for e in self.d.minor
         ]
 
     @property
     def fitted_load(self) -> list[str]:
-        """That a load was fitted, in a sentence; none where no fit takes one up."""
+        """Sentence on the load that was fitted; empty if none was."""
         for number in self.d.fitted:
             if number["name"] == "tool.mass":
                 value = numbers.quantity("mass", number)
@@ -162,7 +163,8 @@ class Answer(ABC):
 
     @property
     def black_box(self) -> str:
-        """What a flexible model says about the gap; empty if there is hardly one."""
+        """Sentence on how much of the gap a flexible model closes; empty if there is hardly a
+        gap."""
         return ""
 
     @property
@@ -190,7 +192,7 @@ class Answer(ABC):
 
     @property
     def distance(self) -> str:
-        """How far the gap shrinks, and what a black box says of it."""
+        """Sentences on how far the gap shrinks, and what a black box says of it."""
         figure, text = self.far
         text = text if self.black_box in text else f"{text} {self.black_box}"
         return f"{figure}. {text}" if figure else text
@@ -238,16 +240,17 @@ class Answer(ABC):
 
     @property
     def nearest(self) -> tuple[str, float]:
-        """The likeliest class of known effects and its probability; empty if there is none."""
+        """Key of the likeliest class of known effects and its probability; empty if there is
+        none."""
         known = {k: p for k, p in self.d.probabilities.items() if k not in _MEANING}
         return max(known.items(), key=lambda kv: kv[1], default=("", 0.0))
 
     def chance_of(self, name: str) -> str:
-        """Probability of ``none`` or ``unknown``."""
+        """Text of the probability of ``none`` or ``unknown``."""
         return numbers.chance(self.d.probabilities.get(name, 0.0))
 
     def unknown(self, gap: str, hint: str = "") -> str:
-        """That no known effect explains the gap, and which is nearest."""
+        """Sentence that no known effect explains the gap, and which is nearest."""
         nearest, p = self.nearest
         text = f"No known effect explains {gap}. Probability that it is something unknown: "
         text += f"{self.chance_of(UNKNOWN)}.{hint}"
@@ -257,5 +260,5 @@ class Answer(ABC):
 
 
 def width(share: float) -> str:
-    """Width of a bar [%]."""
+    """CSS width of a bar [%], for a share 0 … 1."""
     return f"{100 * min(max(share, 0.0), 1.0):.1f}"

@@ -1,8 +1,9 @@
-"""Figures that show a cause as an engineer would look for it, and the residual where none stands.
+"""Figures that show a cause over the variable that an engineer would plot it against, and the
+residual where no cause is claimed.
 
-An effect says what it is drawn over (`Effect.shown`): a loop, a spring line, a wave. An effect that
-says nothing has measured and simulated over the rows sorted by its prediction, which
-`figures.of_cause` draws of all.
+An effect states what it is drawn over (`Effect.shown`): a loop, a spring line, a wave. Of other
+effects `figures.of_cause` draws measured and simulated over the rows, sorted by the effect's
+prediction.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -76,7 +77,7 @@ def _over(title: str, x: Axis, y: Axis, series: Sequence[Series], caption: str) 
 
 
 def _joint(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
-    """What each row says of a joint's error, against the torque on it or against its own value.
+    """Error of a joint by row, against the torque on it or against its own value.
 
     A spring is a line over the torque of weight, a gear a wave over the angle.
     """
@@ -111,15 +112,15 @@ def _joint(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
 def _joint_error(
     e: Evidence, c: Cause, shift: np.ndarray
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-    """What each row says of the value of the joint that is wrong.
+    """Error of a wrong joint's value that each row shows.
 
     Args:
         e, c: the simulators and the cause.
         shift: of the joints by the cause (H, J).
 
     Returns:
-        Number of the joint from 0; rows that say something (R,); their errors (R,) [rad or m];
-        standard uncertainties (R,).
+        Number of the joint from 0; rows that show an error (R,); their errors (R,) [rad or m];
+            standard uncertainties (R,).
     """
     scene = replace(e.prepared.scene, theta=c.rest.robot_theta)
     slopes = [_slope(e.prepared, scene, c, k) / e.std for k in range(shift.shape[1])]
@@ -145,7 +146,7 @@ def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
 
 
 def _load(e: Evidence, c: Cause, active: ActiveEffect) -> Chart:
-    """What a channel shows too much against its load; of a loop rising apart from falling rows."""
+    """Residual of a channel against its load; for a loop, rising and falling rows apart."""
     scene, k = e.prepared.scene, largest(c.effect / e.std)
     channel, unit, at = CHANNELS[k], UNITS[k], np.flatnonzero(scene.held)
     load = scene.load[:, k]
@@ -172,7 +173,7 @@ def _load(e: Evidence, c: Cause, active: ActiveEffect) -> Chart:
 
 
 def _matrix(e: Evidence, c: Cause, active: ActiveEffect) -> Chart:
-    """What each channel shows of each channel's load."""
+    """Matrix of what a claimed effect adds to each channel per unit of each channel's load."""
     scene = e.prepared.scene
 
     def added(load: np.ndarray) -> np.ndarray:
@@ -211,7 +212,7 @@ _OWN: Mapping[str, Callable[[Evidence, Cause, ActiveEffect], Chart | None]] = {
 
 
 def everywhere(e: Evidence, name: str) -> Chart:
-    """The residual of its largest channel over every joint, direction, time and load."""
+    """Largest residual channel over every joint, direction, time and load."""
     claimed = e.after is not None
     residual = (e.prepared.y - (e.before if e.after is None else e.after)) / e.std
     k = largest(residual)
@@ -232,7 +233,8 @@ def everywhere(e: Evidence, name: str) -> Chart:
 
 
 def _variables(e: Evidence, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
-    """Axis and values (H,) of what was recorded or follows from it."""
+    """Yield axis and values (H,) of each variable that was recorded or follows from the
+    recording."""
     scene, held = e.prepared.scene, e.prepared.scene.held
     for k, joint in enumerate(scene.robot.joints if scene.jointed else ()):
         axis, factor = joint_axis(joint, k + 1)

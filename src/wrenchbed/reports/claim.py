@@ -64,7 +64,7 @@ class Claim:
 
     @property
     def more(self) -> int:
-        """How many parameters are not among the figures."""
+        """Number of parameters that are not among the figures."""
         return len(self.sizes) - len(self.figures)
 
     @property
@@ -79,11 +79,13 @@ class Claim:
 
     @property
     def sentence(self) -> str:
-        """``Joint 2 is compliant and deflects under gravity: stiffness 9080 ± 950 N·m/rad.``"""
-        return self.told(MOST_SIZES)
+        """The claim as one sentence: ``Joint 2 is compliant and deflects under gravity: stiffness
+        9080 ± 950 N·m/rad.``"""
+        return self.sentence_with(MOST_SIZES)
 
-    def told(self, most: int) -> str:
-        """The sentence with so many figures at most; without all of them nothing is counted."""
+    def sentence_with(self, most: int) -> str:
+        """The claim as one sentence with its first ``most`` figures. If it shows all figures, it
+        also says how many sizes it leaves out ("2 more")."""
         words = [self.choice] if self.choice else []
         words += [f"{size.name} {size.value}" for size in self.figures[:most]]
         words += [f"{self.more} more"] if self.more and most >= len(self.figures) else []
@@ -95,10 +97,10 @@ class Claim:
 def claim(
     entry: Mapping[str, Any], wording: str = "", rivals: Sequence[tuple[str, str]] | None = None
 ) -> Claim:
-    """The claim of an entry of ``which`` of diagnosis.json.
+    """Put an entry of ``which`` of diagnosis.json into words.
 
     Args:
-        wording: what it is, with its joint, where it is no effect of the registry.
+        wording: its title, with its joint, where it is no effect of the registry.
         rivals: names and titles of its rivals, likewise.
     """
     name, joint = str(entry["effect"]), _one_of_joints(entry)
@@ -147,8 +149,8 @@ def place(entry: Mapping[str, Any]) -> str:
 
 
 def joints(entry: Mapping[str, Any]) -> list[int]:
-    """Joints or links that a cause is about: those of which it names one, else whose amplitudes
-    exceed three standard uncertainties."""
+    """Numbers, from 1, of the joints or links that a cause is about: those of which it names one,
+    else those whose amplitudes exceed three standard uncertainties."""
     if any_of := joints_or(entry):
         return any_of
     numbers_of = ((_NUMBERED.search(name), p) for name, p in entry["parameters"].items())
@@ -162,7 +164,7 @@ def joints(entry: Mapping[str, Any]) -> list[int]:
 
 
 def joints_or(entry: Mapping[str, Any]) -> list[int]:
-    """Joints of which one is the cause, by their number; none where it is of no single joint."""
+    """Numbers of the joints of which one is the cause; empty where it is of no single joint."""
     joint = entry["parameters"].get("joint", {})
     value = joint.get("value")
     return sorted([value, *joint.get("rivals", [])]) if isinstance(value, int) else []
@@ -175,7 +177,7 @@ def _one_of_joints(entry: Mapping[str, Any]) -> str:
 
 
 def parameter(name: str) -> str:
-    """``offset.q2`` → ``offset q2``."""
+    """Name of a parameter in words: ``offset q2`` for ``offset.q2``."""
     return name.replace(".", " ").replace("_", " ")
 
 
@@ -187,7 +189,7 @@ def effect(name: str) -> Effect:
 
 
 def title(name: str) -> str:
-    """What an effect is, in words that begin small."""
+    """Title of an effect in words that begin small."""
     return str(effect(name).title)
 
 

@@ -20,8 +20,8 @@ from wrenchbed.reports.simulators import Evidence
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 
-def recorded(recording: Recording, name: str, observed: str = "") -> list[tuple[str, str]]:
-    """Label and text of what a recording states and holds.
+def recording_facts(recording: Recording, name: str, observed: str = "") -> list[tuple[str, str]]:
+    """Label and text of each fact that a recording states or that follows from it.
 
     Args:
         name: under which it was given.
@@ -110,7 +110,7 @@ def _page(
 
 
 def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:
-    """What shows each cause, or what nothing explains, in the order of the causes."""
+    """Charts of each cause in their order, or of the residual that nothing explains."""
     charts: list[Chart | None] = []
     for k, cause in enumerate(e.causes()):
         charts.append(cause_charts.own_chart(e, cause, f"cause-{k}"))
@@ -125,11 +125,11 @@ def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:
 
 
 def _data(findings: Findings) -> list[tuple[str, str]]:
-    """What was diagnosed, by what."""
+    """Label and text of each fact: which recordings were diagnosed, and by what."""
     names = (findings.diagnosis.recording, *findings.diagnosis.others)
     every = [findings.analysis.prepared, *(a.prepared for a in findings.analysis.others)]
     facts = [("robot", f"{findings.diagnosis.robot}: {every[0].robot.title}")]
     for name, p in zip(names, every, strict=True):
-        facts += recorded(p.recording, name, f"{len(p.y):,} {p.observed}, ")
+        facts += recording_facts(p.recording, name, f"{len(p.y):,} {p.observed}, ")
         facts.append(("noise of a row", p.noise_source))
     return [*facts, *provenance(names, seed=findings.seed)]

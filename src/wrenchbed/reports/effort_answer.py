@@ -62,7 +62,7 @@ class EffortAnswer(Answer):
             claims.append(claim(entry, title(*first), rivals))
         return claims
 
-    def claimed(self, entry: Mapping[str, Any]) -> Claim:
+    def claim_of(self, entry: Mapping[str, Any]) -> Claim:
         return claim(
             entry, title(entry["effect"], entry["parameters"].get("joint", {}).get("value"))
         )
@@ -77,7 +77,8 @@ class EffortAnswer(Answer):
 
     @cached_property
     def unstated(self) -> str:
-        """What a fit makes up that counts, because nobody states it; empty if that is nothing."""
+        """Phrase on what was fitted because nobody states it, a load or joints' friction; empty if
+        the gap before that fit does not count."""
         if self.d.gap.configured < LEAST:
             return ""
         names, scene = [str(number["name"]) for number in self.d.fitted], self.findings.d.scene
@@ -151,8 +152,8 @@ def _joints(findings: EffortFindings) -> list[int]:
 
 
 def _efforts(findings: EffortFindings) -> Chart:
-    """Efforts of all joints on held-out rows over a stretch of time, beside what predictions
-    leave."""
+    """Efforts of all joints on held-out rows over a stretch of time, beside the residuals of the
+    predictions."""
     scene, std = findings.d.scene, [c.noise.std for c in findings.d.channels]
     kept = scene.kept()
     t, measured = scene.signals.t[kept], scene.thin(scene.signals.effort)
@@ -184,9 +185,9 @@ def _efforts(findings: EffortFindings) -> Chart:
 
 
 def _friction(findings: EffortFindings, j: int) -> Chart:
-    """What speed makes of a joint's effort: measured, stated and with the effects.
+    """Friction of joint j over its speed: measured, stated and with the effects.
 
-    What links and load of the whole arm add by the fit is no friction.
+    The fitted effort of links and load is subtracted.
     """
     d, scene, channel = findings.d, findings.d.scene, findings.d.channels[j]
     speed = scene.q.d[scene.kept(), j]

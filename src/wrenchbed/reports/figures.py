@@ -27,7 +27,7 @@ def heat(
         residuals: (N, C) in units of one row's noise, by simulator.
         names_of: of the channels (C,).
         over: values (N,) by which the observations are sorted into columns, with their axis.
-        observed: what the observations are, for people.
+        observed: word for the observations, such as poses.
     """
     panels, groups = [], bins(over, BINS)
     names = [numbers.minus(f"{over[g].min():.0f}…\n{over[g].max():.0f}") for g in groups]
@@ -55,8 +55,8 @@ def residual_map(e: Evidence) -> Chart:
 
 
 def of_cause(e: Evidence, c: Cause, name: str) -> Chart:
-    """What a cause makes, against a twin without it: measured and simulated of the channel that
-    shows it most with their residual beneath, over one axis.
+    """Signature of a cause, against a twin without it: measured and simulated values of the channel
+    that shows it most, with their residual beneath.
 
     Both are without what the other effects make; the simulation is by fits that did not see the
     rows.
@@ -90,8 +90,8 @@ def of_cause(e: Evidence, c: Cause, name: str) -> Chart:
 
 
 def _across(e: Evidence, title: str, effect: np.ndarray) -> tuple[np.ndarray, Axis, np.ndarray]:
-    """Where to draw the observations (H,), the axis, and their order: that of a motion's time, of
-    poses the size of the effect (H,)."""
+    """Places of the observations on the axis (H,), the axis, and their order: by time in a motion,
+    of poses by the size of the effect (H,)."""
     p, known = e.prepared, effects()
     order = np.arange(len(p.y))
     if p.moving or p.averaged or (title in known and known[title].shown == "time"):

@@ -70,7 +70,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
 
 
 def _verdict(fit: Fit, name: str) -> tuple[str, str, list[str]]:
-    """Colour, badge and what to do next."""
+    """Colour and badge of a fit, and sentences on what to do next."""
     if fit.refuted is not None or not fit.converged:
         badge = "✗ not converged" if fit.refuted is None else "✗ refuted"
         where = f"`wrenchbed report {name}` shows where simulator and recording differ."
@@ -93,7 +93,7 @@ def _headline(words: FitWords) -> str:
 
 
 def _load(fit: Fit, words: FitWords) -> dict[str, str]:
-    """Mass with its uncertainty where it was fitted, and the centre of gravity."""
+    """Texts of the fitted mass with its uncertainty, and of the centre of gravity."""
     mass = next((p for p in words.parameters if p.name == "tool.mass"), None)
     figure = f"{fit.tool['mass']:.4g} kg" if mass is None else f"{mass.value} ± {mass.std} kg"
     cog = numbers.minus(", ".join(f"{1e3 * x:.4g}" for x in fit.tool["cog"]))
@@ -131,7 +131,7 @@ def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, Axis]:
 
 
 def _each(fit: Fit, white: np.ndarray, order: np.ndarray, axis: Axis) -> Chart:
-    """Every observation's residual, one panel a channel, with what noise alone makes of it."""
+    """Residual of every observation, one panel a channel, with the band of noise alone."""
     panels, note, moving = [], "", axis.label == "time"
     expected = fit.noise.expected / np.maximum(fit.noise.row, 1e-9)
     reach = 1.1 * float((np.abs(white) + expected).max())

@@ -13,7 +13,7 @@ from wrenchbed.pages.document import provenance
 from wrenchbed.pages.draw import draw
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
-from wrenchbed.reports.diagnosis_page import recorded
+from wrenchbed.reports.diagnosis_page import recording_facts
 from wrenchbed.reports.simulators import joint_axis
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.twin.comparison import Simulator, noise_of, order_of, robot_of, simulators
@@ -52,13 +52,13 @@ class Agreement:
 
     @property
     def worst(self) -> str:
-        """The largest residual in words: ``tz 1.87 × noise``."""
+        """Text of the largest residual: ``tz 1.87 × noise``."""
         k = int(np.argmax(self.ratios))
         return f"{CHANNELS[k]} {self.ratios[k]:.3g} × noise"
 
     @property
     def headline(self) -> str:
-        """The answer in a sentence."""
+        """Sentence on whether the simulator agrees with the recording."""
         if not self.differing:
             return f"Simulator {self.name} agrees with the recording in every channel."
         much = "slightly" if self.ratios.max() < NEAR else "much"
@@ -85,7 +85,7 @@ def agreements(
 
 
 def best(of_all: Sequence[Agreement]) -> Agreement:
-    """The one with the least residual."""
+    """The agreement with the least residual."""
     return min(of_all, key=lambda a: a.overall)
 
 
@@ -131,7 +131,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "heat": drawn[0],
         "series": drawn[1:],
         "next": _next(nearest, bool(fits), name),
-        "data": [*recorded(recording, recording.name), *provenance([recording.name])],
+        "data": [*recording_facts(recording, recording.name), *provenance([recording.name])],
         "command": command,
     }
     return ReportPage(context, "recording", drawn)

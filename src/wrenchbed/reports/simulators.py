@@ -1,4 +1,4 @@
-"""What a report draws: each simulator against the recording, and each cause apart from others."""
+"""What a report draws: each simulator against the recording, and each cause without the others."""
 
 from dataclasses import dataclass, replace
 
@@ -62,7 +62,7 @@ class Evidence:
         self.after = readings.get("with_effects")
 
     def causes(self) -> list[Cause]:
-        """What is claimed and shows in the means: active effects, then wrong stated numbers."""
+        """The claimed causes that show in means: active effects, then wrong stated numbers."""
         if self.after is None:
             return []
         rests: list[tuple[str, ActiveEffect | None, Twin]] = []

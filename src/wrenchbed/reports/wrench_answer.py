@@ -35,7 +35,7 @@ class WrenchAnswer(Answer):
     Attributes:
         row_effects: claimed effects that show between rows only.
         row_sentences: on all effects that show between rows only.
-        variable: on which an unknown residual depends most, within a sentence.
+        variable: phrase for what an unknown residual depends on most.
     """
 
     def __init__(self, findings: Findings) -> None:
@@ -64,7 +64,7 @@ class WrenchAnswer(Answer):
     def causes(self) -> Sequence[Claim]:
         return [claim(w) for w in self.d.which]
 
-    def claimed(self, entry: Mapping[str, Any]) -> Claim:
+    def claim_of(self, entry: Mapping[str, Any]) -> Claim:
         return claim(entry)
 
     @property
@@ -121,7 +121,8 @@ class WrenchAnswer(Answer):
 
     @property
     def hinted(self) -> list[str]:
-        """Subsystems that ``where`` hints at; none where a cause is claimed."""
+        """Subsystems that ``where`` states without enough evidence; empty where a cause is
+        claimed."""
         hints = (str(w["subsystem"]) for w in self.d.where if float(w["share"]) > 0.0)
         return [] if self.d.which else list(dict.fromkeys(hints))
 
@@ -198,12 +199,12 @@ class WrenchAnswer(Answer):
 
     @property
     def _seen(self) -> list[str]:
-        """Channels and variables on which the residual is seen to depend."""
+        """Channels and variables on which the residual depends significantly."""
         return [f.variable for f in self.findings.places if f.seen]
 
     @property
     def _follows(self) -> bool:
-        """Whether the residual is seen to vary with what an unknown depends on."""
+        """Whether the residual depends significantly on the variable of the unknown's kernel."""
         kernel = self._kernel
         return kernel in self._seen or (
             kernel == "direction" and any(v.startswith("direction") for v in self._seen)
@@ -211,12 +212,12 @@ class WrenchAnswer(Answer):
 
     @property
     def _varies(self) -> bool:
-        """Whether an unknown gap is seen to vary with a variable."""
+        """Whether an unknown gap depends significantly on a variable."""
         return self._unexplained == _GAP and self._follows
 
     @property
     def _unexplained(self) -> str:
-        """What is unknown: the gap, or what is left where the means have hardly one."""
+        """Phrase for what is unknown: the gap, or what remains where the means have hardly one."""
         if self.d.verdict == UNKNOWN and small(self.d.gap):
             if self.findings.scattered:
                 return "how rows scatter"
@@ -226,11 +227,11 @@ class WrenchAnswer(Answer):
 
     @property
     def _crowd(self) -> bool:
-        """Whether it is unknown because too many effects look the same."""
+        """Whether the verdict is unknown because too many effects look the same."""
         best, p = self.nearest
         return self.d.verdict == UNKNOWN and "|" in best and p > self.d.probabilities[UNKNOWN]
 
 
 def _the(place: str) -> str:
-    """A part with its article, which a numbered part has none of."""
+    """Name of a place with its article; a numbered place has none."""
     return place if place[-1].isdigit() or place.startswith("all ") else f"the {place}"

@@ -1,8 +1,9 @@
 """Force/torque sensors, one TOML file each: ranges, resolutions, noise, body, sources.
-Imports physics and files.
+Free: a new sensor is a new file; tests/sensors/test_sensors.py speaks for all.
+Others rely on: names, noise and ranges (calibration, diagnosis, emulators;
+docs/reference/sensors.md); recordings carry users' sensors (`described.rebuilt`).
 Never: a number without its ``source``.
 Read first: `base`, then `ati-gamma.toml` as an example; `described` checks and writes such files.
-Used by: calibration, diagnosis, monitoring; the registry, for all others.
 """
 
 SUPPORT = ("described",)

@@ -36,7 +36,7 @@ _WRENCH = "must be six numbers fx fy fz tx ty tz in N and N·m, without units"
 
 
 def shipped(path: Path) -> Sensor:
-    """A sensor of this package, by its plain name.
+    """Read the file of a sensor of this package, which has a plain name.
 
     Raises:
         ParameterError: names the file, the field, its value and what is allowed.
@@ -45,7 +45,7 @@ def shipped(path: Path) -> Sensor:
 
 
 def read(path: Path) -> Sensor:
-    """The sensor of a user's TOML file.
+    """Read the TOML file of a user's sensor.
 
     Raises:
         ParameterError: names the file, the field, its value and what is allowed.
@@ -55,7 +55,7 @@ def read(path: Path) -> Sensor:
 
 
 def rebuilt(record: Mapping[str, Any]) -> Sensor:
-    """The sensor of what a recording carries, see `Sensor.record`.
+    """Make the sensor again from what a recording carries, see `Sensor.record`.
 
     Raises:
         ParameterError: it is incomplete.
@@ -199,7 +199,7 @@ def _lines(values: Mapping[str, str], source: str) -> list[str]:
 
 
 def _numbers(values: Array | None) -> str:
-    """Six numbers, or six rows of them; empty if there are none."""
+    """TOML of six numbers, or of six rows of them; empty if there are none."""
     if values is None:
         return ""
     rows = [f"  {listed(row)}," for row in values] if values.ndim == 2 else []

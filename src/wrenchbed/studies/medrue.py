@@ -53,7 +53,7 @@ def steps(quick: bool, robots: int | None) -> int:
 
 
 def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
-    """Run everything; results, tables and figures go to ``folder``.
+    """Run the whole study; results, tables and figures go to ``folder``.
 
     Finished robots are kept in ``folder``/parts, so that a stopped run goes on.
     """
@@ -94,7 +94,8 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
 
 
 def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, dict[str, int]]:
-    """What 100 configurations determine of all 49, and the rank by parameters and data."""
+    """Observability of all 49 parameters by 100 configurations, and the rank by parameters and
+    data."""
     model = setting.model
     columns = model.parameters.select(setting.robot.candidates)
     scale = model.parameters.tolerance[list(columns)]
@@ -165,7 +166,7 @@ def identifiable_section(
     ranks: Mapping[str, int],
     designs: Mapping[str, PoseDesign],
 ) -> Section:
-    """Rank, redundancies, and the choice of configurations."""
+    """Section on rank, redundancies, and the choice of configurations."""
     silent = observed.no_effect
     return Section(
         "What the wrench can determine",
@@ -220,7 +221,7 @@ def _choice(setting: StudySetting, designs: Mapping[str, PoseDesign]) -> tuple[T
 def paper_robot_section(
     setting: StudySetting, designs: Mapping[str, PoseDesign], one: PaperRobot
 ) -> Section:
-    """Table 1, and Figures 6 to 8."""
+    """Section with Table 1 and Figures 6 to 8."""
     target, whole = (1e3 * one.errors["exact"][k].max() for k in ("target", "whole"))
     robot, theta = setting.robot, setting.robot.robot_theta(setting.theta)
     some = np.linspace(0, len(setting.q) - 1, _DRAWN).astype(int)
@@ -283,7 +284,7 @@ def _table1(setting: StudySetting, designs: Mapping[str, PoseDesign], one: Paper
 
 
 def population_section(table: pa.Table, one: PaperRobot) -> Section:
-    """Tables 2 to 6 over many random robots."""
+    """Section with Tables 2 to 6 over many random robots."""
     robots = len(np.unique(table["robot"].to_numpy()))
     return Section(
         f"{robots} random robots",
@@ -399,7 +400,8 @@ def _p(p: float) -> str:
 
 
 def limit_section(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Section:
-    """The bound of two noises from O1's configurations, beside attained and published errors."""
+    """Section on the bound of two noises from O1's configurations, beside attained and published
+    errors."""
     rows: list[tuple[object, ...]] = [("published", *published.AFTER.values())]
     means = []
     for noise in (MINI40, PAPER):

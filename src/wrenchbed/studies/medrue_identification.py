@@ -42,7 +42,8 @@ class IdentifiedRobot:
 def as_the_paper(
     setting: StudySetting, q: np.ndarray, wrench: np.ndarray, stop: float = _STOP
 ) -> IdentifiedRobot:
-    """Unweighted normal equations with scaled columns: its Section 4.2, Equations 24–30.
+    """Identify by unweighted normal equations with scaled columns: its Section 4.2, Equations
+    24–30.
 
     NaN where the iteration left the region in which the five-bars close.
 
@@ -75,8 +76,8 @@ def weighted(
     std: np.ndarray,
     start: np.ndarray | None = None,
 ) -> IdentifiedRobot:
-    """Fit with channels weighted by their standard deviation (6,) of a mean: efficient for normal
-    noise.
+    """Identify with channels weighted by their standard deviation (6,) of a mean: efficient for
+    normal noise.
 
     Begins at nominal, or at ``start`` (P,).
     """
@@ -125,7 +126,8 @@ class PaperRobot:
 
 
 def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: int) -> PaperRobot:
-    """Identify without noise, with the certificate's, and with ±1 N by each design."""
+    """Identify the robot of Table 1 without noise, with the certificate's, and with ±1 N by each
+    design."""
     theta = of_table_1(setting, published.ACTUAL)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}
@@ -200,7 +202,8 @@ class Judge:
         self._target = simulation.wrench(setting.target), simulation.tip(setting.target)
 
     def rows(self, theta: np.ndarray, *, whole: bool = True, **labels: object) -> list[Row]:
-        """Rows with one for each workspace and quantity, SI."""
+        """Error rows of identified parameters, one for each workspace and quantity, SI, with
+        ``labels``."""
         places = {"target": (self.setting.target, self._target)}
         if whole:
             places["whole"] = (self.setting.q, self._whole)

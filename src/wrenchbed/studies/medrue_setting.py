@@ -94,7 +94,7 @@ we have."""
 
 @dataclass(frozen=True, eq=False)
 class StudySetting:
-    """Everything at nominal parameters.
+    """The study at nominal parameters: pool, target and Jacobians.
 
     Attributes:
         columns: positions of the 27 identified parameters.
@@ -102,7 +102,7 @@ class StudySetting:
         q: pool (N, 6).
         jacobian: of the wrench at the pool (N, 6, 27), SI.
         target: joint values (336, 6).
-        goal: position in the target by the 27.
+        goal: derivatives of the position in the target by the 27.
     """
 
     robot: MedRUE
@@ -143,7 +143,8 @@ class StudySetting:
 
 
 def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> StudySetting:
-    """Pool of n configurations with tool orientations in `workspace.pool`'s ranges."""
+    """Make the setting with a pool of n configurations, with tool orientations in
+    `workspace.pool`'s ranges."""
     robot: MedRUE = registry.load("robots", "medrue")
     model = Model.of(robot)
     columns = model.parameters.select(IDENTIFIED)

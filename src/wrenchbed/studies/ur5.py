@@ -157,7 +157,8 @@ class StudyScene:
         return cls(scenario, model, theta, metadata, noise, seed)
 
     def measure(self, q: np.ndarray) -> tuple[Recording, np.ndarray]:
-        """Holds at q (N, 6), and the exact load and bias at each (N, 6) before noise and drift."""
+        """Simulate holds at q (N, 6); return the recording, and the exact load and bias at each (N,
+        6) before noise and drift."""
         count = len(self.model.robot.parameters)
         simulation = Simulation(self.model.robot, self.theta[:count], self.model.gravity)  # type: ignore[arg-type]
         exact = self.model.read(simulation.wrench(q), self.theta)
@@ -179,8 +180,8 @@ class StudyScene:
 def poses(
     robot: URArm, direction: str, n: int, rng: np.random.Generator, *, roll: float | None
 ) -> np.ndarray:
-    """Joint values (n, 6) at random positions of the tool, turned by ``roll`` about its own axis
-    [rad]; at random for each if None.
+    """Draw joint values (n, 6) at random positions of the tool, turned by ``roll`` about its own
+    axis [rad]; at random for each if None.
 
     Raises:
         PlanError: too few positions are reachable.
@@ -242,7 +243,8 @@ def geometric_mean(values: np.ndarray) -> float:
 
 
 def trial(scenario: Scenario, seed: int) -> Trial:
-    """Campaign of the reference pose, the calibrating poses in random order, the judging poses."""
+    """Simulate a campaign: the reference pose, the calibrating poses in random order, the judging
+    poses."""
     scene = StudyScene.of(scenario, seed)
     robot = cast(URArm, scene.model.robot)
     rng = np.random.default_rng([seed, 1])
@@ -285,7 +287,8 @@ def steps(quick: bool, robots: int | None) -> int:
 
 
 def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
-    """Report of every scenario, repeated with other poses and noise; the first fills Tables 2 to 6.
+    """Run every scenario, repeated with other poses and noise; return the page, whose Tables 2 to 6
+    are of the first.
 
     Finished repetitions are kept in ``folder``/parts, so that a stopped run goes on.
     """
@@ -343,7 +346,7 @@ def repetition(seed: int, number: int) -> list[Row]:
 
 
 def overall(table: pa.Table, scenario: str, method: str) -> float:
-    """Force that a method leaves [N]: geometric mean over directions, median over repetitions."""
+    """Residual force of a method [N]: geometric mean over directions, median over repetitions."""
     keep = pc.and_(pc.equal(table["scenario"], scenario), pc.equal(table["method"], method))
     rows = table.filter(keep).sort_by("repetition")
     values = rows["force"].to_numpy().reshape(-1, len(DIRECTIONS))
@@ -416,7 +419,8 @@ def _summary(first: Trial, table: pa.Table) -> dict[str, Any]:
 
 
 def _bound(one: Trial) -> float:
-    """Cramér–Rao bound of the centre of gravity's position [m], white noise alone, averaged."""
+    """Cramér–Rao bound of the rms error of the centre of gravity [m], by white noise alone,
+    averaged over the samples of a hold."""
     scene, q = one.scene, one.calibrating
     columns = scene.model.parameters.select(FREE)
     std = scene.noise.white / np.sqrt(SAMPLES)
@@ -430,7 +434,8 @@ def _bound(one: Trial) -> float:
 
 
 def _lead(summary: dict[str, Any]) -> str:
-    """The forces that the methods leave in their worst direction, and with a wrong stated mass."""
+    """Sentences on the forces that the methods leave in their worst direction, and with a wrong
+    stated mass."""
     worst = {m: max(summary["force"][d][m] for d in DIRECTIONS) for m in ORDER}
     wrong = summary["scenarios"][SCENARIOS[2].name]
     return (

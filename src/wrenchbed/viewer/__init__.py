@@ -1,8 +1,8 @@
 """Recordings, plans and diagnoses as pictures for rerun; the only room that knows rerun.
-May import: reports, diagnosis, campaigns (recording), twin, simulation and the rooms below them.
-Never: numbers of its own; it draws what recordings, plans and answers hold.
+Free: colours, layout, what is drawn; tests/viewer speak.
+Others rely on: nothing but `show` and the views (cli); rerun's API of the pinned version.
+Never: numbers of its own; this room draws what recordings, plans and answers hold.
 Read first: `show`, then `recordings`; `stream` is the canvas that everything is drawn on.
-Used by: cli.
 """
 
 from wrenchbed import registry

@@ -44,7 +44,7 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
 def painted(
     model: mujoco.MjModel, robot: Robot, shares: Mapping[str, float]
 ) -> dict[int, tuple[int, ...]]:
-    """Colour of each geom of the robot, by its number: of the part with the largest share."""
+    """Colour of each geom of the robot by its number: that of its part with the largest share."""
     return {
         g: tuple(int(c) for c in heat(max(shares.get(n, 0.0) for n in names)))
         for g, names in part_of(model, robot, "environment" in shares).items()
@@ -52,7 +52,8 @@ def painted(
 
 
 def part_of(model: mujoco.MjModel, robot: Robot, shown_world: bool) -> dict[int, Sequence[str]]:
-    """Parts that each geom of the robot stands for; of bench and floor on request.
+    """Names of the parts that each geom of the robot shows, by its number; with ``shown_world``
+    also bench and floor.
 
     A geom without a name belongs to the named one before it in the same body.
     """
@@ -78,8 +79,8 @@ def part_of(model: mujoco.MjModel, robot: Robot, shown_world: bool) -> dict[int,
 
 
 def _carriers(model: mujoco.MjModel, robot: Robot) -> dict[int, Sequence[str]]:
-    """For each body that an actuated joint moves that joint and its link; for passive ones their
-    links."""
+    """For each body the parts that it shows: its joint and link if an actuated joint moves it, else
+    its link."""
     number = {int(model.joint(j.name).bodyid[0]): k for k, j in enumerate(robot.joints, start=1)}
     parts: dict[int, Sequence[str]] = {}
     for b in range(1, model.nbody):
@@ -131,13 +132,13 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
 
 
 def _claimed(c: Claim) -> str:
-    """A cause, its probability and all its parameters."""
+    """Markdown of a cause: its probability and all its parameters."""
     sizes = (f"{size.name} {size.value}" for size in c.sizes)
     return f"- {c.names} {c.probability}: {', '.join([text for _, text in c.choices] + [*sizes])}"
 
 
 def _log_robot(canvas: Canvas, robot: SimulatedRobot, shares: Mapping[str, float]) -> None:
-    """The robot at home, painted."""
+    """Log the robot at home, coloured by the parts' shares."""
     log_world(canvas)
     simulation = Simulation(robot, robot.parameters.nominal)
     model = simulation.model

@@ -1,4 +1,4 @@
-"""What pictures are made of: colours, curves, arrows at the sensor."""
+"""Elements of pictures: colours, curves, arrows at the sensor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ class Scale:
 
     @property
     def sentence(self) -> str:
-        """The scale of arrows in a sentence."""
+        """Sentence on the scale of the arrows."""
         return f"1 N is {1e3 * self.force:g} mm long, 1 N·m {1e3 * self.torque:g} mm"
 
 
@@ -108,7 +108,7 @@ def log_curves(
 ) -> None:
     """Log curves (N, K) over the canvas's axis at (N,) as one entity.
 
-    A measured one is wide, beneath the others.
+    The curve of the measurement is wide, beneath the others.
     """
     widths, known = [_BENEATH if c == MEASURED else _WIDTH for c in colours], map(printable, names)
     canvas.once(path, rr.SeriesLines(names=list(known), colors=list(colours), widths=widths))

@@ -1,4 +1,4 @@
-"""A plan as one sees it before any robot moves: its poses, the way through them, what to expect."""
+"""The view of a plan before any robot moves: its poses, the way through them, what to expect."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -69,7 +69,8 @@ def plan_view(plan: Plan, path: str | Path) -> None:
 
 
 def _course(robot: SimulatedRobot, plan: Plan) -> tuple[str, np.ndarray, np.ndarray, str]:
-    """Timeline, joint values (K, J), their times [s] or rows (K,), and why it cannot be run."""
+    """Timeline, joint values (K, J), their times [s] or rows (K,), and the reason why the plan
+    cannot be run, or ""."""
     if plan.mode == "dynamic":
         assert plan.rate_hz is not None  # `Plan` holds it
         return TIME, plan.q, np.arange(len(plan)) / plan.rate_hz, ""
@@ -106,7 +107,7 @@ def along(
 
 
 def _log_marks(canvas: Canvas, plan: Plan, simulation: Simulation, way: np.ndarray) -> None:
-    """Where the sensor goes, where it rests, and the points that the tip shall touch."""
+    """Log the sensor's way, its rests, and the points that the tip shall touch."""
     canvas.once("world/way", rr.LineStrips3D([way], colors=WAY, radii=_LINE_M))
     if plan.mode == "static":
         rests = motion(simulation, plan.q).sensor

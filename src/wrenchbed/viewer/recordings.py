@@ -1,4 +1,4 @@
-"""A recording as one sees it: the robot, what its sensor said, and what simulators say."""
+"""The view of a recording: the robot, readings of its sensor, and what simulators read."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 def recording_view(
     recording: Recording, path: str | Path, files: Sequence[str | Path] = ()
 ) -> None:
-    """Write the view of a recording; the last of some fits and twins is held against it.
+    """Write the view of a recording; the last of some fits and twins is compared with it.
 
     Args:
         path: of the ``.rrd``.
@@ -67,7 +67,7 @@ def recording_view(
 
 
 def _readings_alone(recording: Recording, path: str | Path) -> None:
-    """What a sensor said on a robot without a model."""
+    """Write the view of a robot without a model: its sensor's readings alone."""
     at, axis = _over(recording)
     left, right = stream.channels("wrench", (axis, at)), [stream.document("/report", "about")]
     with to_file(path, stream.page(left, right, axis), axis) as canvas:
@@ -76,7 +76,7 @@ def _readings_alone(recording: Recording, path: str | Path) -> None:
 
 
 def _over(recording: Recording) -> tuple[np.ndarray, str]:
-    """What rows are drawn over: their numbers at rest, else time [s]; and its timeline."""
+    """Values of the axis for all rows (their numbers at rest, else time [s]), and its timeline."""
     if recording.metadata.mode == "static":
         return np.arange(float(len(recording))), ROW
     return recording.t.astype(float), TIME

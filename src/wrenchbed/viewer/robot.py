@@ -37,7 +37,7 @@ FRAMES_HZ = 30.0
 
 
 def bodies(model: mujoco.MjModel) -> dict[str, int]:
-    """Bodies that have something to show, by name."""
+    """Numbers of the bodies with visible geoms, by name."""
     shown = (b for b in range(model.nbody) if len(geoms_of(model, b)))
     return {model.body(b).name or f"body {b}": b for b in shown}
 
@@ -147,7 +147,7 @@ def _colours(model: mujoco.MjModel) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """A robot at K moments.
+    """Poses of a robot's bodies at K moments.
 
     Attributes:
         names: bodies that can be seen (B).
@@ -183,7 +183,8 @@ def motion(simulation: Simulation, q: np.ndarray) -> BodyMotion:
 
 
 def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-    """Rows (K,) of joint values (N, J) to show: each that differs from the last shown, and the end.
+    """Numbers (K,) of the rows of joint values (N, J) to show: each that differs from the last
+    shown, and the end.
 
     Args:
         t: times (N,) [s] of a motion, of which at most `FRAMES_HZ` rows a second are shown.
@@ -199,7 +200,7 @@ def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
 
 
 def log_world(canvas: Canvas) -> None:
-    """Say once that z is up."""
+    """Log that z is up."""
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
 
 

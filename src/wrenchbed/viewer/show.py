@@ -60,7 +60,7 @@ def show(file: str | Path, *, port: int = PORT) -> None:
 
 
 def _listens(port: int) -> bool:
-    """Whether somebody accepts connections to a port of this machine."""
+    """Whether a program accepts connections to a port of this machine."""
     with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
         return True
     return False
@@ -68,7 +68,7 @@ def _listens(port: int) -> bool:
 
 @contextmanager
 def quiet() -> Iterator[dict[str, str]]:
-    """Environment in which rerun asks nobody; the user's settings are left as they are.
+    """Yield an environment in which rerun contacts nobody; the user's settings stay as they are.
 
     Telemetry is off, and its question for newer versions goes to a proxy that is not there.
     """
@@ -84,7 +84,7 @@ def quiet() -> Iterator[dict[str, str]]:
 
 
 def _binary() -> Path:
-    """Rerun's viewer itself: killing the Python script around it would leave it running."""
+    """Path of rerun's viewer itself: killing the Python script around it would leave it running."""
     return Path(str(registry.require("rerun_cli", "view").__file__)).parent / "rerun"
 
 
@@ -115,7 +115,8 @@ def view(
 
 
 def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder: Path) -> Path:
-    """An existing picture, or one drawn at ``rrd`` or else in the folder."""
+    """Path of the picture of a file: an ``.rrd`` itself, else one drawn at ``rrd`` or in the
+    folder."""
     made = file / PICTURE if file.is_dir() else file
     if made.suffix == ".rrd":
         if against or rrd is not None:

@@ -26,7 +26,7 @@ Window = tuple[str, np.ndarray]
 
 
 class Canvas:
-    """Where things are drawn: once, at a step, or as columns over one timeline.
+    """A place to log data for the viewer: once, at a step, or as columns over one timeline.
 
     Args:
         stream: of rerun.
@@ -37,11 +37,11 @@ class Canvas:
         self.stream, self.axis = stream, axis
 
     def once(self, path: str, shown: Any) -> None:
-        """Draw for all times."""
+        """Log data for all times."""
         self.stream.log(path, shown, static=True)
 
     def columns(self, path: str, at: np.ndarray, data: Any) -> None:
-        """Draw data over the axis at (N,) [s or rows]."""
+        """Log data over the axis at (N,) [s or rows]."""
         row = self.axis == ROW
         when = {"sequence": at.astype(np.int64)} if row else {"duration": at}
         self.stream.send_columns(path, [rr.TimeColumn(self.axis, **when)], data)
@@ -72,7 +72,7 @@ def log_words(canvas: Canvas, path: str, text: str) -> None:
 
 
 def scene(robot: str, name: str = "robot") -> Any:
-    """The robot from where its arm and sensor are seen best."""
+    """View of the robot from where its arm and sensor are seen best."""
     shown = registry.load("robots", robot)
     assert isinstance(shown, SimulatedRobot)  # only such have a scene
     position, target = shown.eye
@@ -88,7 +88,7 @@ def scene(robot: str, name: str = "robot") -> Any:
 
 
 def channels(name: str, window: Window, *, residual: bool = False) -> Any:
-    """Curves of the six channels, each over its residual, if asked for."""
+    """View of the curves of six channels, each over its residual if asked for."""
     views = []
     for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
         view = curves(f"/wrench/{c}", f"{c} [{u}]", window, legend=k == 0)
@@ -101,7 +101,7 @@ def channels(name: str, window: Window, *, residual: bool = False) -> Any:
 
 
 def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> Any:
-    """Curves of which all of a window is in view at first."""
+    """View of curves that shows all of a window at first."""
     b = rr.blueprint
     axis = b.TimeAxis(link=b.components.LinkAxis.Independent, view_range=_all_of(*window))
     return b.TimeSeriesView(
@@ -113,7 +113,7 @@ def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> An
 
 
 def _all_of(timeline: str, at: np.ndarray) -> Any:
-    """Range from the first to the last row, or time."""
+    """Time range of the viewer from the first to the last row, or time."""
     unit = "seq" if timeline == ROW else "seconds"
     low, high = (float(at[k]) for k in (0, -1))
     ends = (int(x) if timeline == ROW else x for x in (low, max(high, low + 1e-3)))
@@ -122,12 +122,12 @@ def _all_of(timeline: str, at: np.ndarray) -> Any:
 
 
 def document(origin: str, name: str) -> Any:
-    """Words about what is shown."""
+    """View of Markdown."""
     return rr.blueprint.TextDocumentView(origin=origin, name=name)
 
 
 def page(left: Any | None, right: Sequence[Any], timeline: str | None = TIME) -> Any:
-    """One view left, if any, and tabs right.
+    """Layout of a picture: one view left, if any, and tabs right.
 
     Without a timeline nothing changes over time, and there is no slider.
     """
