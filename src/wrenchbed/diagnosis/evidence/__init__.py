@@ -1,6 +1,6 @@
 """What each effect would add to each reading, and the exact evidence of each hypothesis.
-Imports prepare.
-Never: refit or judge; it is linear and knows no verdict.
 Read first: `dictionary`, then `likelihood` and `search`.
-Used by: explain, gap, next, efforts, `diagnose`; benchmark and reports.
+Free: linear algebra; tests/diagnosis/test_likelihood compares it with dense formulas.
+Others rely on: priors, ladders and scales: all odds follow from them, so learn again.
+Never: refit or judge; it is linear and knows no verdict.
 """

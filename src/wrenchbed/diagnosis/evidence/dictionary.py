@@ -1,10 +1,10 @@
-"""The dictionary: what every effect, and a flexible unknown, would add to each reading.
+"""The dictionary: columns that every effect, and a flexible unknown, would add to each reading.
 
 All columns are linear responses at the baseline, whitened; a column's coefficient is in units of
 the parameter's typical size. The Gram matrix of these columns is all that the evidence needs. The
-flexible unknown has one group of columns per variable that a residual may depend on: smooth
-functions, channel by channel. Together they fit what no effect of the library makes, and their
-share of a residual says what it varies with.
+flexible unknown has one group of columns (kernel) per variable that a residual may depend on:
+smooth functions, channel by channel. Together they fit what no effect of the library makes, and
+their share of a residual says what it varies with.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -34,7 +34,7 @@ _Shape = tuple[tuple[str, float], ...]
 
 
 def features(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Columns (C R, k) by variable; each group adds a gap of 1 at unit coefficients."""
+    """Kernel columns (C R, k) by variable; each group adds a gap of 1 at unit coefficients."""
     groups: dict[str, np.ndarray] = {}
     for name, base in variables(prepared).items():
         columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
@@ -46,7 +46,7 @@ def features(prepared: Prepared) -> dict[str, np.ndarray]:
 
 
 def variables(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Functions (H, k) of each variable at the observations."""
+    """Functions (H, k) of each variable (orientation, time …) at the observations."""
     scene, held = prepared.scene, prepared.scene.held
     rotation, position = (value(x) for x in scene.pose)
     result: dict[str, np.ndarray] = {}
@@ -104,7 +104,7 @@ def _scaled(x: np.ndarray) -> np.ndarray:
 
 
 def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """A function (H,) in each whitened channel: columns (C R, C)."""
+    """Columns (C R, C) that have the function x (H,) in one whitened channel each."""
     count = len(prepared.variance)
     fit = prepared.averages(x[:, None])
     return np.asarray((fit[:, :, None] * np.eye(count)).reshape(-1, count))
@@ -112,7 +112,7 @@ def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One variant of one effect: its columns (k,), the gap that it adds at typical size."""
+    """One variant of one effect: indices of its columns (k,), and its gap at typical size."""
 
     effect: Effect
     variant: Variant
@@ -126,21 +126,21 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class EffectDictionary:
-    """Columns of one design at one baseline.
+    """Columns of all effects for one design at one baseline.
 
     Attributes:
-        prepared: the design and the noise, its scene at the baseline's parameters.
-        baseline: readings there (C R,), whitened.
+        prepared: the design and its noise, with the scene at the baseline's parameters.
+        baseline: whitened readings there (C R,).
         E: columns (C R, n).
         size: typical size of each column's parameter (n,), SI.
         label: (effect, parameter) of each column, or (kernel, '') of a feature.
-        hypotheses: what may be claimed.
-        kernels: columns of the flexible unknown by the variable that they depend on.
-        stated: columns of the numbers that every user fits, and their tolerances in typical sizes.
-        nuisance: columns of what a user never knows of a channel, fitted away always.
-        imperfections: columns of what a channel's sensor may lack without a fault.
-        of_all: the columns on all rows, where these are without a fold.
-        free_form: columns of form-free variants only.
+        hypotheses: variants of effects that may be claimed.
+        kernels: indices of the unknown's columns, by the variable that they depend on.
+        stated: indices of the numbers that every user fits; ``tolerance`` in typical sizes.
+        nuisance: indices of columns of a channel's nuisance, which every fit takes.
+        imperfections: indices of columns of imperfections of healthy sensors.
+        of_all: the dictionary of all rows, if this one leaves a fold out.
+        free_form: indices of columns of form-free variants only.
     """
 
     prepared: Prepared
@@ -171,7 +171,7 @@ class EffectDictionary:
 
     @cached_property
     def grams(self) -> np.ndarray:
-        """Gram matrix EᵀE of each column's rows (C, n, n)."""
+        """Gram matrix EᵀE of the rows of each measured column (C, n, n)."""
         n = self.E.shape[1]
         result = np.empty((self.channels, n, n))
         rows = np.swapaxes(self.E.reshape(-1, self.channels, n), 0, 1)
@@ -206,13 +206,13 @@ class EffectDictionary:
 
     @cached_property
     def always(self) -> np.ndarray:
-        """Columns that every fit takes: nuisance, then the stated numbers."""
+        """Indices of the columns that every fit takes: nuisance, then the stated numbers."""
         return np.concatenate([self.nuisance, self.stated])
 
     @cached_property
     def fitted_away(self) -> np.ndarray:
-        """Orthonormal basis (C R, S) of what the fit of bias, mass and CoG takes from any signal,
-        each vector from one channel."""
+        """Orthonormal basis (C R, S) of the columns ``always``, of which each vector is of one
+        channel."""
         return np.linalg.qr(self.E[:, self.always])[0]
 
     def mean_square(self, x: np.ndarray) -> np.ndarray:
@@ -223,13 +223,13 @@ class EffectDictionary:
         return np.stack(squares)
 
     def gap(self, signal: np.ndarray, *, configured: bool = False) -> float:
-        """Gap of a signal (C R,), after that fit unless it counts as configured."""
+        """Gap of a signal (C R,) after the usual fit, or before it if ``configured``."""
         if not configured:
             signal = self.without_stated(signal)
         return float(self.mean_square(signal).sum())
 
     def gaps(self, signal: np.ndarray) -> np.ndarray:
-        """Gap of a signal (C R,) in each channel (F,), after that fit and less the noise."""
+        """Gap of a signal (C R,) in each channel (F,) after the usual fit, noise subtracted."""
         return self.mean_square(self.without_stated(signal)) - self.channel_noise
 
     @cached_property
@@ -250,11 +250,11 @@ class EffectDictionary:
         return np.asarray(np.maximum(self.configured_gap - of_channel @ taken, 0.0))
 
     def of_stated(self, effect: str) -> np.ndarray:
-        """Which of the stated columns are of one effect (S,), boolean."""
+        """Whether each stated column (S,) belongs to an effect, boolean."""
         return np.array([self.label[k][0] == effect for k in self.stated], dtype=bool)
 
     def fitted(self, signal: np.ndarray) -> np.ndarray:
-        """Stated numbers (S,), in typical sizes, that fit a signal (C R,) best."""
+        """Least-squares fit of the stated numbers (S,), in typical sizes, to a signal (C R,)."""
         return np.asarray(np.linalg.lstsq(self.E[:, self.stated], signal, rcond=None)[0])
 
     def without_stated(self, signal: np.ndarray) -> np.ndarray:
@@ -262,7 +262,7 @@ class EffectDictionary:
         return np.asarray(signal - self.fitted_away @ (self.fitted_away.T @ signal))
 
     def without(self, fold: int) -> "EffectDictionary":
-        """Dictionary of the same columns on rows outside a fold."""
+        """Dictionary of the same columns on the rows outside a fold."""
         keep = np.repeat(self.prepared.fold_rows != fold, self.channels)
         return replace(
             self,
@@ -274,17 +274,17 @@ class EffectDictionary:
 
     @property
     def row_noise(self) -> float:
-        """Gap that the noise of the fitted rows makes."""
+        """Gap of the fitted rows' noise, all channels together."""
         return float(self.channel_noise.sum())
 
     @property
     def channel_noise(self) -> np.ndarray:
-        """Gap that the noise of the fitted rows makes in each channel (F,)."""
+        """Gap of the fitted rows' noise in each channel (F,)."""
         return np.array([self.prepared.variance[f].mean() for f in self.prepared.families])
 
     @cached_property
     def _of_effects(self) -> Mapping[str, np.ndarray]:
-        """Distinct columns by effect, in the order of their names."""
+        """Column indices of each effect, all variants together, by name in order."""
         columns: dict[str, list[int]] = {}
         for k, (effect, parameter) in enumerate(self.label):
             if parameter:
@@ -293,25 +293,25 @@ class EffectDictionary:
 
     @cached_property
     def imperfect(self) -> Mapping[str, np.ndarray]:
-        """Columns by effect in which a robot may always differ a little; form-free variants are in
-        the kernels, and stated numbers have their tolerances."""
+        """Column indices, by effect, of small imperfections of any robot: no form-free variants
+        (kernels stand for them), no stated numbers (they have tolerances)."""
         stated = {self.label[k][0] for k in self.stated}
         columns = {e: np.setdiff1d(k, self.free_form) for e, k in self._of_effects.items()}
         return {e: k for e, k in columns.items() if e not in stated}
 
     def of_effect(self, name: str) -> np.ndarray:
-        """Distinct columns of an effect, whatever the variant."""
+        """Column indices of an effect, all variants together; empty if it has none."""
         return self._of_effects.get(name, np.zeros(0, dtype=int))
 
 
 def build(
     prepared: Prepared, robot_theta: np.ndarray, tolerance: Mapping[str, np.ndarray]
 ) -> EffectDictionary:
-    """Dictionary of all effects' columns at a baseline.
+    """Make the dictionary of all effects at a baseline.
 
     Args:
-        prepared: the design.
-        robot_theta: parameters of the baseline's robot.
+        prepared: the recording's design and noise.
+        robot_theta: parameters of the robot at the baseline.
         tolerance: of the stated numbers that show, by effect, SI; inf where nothing is stated.
     """
     at = prepared.at(robot_theta)
@@ -374,14 +374,14 @@ def build(
 
 
 def nuisance(prepared: Prepared) -> np.ndarray:
-    """Columns (C R, k) of what is fitted away of each channel, orthogonal, of mean square 1."""
+    """Nuisance columns (C R, k) of all channels, orthogonal, with a mean square of 1."""
     slopes = [c.nuisance(prepared.scene) for c in prepared.channels]
     block = orthonormal(_of_channels(prepared, slopes))
     return np.asarray(block * np.sqrt(len(block)))
 
 
 def _of_channels(prepared: Prepared, each: Sequence[np.ndarray]) -> np.ndarray:
-    """Whitened columns (C R, k) of slopes (M, …, n) of each channel's own readings."""
+    """Whitened columns (C R, k) of each channel's slopes (M, c, n), 0 in other channels."""
     width, result = prepared.families[-1].stop, list[np.ndarray]()
     for slopes, of in zip(each, prepared.families, strict=True):
         for slope in np.moveaxis(slopes, 2, 0):
@@ -400,7 +400,7 @@ def _shape(variant: Variant) -> _Shape:
 def _columns(
     prepared: Prepared, response: Response, effect: Effect, variants: Sequence[Variant]
 ) -> dict[tuple[str, _Shape], np.ndarray]:
-    """Columns (C R,) of an effect, by amplitude's name and shape."""
+    """Columns (C R,) of an effect by its amplitude's name and shape."""
     known = {p.name: p for p in effect.parameters(response.scene.robot)}
     wanted: dict[_Shape, dict[str, Parameter]] = {}
     for variant in variants:
@@ -438,7 +438,7 @@ def _with_hypotheses(
 
 
 class FittedResidual:
-    """Residual of a channel after nuisance and stated numbers are fitted, scanned for shapes."""
+    """Leading channel's residual after the usual fit, to be scanned for shapes of effects."""
 
     def __init__(self, prepared: Prepared, response: Response, stated: Collection[str]) -> None:
         alone = Response(prepared.scene, prepared.channels)
@@ -459,7 +459,7 @@ class FittedResidual:
         self._fitted = basis.reshape(*self._value.shape, -1)
 
     def suggests(self, effect: Effect) -> tuple[Variant, ...]:
-        """Variants that a scan of the residual suggests."""
+        """Variants of an effect that its scan of the residual suggests."""
         known = {p.name: p for p in effect.parameters(self.scene.robot)}
 
         def tangent(name: str, at: Mapping[str, float]) -> np.ndarray:

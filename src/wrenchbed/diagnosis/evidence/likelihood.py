@@ -1,10 +1,10 @@
 """Evidence of hypotheses: exact marginal likelihoods of a linear Gaussian model.
 
 y = E c + e with c ~ N(0, V), e ~ N(0, v₀ I). The background, small imperfections of all effects at
-once, sits in V; a hypothesis widens V for its own columns. Only evidence beyond what imperfections
-and the statement's tolerances explain counts (M-open view: Bernardo & Smith 1994, ch. 6).
+once, is in V; a hypothesis widens V for its own columns. So only evidence beyond imperfections and
+the tolerances of stated numbers counts (M-open view: Bernardo & Smith 1994, ch. 6).
 
-A ladder of background levels covers how much many small imperfections may add to a gap together.
+A ladder of background levels (rungs) covers what gap many small imperfections may add together.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -37,14 +37,13 @@ WITHIN = 1.0
 
 
 class OfProducts:
-    """Columns with background variance V (n,) of which products Eᵀ v₀⁻¹ E and Eᵀ v₀⁻¹ y are enough:
-    those of many rows, and those of readings of which nothing else is kept.
-    """
+    """Gaussian background given by products alone: columns of variances V (n,), G = Eᵀ v₀⁻¹ E. For
+    many rows, and for readings of which nothing else is kept."""
 
     V: np.ndarray
 
     def _weighed(self) -> np.ndarray:
-        """Gram matrix Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
+        """Gram matrix G = Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
         raise NotImplementedError
 
     @cached_property
@@ -53,23 +52,22 @@ class OfProducts:
 
     @cached_property
     def _on(self) -> np.ndarray:
-        """Indices of the columns with a positive background variance (b,)."""
+        """Indices (b,) of the columns with a positive background variance."""
         return np.flatnonzero(self.V > 0.0)
 
     @cached_property
     def _root(self) -> np.ndarray:
-        """Standard deviations of the columns with background variance (b,)."""
+        """Standard deviations (b,) of the columns `_on`."""
         return np.sqrt(self.V[self._on])
 
     def _beside(self) -> np.ndarray:
-        """G D for the columns with background variance (n, b), G = Eᵀ v₀⁻¹ E, D = V½."""
+        """G D (n, b), of the columns `_on` with D = V½."""
         result = np.take(self._gram, self._on, axis=1)
         result *= self._root
         return result
 
     def _inner(self) -> np.ndarray:
-        """Gram matrix (b, b) of the whitened columns that have background variance, each times its
-        background standard deviation."""
+        """D G D (b, b), of the columns `_on` with D = V½."""
         result = self._beside()[self._on]
         result *= self._root[:, None]
         return result
@@ -83,19 +81,19 @@ class OfProducts:
         return factored(self._inner())
 
     def held(self, u: np.ndarray) -> np.ndarray:
-        """Coefficients (n, k) that the background has of readings of which u = Eᵀ v₀⁻¹ y (n, k) is
-        known: D (I + D G D)⁻¹ D u with D = V½."""
+        """Posterior mean of the background's coefficients (n, k) for u = Eᵀ v₀⁻¹ y (n, k): D (I + D
+        G D)⁻¹ D u with D = V½."""
         root, result = self._root[:, None], np.zeros_like(u)
         solved = cho_solve(self._factor, root * u[self._on], check_finite=False)
         result[self._on] = root * solved
         return result
 
     def information(self, columns: np.ndarray) -> np.ndarray:
-        """Blocks of P = Eᵀ K₀⁻¹ E (b, k, k) of sets of columns (b, k)."""
+        """Blocks (b, k, k) of P = Eᵀ K₀⁻¹ E for sets of columns (b, k)."""
         return self.informations([columns])[0]
 
     def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
-        """`information` of each of several sets of columns; nothing that they share is kept."""
+        """`information` of several groups of sets of columns; their common factor is not cached."""
         factor, lower = self._factor
         of = self._beside()
         half = solve_triangular(factor, of.T, lower=lower, overwrite_b=True, check_finite=False)
@@ -106,7 +104,7 @@ class OfProducts:
 
 @dataclass(frozen=True, eq=False)
 class Products(OfProducts):
-    """The products themselves: G (n, n), and the variances V (n,)."""
+    """Background given by the products themselves: G (n, n) and the variances V (n,)."""
 
     gram: np.ndarray
     V: np.ndarray
@@ -123,14 +121,14 @@ def factored(inner: np.ndarray) -> tuple[np.ndarray, bool]:
 
 @dataclass(frozen=True, eq=False)
 class BackgroundLevel(OfProducts):
-    """One level of background: K₀ = v₀ I + E V Eᵀ with diagonal V (n,).
+    """Background of one level, with covariance K₀ = v₀ I + E V Eᵀ and diagonal V (n,).
 
     Attributes:
         E: columns (C R, n).
-        v0: noise variance (C R,), may differ from row to row.
+        v0: noise variance of each value (C R,).
         V: variance of each column's coefficient (n,).
-        weighed: Eᵀ v₀⁻¹ E (n, n) for v₀ (C R,), where it is the same in all rows of a measured
-            column; without it the product is made from E.
+        weighed: makes Eᵀ v₀⁻¹ E (n, n) from a v₀ (C R,) that is the same in all rows of a measured
+            column; computed from E if None.
     """
 
     E: np.ndarray
@@ -139,12 +137,12 @@ class BackgroundLevel(OfProducts):
     weighed: Callable[[np.ndarray], np.ndarray] | None = None
 
     def of_rows(self, rows: np.ndarray) -> "BackgroundLevel":
-        """Background level of a selection of rows (C R,), boolean."""
+        """Copy with selected rows (C R,), boolean."""
         return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None)
 
     @property
     def tall(self) -> bool:
-        """Whether the level has more rows than columns."""
+        """Whether there are more rows than columns."""
         return len(self.v0) > len(self.V)
 
     def _weighed(self) -> np.ndarray:
@@ -211,8 +209,8 @@ class BackgroundLevel(OfProducts):
         return [squares(half, c) for c in sets]
 
     def scored(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """w = Eᵀ K₀⁻¹ y (n, c) of cases y (C R, c), and log N(y; 0, K₀) (c,) of each, without the
-        constant in 2π."""
+        """Scores w = Eᵀ K₀⁻¹ y (n, c) and log N(y; 0, K₀) (c,), without the constant in 2π, of
+        cases y (C R, c)."""
         if not self.tall:
             solved = self.solve(y)
             square, score = (y * solved).sum(axis=0), self.E.T @ solved
@@ -225,22 +223,22 @@ class BackgroundLevel(OfProducts):
 
 
 class Whitened(NamedTuple):
-    """Columns x such that x'ᵀ K₀⁻¹ x is `products` of x' and x.
+    """Factors of columns x from which `products` computes x'ᵀ K₀⁻¹ x.
 
     Attributes:
-        rows: divided by the noise (m, k).
-        taken: what the background takes from them (r, k).
+        rows: columns over the noise (m, k).
+        taken: part that the background explains (r, k).
     """
 
     rows: np.ndarray
     taken: np.ndarray
 
     def products(self, other: "Whitened") -> np.ndarray:
-        """Products of all columns with those of another (k, k')."""
+        """Products (k, k') of these columns with those of another."""
         return np.asarray(self.rows.T @ other.rows - self.taken.T @ other.taken)
 
     def put(self, columns: Sequence[int], other: "Whitened") -> None:
-        """Replace some columns by those of another factorization."""
+        """Replace some columns, in place, by those of another factorization."""
         self.rows[:, columns] = other.rows
         self.taken[:, columns] = other.taken
 
@@ -258,7 +256,7 @@ def log_sum(logs: np.ndarray) -> np.ndarray:
 
 
 def squares(half: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Blocks of HᵀH (b, k, k) of sets of columns (b, k) of H (m, n)."""
+    """Blocks (b, k, k) of HᵀH for sets of columns (b, k) of H (m, n)."""
     some = half.T[columns]
     return np.asarray(some @ np.swapaxes(some, 1, 2))
 
@@ -266,13 +264,13 @@ def squares(half: np.ndarray, columns: np.ndarray) -> np.ndarray:
 def gains(
     information: np.ndarray, score: np.ndarray, size: np.ndarray, scales: np.ndarray
 ) -> np.ndarray:
-    """Log evidence gained by widening columns: batches of b hypotheses of k columns each.
+    """Gain in log evidence when a hypothesis widens its columns' prior: b hypotheses of k columns.
 
     Args:
-        information: P of the columns (b, k, k).
-        score: w of the columns (b, k, C) for C cases.
+        information: P of each hypothesis' columns (b, k, k).
+        score: w of its columns (b, k, C) for C cases.
         size: relative prior standard deviations (b, k).
-        scales: multiples of it (s,) or (b, s).
+        scales: factors on ``size`` to try (s,) or (b, s).
 
     Returns:
         (b, s, C): −½ log|I + D½ P D½| + ½ uᵀ(I + D½ P D½)⁻¹u.
@@ -291,7 +289,7 @@ def gains(
 
 
 class Moments(NamedTuple):
-    """Information (k, k), score (k,) and null log evidence of k columns on one background.
+    """Information (k, k), score (k,) and log evidence of the background alone, for k columns.
 
     Moments of independent readings add up.
     """
@@ -307,7 +305,7 @@ class Moments(NamedTuple):
         return cls(every[:-1, :-1], every[:-1, -1], -0.5 * float(every[-1, -1] + level.log_det))
 
     def raised(self, by: float) -> "Moments":
-        """Moments with a log prior added to their null log evidence."""
+        """Copy whose log evidence ``null`` is raised by a log prior."""
         return self._replace(null=self.null + by)
 
     def __add__(self, other: "Moments") -> "Moments":  # type: ignore[override]
@@ -317,27 +315,27 @@ class Moments(NamedTuple):
 
 
 class ScaledEvidence(NamedTuple):
-    """Log evidence, the scale of each part (p,), and the columns' information (k, k)."""
+    """Log evidence of a structure, the best scale of each part (p,), and its information (k, k)."""
 
     total: float
     scale: np.ndarray
     information: np.ndarray
 
     def raised(self, by: float) -> "ScaledEvidence":
-        """Scaled evidence with a log prior added."""
+        """Copy whose log evidence is raised by a log prior."""
         return self._replace(total=self.total + by)
 
 
 def over_scales(
     moments: Moments, owner: np.ndarray, fixed: np.ndarray, ladder: np.ndarray
 ) -> ScaledEvidence:
-    """Log evidence of one rung, summed over the scales of one part after the other.
+    """Log evidence on one rung, averaged over the scales of one part after the other.
 
     Args:
-        moments: of the linearised readings and the slopes of all variables (k,).
+        moments: of the linearised readings, for the slopes of all variables (k,).
         owner: part of each column (k,).
         fixed: prior standard deviation of columns whose scale is known (k,), else 0.
-        ladder: scales of each part that are tried (p, s).
+        ladder: scales to try of each part (p, s).
     """
     information, score, start = moments
     best, total = np.median(ladder, axis=1), -np.inf
@@ -355,19 +353,19 @@ def over_scales(
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """One rung of the background ladder: its gap and its covariance."""
+    """One rung of the background ladder: the gap that it adds, and its covariance."""
 
     gap: float
     level: BackgroundLevel
 
     @property
     def normal(self) -> bool:
-        """Whether a robot without a fault may have imperfections of this size."""
+        """Whether a healthy robot may have imperfections of this size."""
         return self.gap <= NORMAL
 
 
 def ladder(d: EffectDictionary) -> tuple[Background, ...]:
-    """All background rungs of a dictionary."""
+    """Background rungs of a dictionary, smallest gap first."""
     weighed = d.weighed_by if len(d.E) > len(d.label) else None
     result = list[Background]()
     for gap in LADDER:
@@ -377,10 +375,9 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
 
 
 def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
-    """Variance of each column's coefficient (n,) in a rung.
+    """Variance (n,) of each column's coefficient on a rung.
 
-    A gap of the wrench's own says nothing of further channels: what a background adds to them is
-    at most `NORMAL`.
+    The ladder's gap is of the wrench: in further channels a background adds `NORMAL` at most.
     """
     variance, normal = np.zeros(len(d.label)), min(gap, NORMAL)
     leading, further = d.gap_of_channel[0], d.gap_of_channel[1:].sum(axis=0)
@@ -398,9 +395,9 @@ def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
 
 
 def row_variance(prepared: Prepared, gap: float) -> np.ndarray:
-    """Variance of each row of the fit (C R,): its noise, and a gap of rows without a model.
+    """Variance of each value of the fit (C R,): its noise, and a gap of rows without a model.
 
-    The noise of further channels holds what nothing explains of them already.
+    The noise of further channels already holds what nothing explains.
     """
     if prepared.moving:
         gap *= max(1.0, CORRELATION_S / (prepared.scene.period * prepared.stride))

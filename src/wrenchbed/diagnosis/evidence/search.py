@@ -1,4 +1,4 @@
-"""Every hypothesis alone: its exact evidence in the linear model, over all rungs and sizes."""
+"""Evidence of every hypothesis alone in the linear model, over all rungs and sizes."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ KERNEL_SCALES = 2.0 ** np.arange(0, 9, 1.0)
 
 @dataclass(frozen=True)
 class SingleEvidence:
-    """How likely one hypothesis alone is, on one level of background.
+    """Posterior of one hypothesis alone on one level of background.
 
     Attributes:
-        index: of the hypothesis in `Searcher.hypotheses`; of kernel k it is −1 − k.
+        index: of the hypothesis in `Searcher.hypotheses`; −1 − k for kernel k.
         rung: index of the level of background in `Searcher.rungs`.
         log_posterior: natural logarithm of prior times evidence, not normalised.
     """
@@ -38,7 +38,7 @@ class SingleEvidence:
 def best_variants(
     hypotheses: Sequence[Hypothesis], singles: Iterable[SingleEvidence]
 ) -> dict[str, SingleEvidence]:
-    """The best variant of each effect by its name, likeliest first."""
+    """Best variant of each effect by name, likeliest effect first."""
     best: dict[str, SingleEvidence] = {}
     for s in sorted(singles, key=lambda s: -s.log_posterior):
         if s.index >= 0:
@@ -57,8 +57,7 @@ class _Batch:
 
 
 class Searcher:
-    """Searches structures for readings of one design; made once of its dictionary, used for many
-    cases."""
+    """Evidence of hypotheses for readings of one design, made once of its dictionary."""
 
     def __init__(self, dictionary: EffectDictionary) -> None:
         self.d = dictionary
@@ -69,7 +68,7 @@ class Searcher:
 
     @cached_property
     def rungs(self) -> tuple[Background, ...]:
-        """Levels of background, least gap first; without a fold only a refit asks for them."""
+        """Levels of background, smallest gap first; made on first use."""
         return ladder(self.d)
 
     @cached_property
@@ -103,8 +102,8 @@ class Searcher:
     def prior(self, h: Hypothesis) -> float:
         """Log prior of a hypothesis alone.
 
-        Every effect has the same prior and its variants divide it by their weights; a hypothesis
-        that shows only beyond its typical size gets less.
+        Every effect has the same prior, divided among its variants by their weights; a hypothesis
+        that shows only beyond its typical size has a smaller one.
         """
         rare = min(1.0, float(np.sqrt(h.typical_gap)) * 2.0)
         fraction = h.variant.weight / self._weights[h.name]
@@ -113,7 +112,7 @@ class Searcher:
 
     @property
     def names(self) -> Collection[str]:
-        """Names of the hypotheses' effects."""
+        """Names of the effects of all hypotheses."""
         return self._weights.keys()
 
     @cached_property
@@ -125,11 +124,11 @@ class Searcher:
         return total
 
     def nulls(self, y: np.ndarray) -> np.ndarray:
-        """Log evidence of nothing but background on each rung (L,), its prior in it."""
+        """Log evidence of background alone on each rung (L,), the rung's log prior included."""
         return self._scored(y)[1]
 
     def _scored(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """w of all columns (n,) on each rung, and `nulls`; those of the last case are kept."""
+        """Scores w (n,) of all columns on each rung, and `nulls`; cached for the last case."""
         if self._last is None or self._last[0] is not y:
             both = [r.level.scored(y[:, None]) for r in self.rungs]
             null = np.array([float(n[0]) for _, n in both]) + self.rung_prior(y)
@@ -137,7 +136,7 @@ class Searcher:
         return self._last[1]
 
     def singles(self, y: np.ndarray) -> list[SingleEvidence]:
-        """Evidence of every hypothesis and kernel alone, on every rung."""
+        """Posterior of every hypothesis and kernel alone, on every rung."""
         result: list[SingleEvidence] = []
         scores, nulls = self._scored(y)
         for r, (base, score) in enumerate(zip(nulls, scores, strict=True)):
@@ -147,13 +146,14 @@ class Searcher:
     def added(
         self, rung: int, base: float, score: np.ndarray, known: np.ndarray | None = None
     ) -> list[SingleEvidence]:
-        """Log evidence that each hypothesis adds to a structure.
+        """Log posterior of a structure with each further hypothesis or kernel.
 
         Args:
             rung: of the background.
-            base: log evidence without it.
-            score: w of all columns (n,).
-            known: H (m, n); what is in the structure already takes HᵀH of the columns' information.
+            base: log posterior of the structure without it.
+            score: w of all columns (n,), beside the structure.
+            known: H (m, n), where the structure takes HᵀH from the columns' information; None if it
+                is empty.
         """
         result: list[SingleEvidence] = []
         for batch, alone in zip(self.batches, self._information(rung), strict=True):
@@ -170,14 +170,14 @@ class Searcher:
     def remainders(
         self, rung: int, energy: float, score: np.ndarray, known: np.ndarray
     ) -> np.ndarray:
-        """What each hypothesis at plausible sizes leaves of a signal at best (H,): its square over
-        background and noise, and that of the sizes over their largest ones.
+        """What each hypothesis of plausible sizes must leave of a signal (H,): smallest square over
+        background and noise, plus the square of its sizes over their largest scales.
 
         Args:
             rung: of the background.
-            energy: square of the whole signal.
-            score: w of all columns (n,), with the signal in the place of readings.
-            known: H (m, n), as of `added`.
+            energy: square of the whole signal over background and noise.
+            score: w of all columns (n,), for the signal as readings.
+            known: H (m, n), as in `added`.
         """
         result = np.full(len(self.hypotheses), np.inf)
         for batch, alone in zip(self.batches, self._information(rung), strict=True):
@@ -197,8 +197,8 @@ class Searcher:
         return self._known[rung]
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
-        """Log prior of each level of background (rungs,): equal for normal levels; larger levels
-        are likely only if the wrench's gap of the readings y is much larger than theirs."""
+        """Log prior of each rung (L,): equal for normal ones; larger ones are likely only if the
+        wrench's gap in the readings y is much larger than theirs."""
         total = max(float(self.d.gaps(y)[0]), 0.0)
         gaps = np.array([r.gap for r in self.rungs])
         normal = np.array([r.normal for r in self.rungs])

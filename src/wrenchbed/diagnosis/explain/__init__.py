@@ -1,6 +1,6 @@
 """Structures of up to three effects, their nonlinear refit, claims, verdict, reliability.
-Imports prepare and evidence.
-Never: the last word on a claim; `gap` measures it on rows that no fit here saw.
 Read first: `structures`, then `shared_numbers` and `refit`, `claims` and `verdict`.
-Used by: gap, next, efforts, `diagnose`; benchmark, cli and reports.
+Free: search and numerics; tests/diagnosis/test_refit, test_claims and test_elements speak.
+Others rely on: lessons.jsonl with `reliability.NAMES` (`scripts/learn_reliability`), `Verdict`.
+Never: the last word on a claim; `gap` measures it on held-out rows.
 """

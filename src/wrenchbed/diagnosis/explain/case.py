@@ -1,4 +1,4 @@
-"""One recording, and what effects of any size add to its readings."""
+"""One recording's readings, and the readings that structures of effects would add."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -27,14 +27,14 @@ _RIDGE = 1e-3
 
 
 class Case:
-    """One recording's readings, and those that structures make.
+    """Readings of one recording, and the responses of structures to fit them.
 
     Args:
         searcher: of the recording's design.
-        y: its readings (C R,), relative to the baseline, stated numbers as stated.
+        y: its readings (C R,) minus the baseline's, with stated numbers as stated.
 
     Attributes:
-        exact: rungs with exact stated numbers, made when first asked for.
+        exact: cache of rungs in which the stated numbers are exact.
     """
 
     def __init__(self, searcher: Searcher, y: np.ndarray) -> None:
@@ -52,7 +52,7 @@ class Case:
 
     @cached_property
     def normal(self) -> np.ndarray:
-        """Indices of the rungs that a robot without a fault may be on."""
+        """Indices of the rungs that a healthy robot may have."""
         return np.flatnonzero([rung.normal for rung in self.searcher.rungs])
 
     @cached_property
@@ -62,7 +62,7 @@ class Case:
 
     @property
     def nothing_alone(self) -> int:
-        """Normal rung on which no effect at all fits this recording best."""
+        """Index of the normal rung that fits this recording best without any effect."""
         return int(self.normal[self.searcher.nulls(self.y)[self.normal].argmax()])
 
     @cached_property
@@ -86,20 +86,21 @@ class Case:
         return result
 
     def active(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[ActiveEffect]:
-        """Active effects of the simulated chain at variables x (k,), as far as they can show."""
+        """Active effects at variables x (k,), without those that cannot show in this recording."""
         shown = [not h.effect.stated and h.name in self.shown for h in parts]
         both = zip(parts, self.values(parts, x), shown, strict=True)
         return [ActiveEffect(h.effect, v) for h, v, here in both if here]
 
     def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray:
-        """Whitened readings (C R,) that the parts add to the baseline's."""
+        """Whitened readings (C R,) that the parts add to the baseline's at variables x (k,)."""
         active = self.active(parts, x)
         if not active:
             return np.zeros_like(self._zero)
         return self.d.prepared.rows(self._responses.of(active)).ravel() - self._zero
 
     def searched(self, parts: Sequence[Hypothesis], rung: int, x: np.ndarray) -> np.ndarray:
-        """Shapes of the last part after a random search, its amplitudes fitted along (k,)."""
+        """Variables x (k,) after a random search over the last part's shapes, its amplitudes
+        refitted."""
         level, v, last = self.searcher.rungs[rung].level, Variables.of(parts), len(parts) - 1
         moves, free = v.shape & (v.part == last), ~v.shape & (v.part == last)
         rng = np.random.default_rng(0)
@@ -109,7 +110,7 @@ class Case:
         amplitudes = (np.flatnonzero(free) - first).tolist()
 
         def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
-            """Squared residual with the best amplitudes of the part, and these."""
+            """Squared residual with the part's best amplitudes, and the variables with these."""
             bare = np.where(free, 0.0, at)[first:]
             design = self._changes(parts[last:], bare, 0.0, amplitudes, np.ones(len(bare)))
             normal = level.products(design) + _RIDGE * np.eye(design.shape[1])
@@ -128,7 +129,7 @@ class Case:
         return x
 
     def added(self, finalist: Finalist) -> list[SingleEvidence]:
-        """Evidence of every further hypothesis beside a finalist, on its rung."""
+        """Evidence of each further hypothesis or kernel beside a finalist, on its rung."""
         f = finalist
         score, half = self._beside(f.rung, f.design, f.spread, f.y)[1:]
         base = f.log_posterior + float(np.log(MORE / PRIOR["one"]))
@@ -142,10 +143,10 @@ class Case:
     def remainders(
         self, f: Finalist, part: int, signal: np.ndarray, least: float = 0.0
     ) -> tuple[float, np.ndarray]:
-        """Square of a part's readings (C R,), and what each hypothesis in its place leaves of them
-        at best (H,), over noise and background.
+        """Square of a part's readings (C R,) over noise and background, and what each hypothesis
+        (H,) in its place leaves of them at best.
 
-        All other parts give way. So does the part itself up to ``least`` of its typical sizes.
+        All other parts give way; so does the part itself up to ``least`` of its typical sizes.
         """
         of_part = np.isin(np.arange(len(f.spread)), f.variables.of_parts([part]))
         spread = np.where(of_part, np.minimum(f.spread, least), f.spread)
@@ -157,9 +158,9 @@ class Case:
     def _beside(
         self, rung: int, design: np.ndarray, spread: np.ndarray, y: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Square of a signal y (C R,) over a background and columns (C R, k) whose sizes have
-        standard deviations (k,); its products w with all columns (n,), and H (k, n), of which HᵀH
-        is what those columns take from the information of all."""
+        """Square of y (C R,) over a background and columns (C R, k) with prior standard deviations
+        (k,); its scores w (n,) with all columns; and H (k, n), of which HᵀH is the information that
+        those columns take from all."""
         level = self.searcher.rungs[rung].level
         solved = level.solve(np.column_stack([design, y]))
         side = self.d.E.T @ solved[:, :-1]
@@ -171,11 +172,11 @@ class Case:
         return energy, self.d.E.T @ solved[:, -1] - side @ known, half
 
     def level_of(self, f: Finalist) -> BackgroundLevel:
-        """Background level that a finalist is compared with."""
+        """Background level of a finalist's rung."""
         return self.level((), f.rung)
 
     def level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
-        """The rung's background with the stated numbers that a structure blames set free."""
+        """Background of a rung in which the stated numbers that a structure blames are free."""
         blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)
         if not blamed:
             return self.searcher.rungs[rung].level
@@ -187,7 +188,7 @@ class Case:
         return self._freed[rung, blamed]
 
     def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
-        """Starting point of a fit (k,): amplitudes 0, shapes at the values of their variants."""
+        """Start values of a fit (k,): amplitudes 0, shapes as their variants state."""
 
         def at(h: Hypothesis, name: str) -> float:
             return h.variant.at[name] / _parameters(h.effect, self.scene.robot)[name].tolerance
@@ -199,10 +200,10 @@ class Case:
     def design(
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
     ) -> np.ndarray:
-        """Derivatives (C R, k) of the response by the variables ``which`` at x, where the response
-        is f.
+        """Derivatives (C R, k) of the response with respect to the variables ``which`` at x, where
+        the response is f.
 
-        For effects without shapes they are the columns of the dictionary, which hardly change.
+        For effects without shapes they are the dictionary's columns, which hardly change.
         """
         v, which = Variables.of(parts), list(which)
         result = np.empty((len(self.y), len(which)))
@@ -249,7 +250,7 @@ class Case:
 
 
 def _channel_by_channel(effect: Effect) -> bool:
-    """Whether an effect's change of a channel's reading depends on that channel alone."""
+    """Whether an effect changes each channel by that channel's reading alone."""
     return effect.channelwise or not effect.in_sensor
 
 

@@ -1,4 +1,4 @@
-"""What an explanation claims: effects that add enough, wrong stated numbers, and the rest."""
+"""Claims of an explanation: effects that add enough, wrong stated numbers, and what remains."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
@@ -42,12 +42,12 @@ MANY = 9
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A finalist, the causes that may be claimed from it, and the gap that remains.
+    """A finalist, the causes that may be claimed from it, and the remaining gap.
 
     Attributes:
-        parts: what may be claimed, largest first: effects and wrong stated numbers.
-        rest: gap that remains beyond the noise.
-        closed: gap that all parts close together, more than their shares where these overlap.
+        parts: effects and wrong stated numbers that may be claimed, largest first.
+        rest: remaining gap, noise subtracted.
+        closed: gap that all parts close together: more than their shares where they overlap.
     """
 
     finalist: Finalist
@@ -65,12 +65,12 @@ class Explanation:
 
 
 def allowed(explanation: Explanation) -> float:
-    """Gap that an explanation may leave: normal imperfections, and what its form misses."""
+    """Gap that a complete explanation may leave: normal imperfections, and errors of its form."""
     return REST + missed(explanation)
 
 
 def missed(explanation: Explanation) -> float:
-    """Gap that the forms of an explanation's causes, only nearly right, may miss."""
+    """Gap that the causes' assumed forms, which are only nearly right, may leave."""
     parts = explanation.finalist.parts
     named = [(p.index, p.share) for p in explanation.parts]
     total = sum(parts[k].effect.form_error * share for k, share in named if k is not None)
@@ -79,7 +79,7 @@ def missed(explanation: Explanation) -> float:
 
 
 def complete(explanation: Explanation) -> bool:
-    """Whether an explanation leaves no more residual than is normal."""
+    """Whether an explanation leaves no more gap than is `allowed`."""
     return explanation.rest <= allowed(explanation)
 
 
@@ -96,7 +96,7 @@ class Stated(NamedTuple):
 
 
 def explained(refitter: Refitter, f: Finalist) -> Explanation:
-    """Explanation of a finalist: its effects that count, and the stated numbers that are wrong."""
+    """Explanation of a finalist: effects that add enough, and stated numbers that are wrong."""
     d = refitter.d
     total, each = d.gaps(refitter.y), {k: shares(refitter, f, k) for k in f.effects}
     against = {k for k, g in each.items() if contradicted(g, total)}
@@ -120,7 +120,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
 
 
 def with_imitators(refitter: Refitter, e: Explanation) -> Explanation:
-    """An explanation with the effects that make the readings of each part as well."""
+    """Copy with, for each part, the effects that can imitate its readings."""
     parts = (
         p if p.index is None else replace(p, imitators=imitators(refitter, e.finalist, p.index))
         for p in e.parts
@@ -129,17 +129,17 @@ def with_imitators(refitter: Refitter, e: Explanation) -> Explanation:
 
 
 def contradicted(added: np.ndarray, total: np.ndarray) -> bool:
-    """Whether a channel has no gap (F,) although a part adds one to it (F,)."""
+    """Whether in some channel a part adds a gap (F,) although there is none in all (F,)."""
     return bool(((added >= DENIED) & (total < CLAIMABLE)).any())
 
 
 def _standing_in(
     refitter: Refitter, f: Finalist, large: Collection[int | None]
 ) -> tuple[list[Part], float]:
-    """Small parts that stand in for each other: leaving one out costs little, leaving all does.
+    """Small parts that replace each other (leaving one out costs little, leaving all does), and the
+    gap that then remains, noise subtracted.
 
-    The one that takes up most of what all of them hold counts with that, then the next. Also the
-    gap that remains then, beyond the noise.
+    The one that takes up most of what all of them hold gets that as its share, then the next.
     """
     d, parts = refitter.d, list[Part]()
     held = {k: d.gap(made_by(refitter, f, [k])) for k in f.effects if k not in large}
@@ -166,7 +166,7 @@ def _standing_in(
 
 
 def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
-    """Whether a part may only correct the form assumed for a larger part of its kind."""
+    """Whether a part may only correct the assumed form of a larger part of its family."""
     assert part.index is not None
     family = f.parts[part.index].effect.family
     for other in parts:
@@ -178,9 +178,9 @@ def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
 
 
 def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
-    """Stated numbers that are wrong beyond their tolerance and add to the configured gap.
+    """Parts for stated numbers that are wrong beyond their tolerance and add to the configured gap.
 
-    The odds of each are those of its estimate if it is wrong, against within its tolerance.
+    The odds of each compare its estimate if it is wrong with one within its tolerance.
     """
     d, estimate = refitter.d, stated(refitter, f)
     zero = d.of_stated(STATED[0])
@@ -201,13 +201,13 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
 def wrong_odds(
     mean: np.ndarray, std: np.ndarray, tolerance: np.ndarray, offset: np.ndarray
 ) -> np.ndarray:
-    """Odds (S,) that numbers are wrong, against within their tolerance; 0 if none is stated.
+    """Odds (S,) that stated numbers are wrong rather than within tolerance; 0 for unstated ones.
 
     Args:
         mean: estimated error of each (S,).
         std: its standard uncertainty (S,).
         tolerance: of each (S,), inf where nothing is stated.
-        offset: how much further effects may move each (S,).
+        offset: how far effects may shift each (S,) by convention.
     """
     finite = np.isfinite(tolerance)
     width = np.where(finite, tolerance, 1.0) + offset
@@ -220,12 +220,11 @@ def wrong_odds(
 
 
 def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """Size by which the parts may shift each stated number (S,), in typical sizes.
+    """Size (S,), in typical sizes, by which the parts may shift each stated number by convention.
 
-    Where the zero of a drift, a cable or a memory lies is a convention: a constant part of such an
-    effect within its own range is no wrong bias (what moves in the tool is none), its mean share of
-    the load no wrong mass. And an effect of many numbers hardly differs from a wrong centre of
-    gravity.
+    The zero of a drift, a cable or a memory is a convention: a constant part of such an effect
+    within its own range is no wrong bias (unless it moves in the tool), its mean share of the load
+    no wrong mass. And an effect of many numbers hardly differs from a wrong centre of gravity.
     """
     d = refitter.d
     result = np.zeros(len(d.stated))
@@ -241,7 +240,7 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
 
 
 def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
-    """Extent (C,) of a signal as biases among the stated numbers (S,), in typical sizes."""
+    """Range (C,) of a signal as biases among the stated numbers (S,), in typical sizes."""
     result = np.zeros(len(d.stated))
     for i in np.flatnonzero(d.of_stated(STATED[0])):
         column = np.abs(d.E[:, d.stated[i]].reshape(-1, d.channels)).max(axis=0)
@@ -251,7 +250,7 @@ def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
 
 
 def stated(refitter: Refitter, f: Finalist) -> Stated:
-    """Errors of the stated numbers beside a finalist, fitted without their tolerances."""
+    """Errors of the stated numbers, fitted beside a finalist without their tolerances."""
     d = refitter.d
     count, numbers = len(f.x), len(d.stated)
     columns = np.column_stack([d.E[:, d.stated], f.design[:, :count]])
@@ -261,20 +260,20 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
 
 
 def stated_errors_beside(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """Errors of the stated bias, mass and CoG (S,), in typical sizes, that fit a finalist's
-    residual best while its parts keep their values."""
+    """Errors of bias, mass and CoG (S,), in typical sizes, fitted to a finalist's residual while
+    its parts keep their values."""
     d = refitter.d
     spread = np.full(len(d.stated), LARGEST)
     return _fitted(_exact(refitter, f.rung), d.E[:, d.stated], f.residual, spread)[0]
 
 
 def corrected(refitter: Refitter, f: Finalist, stated: Configuration) -> Configuration:
-    """A configured simulator with bias, mass and CoG as they come out beside a finalist."""
+    """Configuration with bias, mass and CoG as fitted beside a finalist."""
     return moved_by(refitter, stated_errors_beside(refitter, f), stated)
 
 
 def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Configuration:
-    """A simulator whose stated numbers are wrong by ``error`` (S,), in typical sizes."""
+    """Configuration with errors (S,), in typical sizes, added to the stated numbers."""
     d = refitter.d
     if not len(d.stated):
         return stated
@@ -286,18 +285,18 @@ def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Co
 def _fitted(
     level: BackgroundLevel, columns: np.ndarray, y: np.ndarray, spread: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (k,) and covariance (k, k) of coefficients of columns (C R, k), given their prior."""
+    """Posterior mean (k,) and covariance (k, k) of coefficients of columns (C R, k)."""
     every = level.products(np.column_stack([columns, y]))
     covariance = np.linalg.inv(every[:-1, :-1] + np.diag(1.0 / spread**2))
     return covariance @ every[:-1, -1], covariance
 
 
 def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
-    """A rung in which the stated numbers are exact.
+    """Rung in which the stated numbers are exact.
 
-    The sensor's own weight hides behind mass and CoG and adds nothing to the calibrated gap, so
-    that gap does not bound it: half of `MOST` of its typical size does, and half of the tolerance
-    of the stated mass.
+    The sensor's own weight hides behind mass and CoG and adds nothing to the calibrated gap, which
+    does not bound it: half of `MOST` of its typical size does, and half the stated mass's
+    tolerance.
     """
     if rung not in refitter.exact:
         d, level = refitter.d, refitter.searcher.rungs[rung].level

@@ -1,6 +1,6 @@
-"""Parts of a finalist: what each adds, what remains without it, and which effects could replace it.
+"""Parts of a finalist: what each adds, what remains without it, and what could replace it.
 
-A part has a twin where another effect leaves no more of its readings than small imperfections make.
+A part has a twin if another effect leaves no more of its readings than small imperfections make.
 """
 
 from collections.abc import Collection
@@ -20,27 +20,26 @@ SAME, EXCUSED = 0.02, 0.1
 
 
 def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
-    """Whitened readings (C R,) that some parts add to those of all other parts of a finalist."""
+    """Whitened readings (C R,) that some parts add to those of a finalist's other parts."""
     amplitudes = np.isin(f.variables.part, list(parts)) & ~f.variables.shape
     without = np.where(amplitudes, 0.0, f.x)
     return np.asarray(refitter.response(f.parts, f.x) - refitter.response(f.parts, without))
 
 
 def any_free_form(f: Finalist) -> bool:
-    """Whether an effect of a finalist assumes no formula."""
+    """Whether a finalist has an effect without a formula."""
     return any(f.parts[k].variant.free_form for k in f.effects)
 
 
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """Reduction of the gap by one part of a finalist, in all channels together."""
+    """Reduction of the gap by one part, all channels together."""
     return float(shares(refitter, f, part).sum())
 
 
 def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
     """Reduction of each channel's gap (F,) by one part while all other parts keep their sizes.
 
-    Beside a form-free part the others take up what they can of it: the two may hold large curves
-    against each other.
+    Beside a form-free part the others are refitted: two large curves may cancel each other.
     """
     without = f.residual + made_by(refitter, f, [part])
     bending = [k for k in f.effects if k != part and any_free_form(f)]
@@ -54,12 +53,12 @@ def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
 
 
 def claimable(refitter: Refitter, f: Finalist) -> list[int]:
-    """Parts that add enough to be claimed, stated numbers apart."""
+    """Indices of the effects of a finalist that reduce the gap by enough for a claim."""
     return [k for k in f.effects if share(refitter, f, k) >= CLAIMABLE]
 
 
 def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> float:
-    """Gap that the large parts of a finalist leave, beyond the noise."""
+    """Gap that a finalist leaves with its ``large`` parts alone, noise subtracted."""
     minor = made_by(refitter, f, [k for k in range(len(f.parts)) if k not in large])
     return refitter.d.gap(f.residual + minor) - refitter.d.row_noise
 
@@ -67,8 +66,8 @@ def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> floa
 def twins(
     refitter: Refitter, f: Finalist, part: int, share: float, named: Collection[int]
 ) -> tuple[str, ...]:
-    """Names of effects that might as well be a part of this number, which adds a share of the gap,
-    beside the other ``named`` parts."""
+    """Names of effects that might as well be a part, which adds the gap ``share``, beside the parts
+    ``named``."""
     claimed = {f.parts[k].name for k in named}
     others = _as_many_numbers(refitter, f, part, made_by(refitter, f, [part]), share)
     alike = (n for n in others if n not in claimed)
@@ -76,8 +75,8 @@ def twins(
 
 
 def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
-    """Names of effects that make a part's readings at plausible sizes, however many numbers that
-    takes; with finite angles where slopes come near."""
+    """Names of effects that make a part's readings at plausible sizes, with any number of
+    amplitudes; refitted with finite angles where slopes come near."""
     hypotheses, small = refitter.searcher.hypotheses, f.parts[part]
     signal = made_by(refitter, f, [part])
     energy, remainders = refitter.remainders(f, part, signal)
@@ -99,7 +98,7 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
 
 
 def doubled(refitter: Refitter, f: Finalist) -> bool:
-    """Whether the last part makes nearly the same readings as another part, of either sign."""
+    """Whether the last part makes nearly the readings of another part, of either sign."""
     made = np.stack([made_by(refitter, f, [k]) for k in range(len(f.parts))], axis=1)
     *others, last = refitter.d.without_stated(made).T
     energy = (1.0 - SAME) * float(last @ last)
@@ -109,8 +108,8 @@ def doubled(refitter: Refitter, f: Finalist) -> bool:
 def _as_many_numbers(
     refitter: Refitter, f: Finalist, part: int, added: np.ndarray, share: float
 ) -> list[str]:
-    """Effects that make the same readings with as many numbers: a slow filter and a delay, a drift
-    and a temperature that rises steadily."""
+    """Names of effects that make the readings ``added`` with as many amplitudes: a slow filter for
+    a delay, a drift for a temperature that rises steadily."""
     d = refitter.d
     count = len(f.parts[part].columns)
     others = [h for h in d.hypotheses if len(h.columns) == count and not h.effect.stated]

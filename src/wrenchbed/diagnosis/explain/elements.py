@@ -1,4 +1,4 @@
-"""Elements of a cause: which joint, link, axis or channel the data fix, and what they fix of them.
+"""Elements of a cause: which joint, link, axis or channel the data determine, or which sum.
 
 An effect on joint 3 may make the readings of the same effect on joint 2: at rest, zeros of parallel
 joints turn the sensor alike. All such elements are named, with the combination of their sizes that
@@ -40,7 +40,7 @@ SAME = 0.02
 
 
 class Combination(NamedTuple):
-    """Sum of weights times the sizes of several elements, which the readings determine.
+    """Weighted sum of several elements' sizes that the readings determine.
 
     Attributes:
         text: the sum in words.
@@ -75,9 +75,9 @@ def elements(
 
     Args:
         refitter: of the recording.
-        f: the explanation.
-        part: number of the part in whose place they are fitted.
-        effects: names, the part's own among them.
+        f: the finalist.
+        part: index of the part in whose place they are fitted.
+        effects: names, among them the part's own.
 
     Returns:
         Elements by the effect's name; of the part's own effect, the part is always one, unless it
@@ -115,10 +115,10 @@ def elements(
 def _imitating(
     refitter: Refitter, f: Finalist, part: int, signal: np.ndarray, effects: Collection[str]
 ) -> dict[str, list[Hypothesis]]:
-    """Hypotheses, one an element, that make nearly the readings (6 R,) of a part, by effect.
+    """Hypotheses that make nearly a part's readings (C R,), by effect, the best of each element.
 
-    Where the part is of several elements, what one of them leaves may be as large as ordinary
-    imperfections of the others.
+    If the part is of several elements, one of them may leave as much as ordinary imperfections of
+    the others.
     """
     replaced, hypotheses = f.parts[part], refitter.searcher.hypotheses
     replaced_element, of_one = element(replaced.variant), of_element(replaced.variant)
@@ -146,7 +146,7 @@ def _imitating(
 
 
 def _likely(log_posteriors: Sequence[float]) -> list[int]:
-    """Indices of the first fit, and of those that evidence leaves beside it, likeliest first."""
+    """Indices of the first fit, and of those that evidence does not rule out, likeliest first."""
     logs = np.array(log_posteriors)
     worse = logs.max() - logs
     score = np.exp(-worse / DOUBT)
@@ -155,9 +155,9 @@ def _likely(log_posteriors: Sequence[float]) -> list[int]:
 
 
 def combination(refitter: Refitter, of: Elements, spread: float) -> Combination | None:
-    """Weighted sum of the sizes of several elements that the readings determine; None if none is.
+    """Weighted sum of several elements' sizes that the readings determine; None without one.
 
-    The elements are of one effect, with one amplitude each and proportional readings.
+    The elements must be of one effect, with one amplitude each and proportional readings.
     """
     parts = [f.parts[p] for f, p in zip(of.fits, of.parts, strict=True)]
     if len(parts) < 2 or any(len(h.columns) != 1 or h.variant.shape for h in parts):
@@ -189,7 +189,7 @@ def combination(refitter: Refitter, of: Elements, spread: float) -> Combination 
 def _sum(
     effect: str, parameters: Sequence[str], weights: Sequence[float], names: Sequence[str]
 ) -> str:
-    """A weighted sum in words: of equal weights by the elements, else by their parameters."""
+    """Words for a weighted sum: by elements if the weights are equal, else by their parameters."""
     if all(abs(w - 1.0) < EVEN for w in weights):
         return f"sum of {effect} of {listed(names, 'and')}"
     first, *others = zip(weights, parameters, strict=True)
@@ -198,7 +198,7 @@ def _sum(
 
 
 def listed(names: Iterable[str], last: str = "or") -> str:
-    """Elements as words: ``joint 2``, ``joints 2, 3 or 4`` by their number, ``fx or fy``."""
+    """Words for elements: ``joint 2``, ``joints 2, 3 or 4`` (in order), ``fx or fy``."""
     every = list(names)
     if len(every) > 1 and all(n.startswith("joint ") for n in every):
         return "joints " + listed(map(str, sorted(int(n.split()[1]) for n in every)), last)

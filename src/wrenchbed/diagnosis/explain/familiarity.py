@@ -1,8 +1,8 @@
-"""Whether a recording looks like those that taught: a test of exchangeability.
+"""Whether a recording is like the learning cases: a test of exchangeability.
 
-Features of the design and of what no explanation takes up make a point; its Mahalanobis distance
-from the points of the recordings that taught, beside theirs, has a conformal p-value (Vovk et al.
-2005): no law of the points is assumed.
+Features of the design and of the unexplained residual make a point. Its Mahalanobis distance,
+ranked among those of the learning cases, has a conformal p-value (Vovk et al. 2005) that assumes no
+distribution of the points.
 """
 
 from collections.abc import Sequence
@@ -41,8 +41,9 @@ def design_of(a: Analysis) -> tuple[float, ...]:
 
 
 def p_value(design: Sequence[float], designs: np.ndarray) -> float:
-    """Share of points as far from their mean as a recording's (F,), which is one of them beside
-    those that taught (N, F)."""
+    """Conformal p-value that a recording with features ``design`` (F,) is like those from which the
+    probabilities were learnt, ``designs`` (N, F): the share of these N + 1 points whose Mahalanobis
+    distance from their common mean is at least the recording's."""
     points = np.vstack([designs, np.asarray(design)])
     away = points - points.mean(axis=0)
     covariance = away.T @ away / len(points) + RIDGE * np.eye(points.shape[1])

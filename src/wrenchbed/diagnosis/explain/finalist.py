@@ -1,4 +1,4 @@
-"""A structure after its refit: its parts, their variables, and what it leaves of the readings."""
+"""A structure after its refit: its parts, their variables, and the residual."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
@@ -11,11 +11,11 @@ from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 
 @dataclass(frozen=True, eq=False)
 class Variables:
-    """Part, parameter and kind of each free variable ``x`` (k,) of a structure in one recording.
+    """Names of the free variables ``x`` (k,) of a structure in one recording.
 
     Attributes:
-        part: number of the part that each belongs to (k,).
-        name: parameter of the effect (k,).
+        part: index of the part that each belongs to (k,).
+        name: its parameter of the effect (k,).
         shape: whether it is a shape, not an amplitude (k,), boolean.
     """
 
@@ -25,7 +25,7 @@ class Variables:
 
     @classmethod
     def of(cls, parts: Sequence[Hypothesis]) -> "Variables":
-        """The variables of a structure: of each part its amplitudes, then its shapes."""
+        """Variables of a structure: of each part the amplitudes, then the shapes."""
         every = [
             (k, name, name in h.variant.shape)
             for k, h in enumerate(parts)
@@ -45,19 +45,19 @@ class Variables:
 
 @dataclass(frozen=True, eq=False)
 class Finalist:
-    """A structure after its refit, as it is in one recording.
+    """A structure after its refit, as fitted to one recording.
 
     Attributes:
         parts: its hypotheses.
-        rung: background rung that fits best.
+        rung: index of the background rung that fits best.
         x: fitted variables (k,) in typical sizes: amplitudes and shapes, no stated numbers.
         covariance: of ``design``'s columns (m, m), background and stated numbers included.
-        residual: measured less fitted (C R,), whitened, the stated numbers' part still in it.
-        y: the data as linearised at x (C R,).
-        design: derivatives of the response by x, then the columns of blamed stated numbers.
+        residual: measured minus fitted (C R,), whitened; errors of stated numbers are still in it.
+        y: readings linearised at x (C R,).
+        design: derivatives of the response by x, then columns of blamed stated numbers (C R, m).
         spread: prior standard deviation of each (m,).
-        log_posterior: summed over rungs and sizes, of all recordings that were fitted together.
-        each: the same fit in each of these recordings; empty if it is of one.
+        log_posterior: over all rungs and sizes, of all recordings fitted together.
+        each: the same fit in each of these recordings; empty for a single one.
     """
 
     parts: tuple[Hypothesis, ...]

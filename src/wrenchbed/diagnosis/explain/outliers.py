@@ -1,7 +1,7 @@
 """Poses or stretches that disagree with all the others: contact, a hand, or wrong rows.
 
-Each block of rows is predicted from all others under the best explanation. A few blocks whose
-errors dwarf those of the rest are set aside, and the rest is diagnosed. An effect that other blocks
+Each block of rows is predicted from all others with the best explanation. A few blocks with far
+larger errors than the rest are set aside, and the rest is diagnosed. An effect that other blocks
 show too predicts its own blocks, so these are no outliers.
 """
 
@@ -44,13 +44,13 @@ softly."""
 
 @dataclass(frozen=True, eq=False)
 class Outlier:
-    """A pose, or a stretch of a motion, that is set aside.
+    """A pose, or a stretch of a motion, that was set aside.
 
     Attributes:
         rows: its observations (H,), boolean.
-        pose: number of its segment, or its place in the order of poses; None in motion.
-        begin, end: [s].
-        error: mean of measured less predicted (6,) [N, N·m], of a tracker (3,) [m].
+        pose: number of its segment, or its index among the poses; None in motion.
+        begin, end: times [s].
+        error: mean of measured minus predicted (6,) [N, N·m], of a tracker (3,) [m].
     """
 
     rows: np.ndarray
@@ -60,7 +60,7 @@ class Outlier:
     error: np.ndarray
 
     def sentence(self, cause: str = "contact, or wrong rows") -> str:
-        """Sentence on an outlier's pose or time, its size and its possible cause."""
+        """Sentence on the pose or time, the size and the possible ``cause``."""
         force, torque = (float(np.linalg.norm(x)) for x in (self.error[:3], self.error[3:]))
         if len(self.error) == 3:
             size = f"{1e3 * force:.2g} mm"
@@ -76,25 +76,24 @@ class Outlier:
         )
 
     def entry(self, touch: Touch | None) -> Mapping[str, Any]:
-        """Entry of ``outliers`` in the diagnosis; ``touch`` marks those that belong to a
-        contact."""
+        """Entry of ``outliers`` in diagnosis.json; ``touch`` is a contact that it may belong to."""
         touched = touch is not None and bool((touch.rows & self.rows).any())
         sentence = self.sentence("contact") if touched else self.sentence()
         return {"pose": self.pose, "t": [self.begin, self.end], "sentence": sentence}
 
 
 def spells(outliers: Sequence[Outlier]) -> int:
-    """Number of outliers, neighbours counted once."""
+    """Number of separate outliers; neighbours are one."""
     return len(runs(np.any([o.rows for o in outliers], axis=0))) if outliers else 0
 
 
 def comes_again(outliers: Sequence[Outlier], made: np.ndarray, scale: np.ndarray) -> bool:
-    """Whether a jump of the zero shows again in rows that were set aside.
+    """Whether the outliers have the direction of a jump of the zero, which then comes and goes.
 
-    The squared cosine of a direction with one that has nothing to do with it is Beta(½, (C − 1)/2).
+    The squared cosine between independent directions is Beta(½, (C − 1)/2).
 
     Args:
-        outliers: what was set aside.
+        outliers: poses or stretches that were set aside.
         made: readings that the jump adds, row by row, over the noise (R, C).
         scale: noise of a row (C,) [N, N·m].
     """
@@ -121,11 +120,10 @@ def _axis(x: np.ndarray) -> str:
 
 
 def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
-    """Mark the observations (H,) of blocks that all other blocks contradict; none if such blocks
-    are many.
+    """Mark the observations (H,) of blocks that all others contradict; none if there are many.
 
-    The form of what is ``claimed`` is never exact: a block that it changes by more than it misses
-    is none.
+    The form of what is ``claimed`` is never exact: a block is none whose error is less than what
+    the claim changes there.
     """
     p, blocks = a.prepared, a.dictionary.prepared.block_rows
     made = np.zeros(len(np.unique(blocks)))
@@ -144,9 +142,9 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
 def _contradicted(
     level: BackgroundLevel, f: Finalist, p: Prepared, blocks: np.ndarray, made: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Blocks (b,) far from what the others predict, and the largest error over the typical one.
+    """Whether each block (b,) is far from its prediction by the others; largest over typical error.
 
-    The largest errors first: what predicts with them misses other blocks as well.
+    Blocks with the largest errors go first: predictions that use them miss other blocks as well.
     """
     numbers, count = np.unique(blocks, return_counts=True)
     none, most = np.zeros(len(numbers), dtype=bool), max(1.0, MOST * len(numbers))
@@ -180,7 +178,7 @@ def _of_blocks(x: np.ndarray, blocks: np.ndarray) -> np.ndarray:
 
 
 def pose_numbers(p: Prepared) -> np.ndarray:
-    """Numbers of the poses (H,): the recording's own segments; without any, their order from 0."""
+    """Numbers of the poses (H,): the recording's segments, else their order from 0."""
     segment = p.recording.columns.get("segment")
     if segment is None:
         return np.arange(len(p.y))
@@ -189,10 +187,8 @@ def pose_numbers(p: Prepared) -> np.ndarray:
 
 
 def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outlier, ...]:
-    """Outliers among rows (H,) set aside, against readings (M, 6) of the others' simulator.
-
-    Rows that agree with it are none.
-    """
+    """Outliers among rows (H,) set aside that differ from the readings (M, 6) predicted without
+    them."""
     p = p.leading
     error = p.y - reading[p.scene.held]
     large = np.sqrt(((error / p.sigma) ** 2).mean(axis=1)) > LARGE * np.sqrt(p.noise.max())
@@ -213,7 +209,7 @@ def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outli
 
 
 def _stretches(far: np.ndarray, t: np.ndarray) -> list[np.ndarray]:
-    """Observations at t (H,) [s] in stretches around those that are far off (H,), with a margin."""
+    """Observations at t (H,) [s] in stretches around those ``far`` (H,), with a margin."""
     near = far.copy()
     for k in np.flatnonzero(far):
         near[np.searchsorted(t, t[k] - MARGIN_S) : np.searchsorted(t, t[k] + MARGIN_S)] = True

@@ -1,10 +1,10 @@
-"""Causes beside a rest that no effect explains: the rest is noise of the recording's own.
+"""Causes beside a residual that no effect explains, weighed as the recording's own noise.
 
-A real robot leaves a gap that no library explains. Measured against the sensor's noise, every
-explanation is incomplete then, and what eats most of the rest wins. Here the variance that the best
-explanation leaves in each channel joins the noise, free numbers counted; then everything is weighed
-again: empirical Bayes for a noise of unknown size (Gelman et al. 2013, Bayesian Data Analysis,
-ch. 5). A rest that a smooth function predicts is no noise: then nothing is claimed.
+A real robot leaves a gap that no library explains. Against the sensor's noise every explanation is
+incomplete then, and the one that takes up most of the residual wins. Here the residual variance of
+the best explanation in each channel is added to the noise, fitted numbers counted; then all is
+weighed again: empirical Bayes for a noise of unknown size (Gelman et al. 2013, Bayesian Data
+Analysis, ch. 5). A residual that a smooth function predicts is no noise: nothing is claimed then.
 """
 
 from dataclasses import replace
@@ -30,7 +30,7 @@ FREE = 1e-8
 
 
 def is_left(a: Analysis) -> bool:
-    """Whether the best explanation leaves more residual than is normal, and nothing smooth.
+    """Whether the best explanation leaves an abnormal residual that no smooth function explains.
 
     A large effect may leave more, since its form is only nearly right: but not as much as `MUCH`.
     """
@@ -41,7 +41,7 @@ def is_left(a: Analysis) -> bool:
 
 
 def weighed_again(a: Analysis) -> Analysis:
-    """The analysis with the recording's own rest as noise."""
+    """Analysis with the recording's own residual as noise."""
     again = a
     for _ in range(PASSES):
         d, best = a.dictionary, again.ranking.explanations[0].finalist
@@ -55,7 +55,7 @@ def weighed_again(a: Analysis) -> Analysis:
 
 
 def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
-    """Residual variance of an explanation in each channel (C,), over that of one row's noise."""
+    """Residual variance of a finalist in each channel (C,), over that of one row's noise."""
     d = a.dictionary
     rest = d.without_stated(f.residual).reshape(-1, d.channels)
     variance = (rest**2).mean(axis=0)

@@ -34,12 +34,12 @@ _DONE = 1e-3
 class Refitter(Case):
     """Fits structures to a recording, or to several of one robot together.
 
-    Parts and variables are those of the recording that it is asked of, and so are its answers.
+    Its arguments and results (parts, variables) are those of its own recording.
 
     Attributes:
-        each: refitters of all recordings that are fitted together, this one among them.
-        known: finalists of this recording alone, best first: what recordings do not share has the
-            form that it has in the best of these.
+        each: refitters of all recordings fitted together, itself included.
+        known: finalists of this recording alone, best first; numbers that recordings do not share
+            take their form from the best.
     """
 
     def __init__(self, searcher: Searcher, y: np.ndarray) -> None:
@@ -53,7 +53,7 @@ class Refitter(Case):
         return next(k for k, r in enumerate(self.each) if r is self)
 
     def without(self, fold: int) -> "Refitter":
-        """Refitter of the same recordings that leaves out a fold of each."""
+        """Refitter of the same recordings without one fold of each."""
         return together([r._less(fold) for r in self.each])[self._place]
 
     def _less(self, fold: int) -> "Refitter":
@@ -61,7 +61,7 @@ class Refitter(Case):
         return type(self)(Searcher(self.d.without(fold)), self.y[keep])
 
     def nothing(self) -> Finalist:
-        """The structure without any effect, on the rung that fits best."""
+        """Finalist without any effect, on the rung that fits best."""
         none, views = np.zeros(0), list[Finalist]()
         alone = [logsumexp(r.searcher.nulls(r.y)[r.normal]) for r in self.each]
         total, sizes = float(sum(alone) + np.log(PRIOR[NONE])), np.zeros((0, 0))
@@ -75,8 +75,8 @@ class Refitter(Case):
     def fit(
         self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray | None = None
     ) -> Finalist:
-        """Gauss–Newton from the hypotheses' own shapes, or from x (k,); again on the rung that fits
-        best."""
+        """Fit parts by Gauss–Newton from their variants' shapes, or from x (k,); again on the best
+        rung."""
         s = Structure.of(self.each, [tuple(r.like(h, self) for h in parts) for r in self.each])
         begin = [c.start(of) for c, of in zip(s.cases, s.parts, strict=True)]
         begin[self._place] = begin[self._place] if x is None else x
@@ -84,8 +84,8 @@ class Refitter(Case):
         return self._fitted(s, rungs, s.merged(begin, self._place), s.widest)
 
     def extended(self, f: Finalist, h: Hypothesis, rung: int = 0) -> Finalist:
-        """Fit again with one part more; the other parts start from their present values and keep
-        their prior sizes. Without any, the fit begins on ``rung``."""
+        """Refit a finalist with one part more; the others start at their values and keep their
+        prior sizes. A finalist without parts is fitted on ``rung``."""
         if not f.parts:
             return self.fit((h,), rung)
         before, rungs, x, spread = self._begun(f, range(len(f.parts)))
@@ -96,11 +96,11 @@ class Refitter(Case):
         return self._fitted(s, rungs, np.concatenate([x, s.start[before.free :]]), widest)
 
     def keeping(self, f: Finalist, keep: Sequence[int]) -> Finalist:
-        """Fit again with only some parts of a finalist, starting from their present values."""
+        """Refit with only some parts of a finalist, starting at their values."""
         return self._fitted(*self._begun(f, keep), rough=False) if keep else self.nothing()
 
     def again(self, f: Finalist) -> Finalist:
-        """A finalist of more rows, its variables and residual fitted to these."""
+        """Refit a finalist of other rows to this refitter's rows: variables and residual only."""
         views = tuple(self._views(f))
         if views not in self._again:
             s, rungs, x, spread = self._begun(f, range(len(f.parts)))
@@ -112,8 +112,8 @@ class Refitter(Case):
         return self._again[views][self._place]
 
     def like(self, h: Hypothesis, source: "Refitter") -> Hypothesis:
-        """The hypothesis of this recording that is a hypothesis ``h`` of another recording; without
-        columns where slopes have yet to be computed."""
+        """This recording's hypothesis that matches ``h`` of another; without columns if its slopes
+        have yet to be computed."""
         if source is self:
             return h
         alike = [o for o in self.d.hypotheses if o.name == h.name]
@@ -128,7 +128,7 @@ class Refitter(Case):
         return replace(h, columns=np.zeros(0, dtype=int))
 
     def _views(self, f: Finalist) -> list[Finalist]:
-        """A finalist in each recording, in this one as it is given."""
+        """A finalist as fitted to each recording."""
         views = list(f.each) or [f]
         views[self._place] = f
         return views
@@ -136,7 +136,8 @@ class Refitter(Case):
     def _begun(
         self, f: Finalist, keep: Iterable[int]
     ) -> tuple[Structure, list[int], np.ndarray, np.ndarray]:
-        """Some parts of a finalist, its rungs, and their variables and prior sizes (k,)."""
+        """Structure of some parts of a finalist, its rungs, their variables and prior sizes
+        (k,)."""
         views, some = self._views(f), list(keep)
         s = Structure.of(self.each, [tuple(g.parts[k] for k in some) for g in views])
         at = [[i for k in some for i in g.variables.of_parts([k])] for g in views]
@@ -160,10 +161,10 @@ class Refitter(Case):
     def _minimum(
         self, s: Structure, rungs: Sequence[int], x: np.ndarray, spread: np.ndarray
     ) -> np.ndarray:
-        """The most probable variables, by Gauss–Newton from x (k,), with a prior of a spread (k,)
-        about the hypotheses' own shapes.
+        """Most probable variables (k,), by Gauss–Newton from x, with prior standard deviations
+        ``spread`` (k,) about the hypotheses' own shapes.
 
-        Slopes of amplitudes are those of the start, only shapes' are renewed.
+        Slopes of amplitudes are mostly those of the start, shapes' are renewed.
         """
         if not len(x):
             return x
@@ -211,7 +212,7 @@ class Refitter(Case):
         return x
 
     def _judged(self, s: Structure, rungs: Sequence[int], x: np.ndarray) -> list[Finalist]:
-        """The structure at x (k,) in each recording, on the rungs that fit best from some on."""
+        """Finalist of each recording for a structure at x (k,), on the best rungs."""
         f = s.response(x)
         residual, slopes = s.y - f, s.design(x, f, range(len(x)))
         y = residual + slopes @ (x - s.start)
@@ -234,13 +235,13 @@ class Refitter(Case):
     def _over_rungs(
         self, s: Structure, rungs: Sequence[int], y: np.ndarray, every: np.ndarray
     ) -> tuple[list[int], float, ScaledEvidence]:
-        """The best rungs, the log evidence of all, and the best one's, recording by recording.
+        """Best rungs, log evidence over all rungs, and the evidence on the best ones.
 
-        Beside the rungs to begin with, normal ones are tried; of several recordings all, as what
-        explains one of them may not explain another.
+        Beside ``rungs`` all normal ones are tried; of several recordings all, as what explains one
+        of them may not explain another.
 
         Args:
-            y: readings (C R,) as linearised.
+            y: linearised readings (C R,).
             every: columns (C R, m) of all numbers.
         """
         moments = []
@@ -276,8 +277,8 @@ class Refitter(Case):
 def together(
     refitters: Sequence[Refitter], known: Sequence[Sequence[Finalist]] = ()
 ) -> tuple[Refitter, ...]:
-    """Refitters of several recordings of one robot that fit every structure to all of them, from
-    those of each recording alone and its finalists."""
+    """Refitters of several recordings that fit every structure to all of them, from those of each
+    recording alone and its finalists ``known``."""
     each = tuple(copy(r) for r in refitters)
     for r, finalists in zip(each, known or [()] * len(each), strict=True):
         r.each, r.known, r._again = each, finalists, each[0]._again

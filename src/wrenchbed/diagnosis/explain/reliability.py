@@ -1,9 +1,9 @@
-"""How often answers like this one are right, learnt from look-alikes of many arms and designs.
+"""How often such answers are right, learnt from look-alikes of many arms and designs.
 
-Evidence is exact only for the physics that it knows. One monotone logistic map of what evidence and
-held-out rows say for a claim gives how often such claims were right in cases of another generator
-(Guo et al. 2017, arXiv 1706.04599, calibrate classifiers likewise). The cases ship as `Lesson`s, of
-6- and 7-joint arms; look-alikes of a recording itself are further lessons.
+Evidence is exact only for the physics that it knows. A monotone logistic map from what evidence and
+held-out rows say for a claim gives the share of such claims that were right in cases of another
+generator (Guo et al. 2017, arXiv 1706.04599, calibrate classifiers likewise). The cases ship as
+`Lesson`s, of 6- and 7-joint arms; look-alikes of a recording itself are further lessons.
 """
 
 import json
@@ -47,18 +47,18 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Lesson:
-    """What one case of known truth teaches.
+    """Answer to one learning case, and its truth.
 
     Attributes:
         arm, mode: of the recording.
-        case: what it follows from.
+        case: what it was made from.
         features: of its leading claim, in the order of `NAMES`; empty without a claim.
-        lead: key of the answer of evidence and held-out rows alone, among the probabilities.
-        truth: keys of those answers that are right.
+        lead: key, among the probabilities, of the answer by evidence and held-out rows alone.
+        truth: keys of the right answers.
         probabilities: of the answers, by evidence.
         errors: of parameters of true causes over their standard uncertainties.
-        design: what the recording looks like, in the order of `familiarity.NAMES`.
-        weight: cases that it stands for.
+        design: features of the recording, in the order of `familiarity.NAMES`.
+        weight: number of cases that it stands for.
     """
 
     arm: str
@@ -74,22 +74,22 @@ class Lesson:
 
     @property
     def right(self) -> bool:
-        """Whether the answer is right."""
+        """Whether the leading answer is right."""
         return self.lead in self.truth
 
 
 @dataclass(frozen=True)
 class Reliability:
-    """How often answers are right.
+    """Learnt model of the share of answers that are right.
 
     Attributes:
         claim: weight of each feature of a named cause, in the order of `NAMES`.
         none, unknown: share of such answers that were right.
-        source: what it was learnt from.
+        source: words on the learning cases.
         spread: factor on standard uncertainties with which 90 % intervals held 90 % of the time.
-        set90: probability that the likeliest answers must hold together to hold the truth.
-        believed: largest share of right claims that is believed.
-        designs: what the recordings of the lessons look like (N, F), by mode.
+        set90: probability that the likeliest answers must sum to, so that they contain the truth.
+        believed: upper limit of the share of right claims.
+        designs: features of the learning cases' recordings (N, F), by mode.
     """
 
     claim: tuple[float, ...]
@@ -102,24 +102,24 @@ class Reliability:
     designs: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def right(self, verdict: Verdict[Any], closed: float, mode: str) -> float:
-        """Share of answers that are right like a verdict that held-out rows uphold, which closes at
-        least so much of the gap there."""
+        """Share of answers like a verdict that are right; ``closed`` is the share of the gap that
+        it closes at least on held-out rows."""
         if not verdict.causes:
             return self.none if verdict.word == NONE else self.unknown
         return self.of(features(verdict, closed, mode))
 
     def of(self, features: Sequence[float]) -> float:
-        """Probability that a claim is right for which so much speaks, in the order of `NAMES`."""
+        """Probability that a claim with these `features` is right."""
         return min(float(expit(np.dot(self.claim, features))), self.believed)
 
     def p_value(self, mode: str, design: Sequence[float]) -> float:
-        """Probability that a recording like those that taught in a mode looks as unlike them."""
+        """Conformal p-value that a recording of a mode is like the learning cases."""
         taught = self.designs.get(mode)
         return 1.0 if taught is None else familiarity.p_value(design, taught)
 
     def believed_at(self, p_value: float, mode: str) -> "Reliability":
-        """The model for a recording with a p-value; so few lessons of its mode that no p-value
-        could tell it from them say nothing of its intervals."""
+        """Model for a recording with a p-value: less sure if it is unlike the learning cases, or if
+        these are too few to tell."""
         unlike = p_value < familiarity.LEAST_P
         if not unlike and len(self.designs.get(mode, ())) * familiarity.LEAST_P >= 1.0:
             return self
@@ -132,7 +132,7 @@ UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
 
 
 def features(verdict: Verdict[Any], closed: float, mode: str) -> tuple[float, ...]:
-    """What speaks for a verdict's leading claim, in the order of `NAMES`."""
+    """Features (F,) that speak for a verdict's leading claim, in the order of `NAMES`."""
     lead = key_of(verdict)
     others = sum(p for name, p in verdict.probabilities.items() if name != lead)
     odds = np.log(max(verdict.probabilities[lead], 1e-300) / max(others, 1e-300))
@@ -150,9 +150,9 @@ def key_of(verdict: Verdict[Any]) -> str:
 
 
 def tempered(probabilities: Mapping[str, float], lead: str, right: float) -> dict[str, float]:
-    """Probabilities of answers of which the leading one is right so often.
+    """Probabilities after the leading answer's was multiplied by the share ``right``.
 
-    What is taken from it goes to ``unknown``, from that to all others alike.
+    What it loses goes to ``unknown``; what ``unknown`` loses goes to all others alike.
     """
     result = dict(probabilities)
     spare = result[lead] * (1.0 - right)
@@ -164,14 +164,14 @@ def tempered(probabilities: Mapping[str, float], lead: str, right: float) -> dic
 
 
 def conformal(shares: Sequence[float], weights: Sequence[float]) -> float:
-    """Probability that a set must hold so that it holds the truth in `COVERED` of cases or more,
-    with probability `CONFIDENT` over what was drawn.
+    """Probability that the likeliest answers must sum to, so that they contain the truth in
+    `COVERED` of cases, with confidence `CONFIDENT` over the sampled cases.
 
     The share that the k-th of n shares covers is Beta(k, n + 1 − k) (Vovk 2012, arXiv 1209.2673;
     arXiv 2509.15349 for few cases). Weighted cases count for (Σw)²/Σw² of them.
 
     Args:
-        shares: of each case, what the answers down to the true one hold together (N,).
+        shares: of each case, the probability of the likeliest answers down to the true one (N,).
         weights: of the cases (N,).
     """
     w = np.asarray(weights, dtype=float)
@@ -187,7 +187,7 @@ def conformal(shares: Sequence[float], weights: Sequence[float]) -> float:
 
 
 def credible(probabilities: Mapping[str, float], level: float) -> tuple[str, ...]:
-    """The likeliest answers that hold a probability together, classes by their members."""
+    """Names of the likeliest answers that sum to ``level``; classes by their members."""
     total, names = 0.0, dict[str, None]()
     for name, share in sorted(probabilities.items(), key=lambda kv: -kv[1]):
         names |= dict.fromkeys(name.split("|"))
@@ -204,10 +204,10 @@ def set90(verdict: Verdict[Any], known: Reliability) -> tuple[str, ...]:
 
 
 def learnt(lessons: Sequence[Lesson], source: str) -> Reliability:
-    """The most probable model of lessons.
+    """Fit the model to lessons.
 
     Raises:
-        DiagnosisError: no claims to learn from.
+        DiagnosisError: no lesson has a claim.
     """
     claims = [x for x in lessons if x.features]
     if not claims:
@@ -228,7 +228,7 @@ def learnt(lessons: Sequence[Lesson], source: str) -> Reliability:
 
 
 def _weights(claims: Sequence[Lesson]) -> tuple[float, ...]:
-    """Weights (F,) of the features; all but the constant at least 0: more of each is surer.
+    """Most probable weights (F,) of the features, ≥ 0 but for the constant's.
 
     Newton's method on the weights that are not held at 0.
     """
@@ -246,13 +246,13 @@ def _weights(claims: Sequence[Lesson]) -> tuple[float, ...]:
 
 
 def _rate(lessons: Sequence[Lesson]) -> float:
-    """Share of lessons that were right, one right and one wrong added (Laplace)."""
+    """Share of lessons that were right, with one right and one wrong added (Laplace)."""
     right = sum(x.weight for x in lessons if x.right)
     return (right + 1.0) / (sum(x.weight for x in lessons) + 2.0)
 
 
 def _held(model: Reliability, x: Lesson) -> float:
-    """What a lesson's answers hold together down to a true one; 1 if none of them is true."""
+    """Probability of a lesson's likeliest answers down to a true one; 1 if none is true."""
     right = model.of(x.features) if x.features else getattr(model, x.lead)
     total = 0.0
     after = tempered(x.probabilities, x.lead, right)
@@ -271,7 +271,7 @@ def lessons() -> tuple[Lesson, ...]:
 
 
 def of_json(raw: Mapping[str, Any]) -> Lesson:
-    """The lesson that ``dataclasses.asdict`` made ``raw`` of."""
+    """Lesson from the JSON object that ``dataclasses.asdict`` made of it."""
     lists = ("features", "truth", "errors", "design")
     fields: dict[str, Any] = {k: tuple(v) if k in lists else v for k, v in raw.items()}
     return Lesson(**fields)
@@ -279,6 +279,6 @@ def of_json(raw: Mapping[str, Any]) -> Lesson:
 
 @cache
 def shipped() -> Reliability:
-    """The model that comes with the package."""
+    """Model learnt from the lessons that ship with the package."""
     arms = len({x.arm for x in lessons()})
     return learnt(lessons(), f"{len(lessons())} simulated cases of {arms} arms")

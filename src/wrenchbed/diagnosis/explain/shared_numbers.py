@@ -1,6 +1,6 @@
 """Effects in one or several recordings of a robot: which numbers are shared, what they add.
 
-Of the linear Gaussian model the posterior of one recording is the prior of the next, whatever their
+In the linear Gaussian model the posterior of one recording is the prior of the next, whatever their
 order: log p(y_A, y_B | S) = log p(y_A | S) + log p(y_B | S, y_A), and information and scores of the
 recordings add up. So a structure has one set of numbers for what belongs to the robot, and one for
 each recording of what belongs to that (`Effect.of_recording`); background and stated numbers are
@@ -29,13 +29,13 @@ class Structure:
     The numbers are k variables, then the stated numbers that the structure blames.
 
     Attributes:
-        cases: the recordings (N).
-        parts: its hypotheses in each of them (N).
-        at: places of each recording's `Variables` among the variables (N).
-        blamed: places of the stated numbers that are blamed in each recording (N).
+        cases: the N recordings.
+        parts: its hypotheses in each recording (N).
+        at: indices of each recording's `Variables` among the variables (N).
+        blamed: indices of the blamed stated numbers of each recording (N).
         shape: whether each number is a shape (m,).
-        owner: set that each number belongs to (m,).
-        sets: part and recording of each set of numbers that have one prior size.
+        owner: index of the set that each number belongs to (m,).
+        sets: part and recording of each set of numbers with a common prior size.
     """
 
     cases: Sequence[Case]
@@ -48,7 +48,7 @@ class Structure:
 
     @classmethod
     def of(cls, cases: Sequence[Case], parts: Sequence[tuple[Hypothesis, ...]]) -> "Structure":
-        """Structure of the parts' hypotheses in each recording."""
+        """Structure of the hypotheses ``parts`` of each recording."""
         every = enumerate(zip(*parts, strict=True))
         sets = [(p, r) for p, same in every for r in _homes(cases, same)]
         stated = [bool(parts[r][p].effect.stated) for p, r in sets]
@@ -68,12 +68,12 @@ class Structure:
 
     @property
     def free(self) -> int:
-        """Count k of the variables: of all numbers without the stated ones."""
+        """Number k of variables: all numbers but the stated ones."""
         return len(self.shape) - sum(map(len, self.blamed))
 
     @property
     def rows(self) -> list[slice]:
-        """Rows of each recording among those of all."""
+        """Slice of each recording among the readings of all."""
         ends = np.cumsum([0, *(len(c.y) for c in self.cases)])
         return [slice(a, b) for a, b in pairwise(ends.tolist())]
 
@@ -83,8 +83,8 @@ class Structure:
         return np.concatenate([c.y for c in self.cases])
 
     def merged(self, each: Sequence[np.ndarray], last: int = 0) -> np.ndarray:
-        """Values of all variables (k,) from those of each recording; of what recordings share,
-        recording ``last`` has the last word."""
+        """Values of all variables (k,) from those of each recording; where these differ, shared
+        ones are recording ``last``'s."""
         result = np.zeros(self.free)
         for r in [*reversed(range(len(each))), last]:
             result[self.at[r]] = each[r]
@@ -92,18 +92,18 @@ class Structure:
 
     @property
     def start(self) -> np.ndarray:
-        """Starting point of a fit (k,): amplitudes 0, shapes at the values of their variants."""
+        """Start values of a fit (k,): amplitudes 0, shapes as their variants state."""
         return self.merged([c.start(of) for c, of in zip(self.cases, self.parts, strict=True)])
 
     @property
     def widest(self) -> np.ndarray:
-        """Widest prior standard deviation of each variable (k,)."""
+        """Largest prior standard deviation of each variable (k,)."""
         return np.where(self.shape, SHAPE_SPREAD, self.scales[self.owner, -1])[: self.free]
 
     @property
     def scales(self) -> np.ndarray:
-        """Prior standard deviations (sets, s) that are tried of each set of numbers: what is shared
-        may be small as soon as one recording shows it."""
+        """Prior standard deviations (sets, s) to try for each set; a shared set's start low if one
+        recording shows it well."""
         result = []
         for p, home in self.sets:
             one = self.parts[home][p]
@@ -114,7 +114,7 @@ class Structure:
 
     @property
     def log_prior(self) -> float:
-        """Log prior, counted once: each part where it is least rare."""
+        """Log prior of the structure; each part counts once, where it is likeliest."""
         result = (len(self.parts[0]) - 1) * float(np.log(MORE / PRIOR["one"]))
         for same in zip(*self.parts, strict=True):
             both = zip(self.cases, same, strict=True)
@@ -122,12 +122,12 @@ class Structure:
         return result
 
     def response(self, x: np.ndarray) -> np.ndarray:
-        """Whitened readings (C R,) of all recordings that the parts add at variables x (k,)."""
+        """Whitened readings (C R,) of all recordings that the parts add, at variables x (k,)."""
         every = zip(self.cases, self.parts, self.at, strict=True)
         return np.concatenate([c.response(parts, x[at]) for c, parts, at in every])
 
     def design(self, x: np.ndarray, f: np.ndarray, which: Iterable[int]) -> np.ndarray:
-        """Derivatives (C R, m) of the response by some variables at x, where the response is f."""
+        """Derivatives (C R, n) of the response by the n variables ``which`` at x, where it is f."""
         some = list(which)
         result = np.zeros((len(f), len(x)))
         for c, parts, at, rows in zip(self.cases, self.parts, self.at, self.rows, strict=True):
@@ -137,7 +137,7 @@ class Structure:
 
     @property
     def blamed_columns(self) -> np.ndarray:
-        """Columns (C R, m − k) of the stated numbers that are blamed."""
+        """Columns (C R, m − k) of the blamed stated numbers."""
         result = np.zeros((len(self.y), len(self.shape)))
         for c, parts, at, rows in zip(self.cases, self.parts, self.blamed, self.rows, strict=True):
             of = [h.columns for h in parts if h.effect.stated]
@@ -146,7 +146,7 @@ class Structure:
 
 
 def _homes(cases: Sequence[Case], same: Sequence[Hypothesis]) -> list[int]:
-    """Recordings that hold a set of a part's numbers: one of the robot's, every one of its own."""
+    """Recordings with their own set of a part's numbers: one if these are the robot's."""
     shows = [r for r, (c, h) in enumerate(zip(cases, same, strict=True)) if h.name in c.shown]
     if same[0].effect.stated:
         return [r for r in shows if len(same[r].columns)]

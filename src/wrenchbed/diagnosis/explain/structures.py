@@ -60,7 +60,7 @@ fewer a rival that is worse in the linear model but better when refitted is miss
 
 
 def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> np.ndarray:
-    """Errors (C R,) of predicting each block of whitened rows from all other blocks: P_bb⁻¹ w_b."""
+    """Errors (C R,) of predicting each block of whitened rows from all others, P_bb⁻¹ w_b."""
     half, w = _weighed(level, f)
     result = np.empty_like(w)
     for rows in _of_blocks(block_rows, len(w)):
@@ -70,7 +70,7 @@ def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarra
 
 
 def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarray]:
-    """H (k, C R) of the precision P = K₀⁻¹ − HᵀH of all rows, and w = P y (C R,)."""
+    """Factor H (k, C R) of the rows' precision P = K₀⁻¹ − HᵀH, and w = P y (C R,)."""
     k = f.design.shape[1]
     solved = level.solve(np.column_stack([f.design, f.y]))
     normal = f.design.T @ solved[:, :k] + np.diag(1.0 / f.spread**2)
@@ -79,7 +79,7 @@ def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarra
 
 
 def _of_blocks(block_rows: np.ndarray, values: int) -> Iterator[np.ndarray]:
-    """Indices among C R values of each block's rows."""
+    """Indices of each block's values among all C R."""
     block = np.repeat(block_rows, values // len(block_rows))
     for b in np.unique(block):
         yield np.flatnonzero(block == b)
@@ -90,11 +90,11 @@ class Ranking:
     """All explanations of a case with their log posteriors.
 
     Attributes:
-        explanations: refitted structures, best first; one of them has no effect at all.
-        unknown: log posterior of something that no effect of the library makes, alone.
-        mixed: of the best finalist with something unknown beside it.
-        kernel: the variable on which the unknown depends, of the best such explanation.
-        gap: of the calibrated simulator, beyond the noise.
+        explanations: refitted structures, best first, one of them without an effect.
+        unknown: log posterior of an unknown cause alone.
+        mixed: log posterior of the best finalist with an unknown cause beside it.
+        kernel: variable that the unknown cause depends on most.
+        gap: of the calibrated simulator, noise subtracted.
     """
 
     explanations: tuple[Explanation, ...]
@@ -105,7 +105,8 @@ class Ranking:
 
 
 def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
-    """Refit the best single effects, then pairs, then triples, as long as they gain."""
+    """Rank explanations: the best single effects refitted, then pairs, then triples, if they
+    gain."""
     y = refitter.y
     singles, nulls = searcher.singles(y), searcher.nulls(y)
     normal = np.array([r.normal for r in searcher.rungs])
@@ -133,8 +134,8 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
 def _extended(
     searcher: Searcher, refitter: Refitter, finalists: Sequence[Finalist]
 ) -> tuple[list[Finalist], float, str]:
-    """The best finalists with further effects, as long as each gains; also the largest log
-    posterior of something unknown beside one of them, and the variable on which that depends."""
+    """Finalists with further effects, as long as each gains; largest log posterior of an unknown
+    cause beside one of them, and the variable that this depends on."""
     result: list[Finalist] = []
     mixed, kernel = -np.inf, ""
     beam = sorted(finalists, key=_posterior)[:EXTENDED]
@@ -173,7 +174,7 @@ def _extended(
 def with_rivals(
     refitter: Refitter, f: Finalist, parts: Sequence[int], singles: Sequence[SingleEvidence]
 ) -> list[Finalist]:
-    """A finalist with each of some parts, by number, replaced by effects that do nearly as well."""
+    """Finalists with each of some parts, by index, replaced by effects that do nearly as well."""
     result = []
     for k in parts:
         base = refitter.keeping(f, [i for i in range(len(f.parts)) if i != k])
@@ -186,7 +187,7 @@ def with_rivals(
 def _near(
     refitter: Refitter, more: Sequence[SingleEvidence], f: Finalist, part: int
 ) -> list[SingleEvidence]:
-    """The best variant of each other effect, if it comes near the part itself."""
+    """Best variants of other effects whose posterior comes near that of a part."""
     best, name = best_variants(refitter.searcher.hypotheses, more), f.parts[part].name
     mark = best[name].log_posterior if name in best else -np.inf
     others = [s for n, s in best.items() if n not in f.names and n not in STATED]
@@ -196,7 +197,7 @@ def _near(
 def _other_clocks(
     searcher: Searcher, singles: Sequence[SingleEvidence], chosen: Sequence[SingleEvidence]
 ) -> list[SingleEvidence]:
-    """All timing effects (delays, filters), if one of them is among the chosen effects.
+    """All further timing effects (delays, filters), if one of them is among the chosen ones.
 
     Their slopes are alike, and true only while the delay is short beside what moves.
     """
@@ -226,7 +227,7 @@ def _kernel(searcher: Searcher, kernels: Sequence[SingleEvidence]) -> str:
 def _distinct(
     searcher: Searcher, singles: Sequence[SingleEvidence], count: int, base: float
 ) -> list[SingleEvidence]:
-    """The best of each effect, with a second variant where it is nearly as good.
+    """Best evidence of each effect, at most ``count``, with a second variant if nearly as good.
 
     A form-free variant counts as an effect of its own: formulas gain by the fit of their shapes.
     """
@@ -251,17 +252,17 @@ def _distinct(
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A recording's linear and nonlinear analysis.
+    """Linear and nonlinear analysis of a recording.
 
     Attributes:
         prepared: the recording.
-        baseline: its calibrated simulator.
-        searcher: dictionary and background of the design.
+        baseline: calibrated simulator.
+        searcher: evidence of single hypotheses for the design.
         refitter: of this recording's readings.
         ranking: explanations, best first.
-        at_baseline: of the same readings, with slopes at the calibrated tool; those of ``refitter``
-            are at the tool that the best explanation leaves.
-        others: of further recordings of the robot that the ranking explains too.
+        at_baseline: refitter with slopes at the calibrated tool; those of ``refitter`` are at the
+            tool fitted beside the best explanation.
+        others: analyses of further recordings that the ranking explains too.
     """
 
     prepared: Prepared
@@ -278,15 +279,14 @@ class Analysis:
 
     @property
     def calibrated(self) -> np.ndarray:
-        """Whitened residual of the first channel (R, c) after what every fit takes."""
+        """Whitened residual of the first channel (R, c) after the usual fit."""
         d, of = self.at_baseline.d, self.prepared.families[0]
         return d.without_stated(self.at_baseline.y).reshape(-1, d.channels)[:, of]
 
 
 def analyse(prepared: Prepared) -> Analysis:
-    """Calibrate the prepared recording, build the dictionary of effects at the calibrated robot,
-    and rank the explanations of the residual; again at the tool that the best of these leaves,
-    where that changes what it adds."""
+    """Analyse a recording: calibrate it, build the dictionary there, and rank explanations; again
+    at the tool fitted beside the best of them, if that changes much."""
     coarse = prepared.coarse
     baseline = calibrate(coarse)
     result = _ranked(prepared, coarse, baseline, baseline)
@@ -303,14 +303,14 @@ def analyse(prepared: Prepared) -> Analysis:
 
 
 def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseline) -> Analysis:
-    """The analysis with slopes at the tool of ``at``."""
+    """Analysis with slopes at the tool of ``at``."""
     searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance))
     refitter = Refitter(searcher, case(searcher.d, coarse, at))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), refitter)
 
 
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
-    """Gap by which what causes add may change with the tool: as the load on the sensor does."""
+    """Gap by which causes' readings may change with the tool, as the sensor's load does."""
     p = p.leading
     here, there = (p.rows(x.expected) for x in (p, p.at(to.robot_theta)))
     change = ((there - here) ** 2).mean(axis=0) / np.maximum(here.var(axis=0), LEAST_LOAD)
@@ -318,13 +318,13 @@ def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
 
 
 def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:
-    """Readings (C R,) against the dictionary's baseline, the stated numbers as stated."""
+    """Readings (C R,) relative to the dictionary's baseline, with stated numbers as stated."""
     moved = stated_vector(d, baseline)
     return prepared.rows(prepared.y).ravel() - d.baseline + d.E[:, d.stated] @ moved
 
 
 def stated_vector(d: EffectDictionary, baseline: Baseline) -> np.ndarray:
-    """Mass and CoG of the baseline against the stated ones (S,), in typical sizes; bias 0."""
+    """Baseline minus stated mass and CoG (S,), in typical sizes; 0 for the bias."""
     moved = np.zeros(len(d.stated))
     for effect, change in baseline.moved.items():
         moved[d.of_stated(effect)] = change

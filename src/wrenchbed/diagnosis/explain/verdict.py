@@ -1,4 +1,4 @@
-"""What is said of a recording, and what it is chosen from. Only `decide` makes or changes it."""
+"""The verdict on a recording, and its options. Only `decide` makes or changes a verdict."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,15 +17,15 @@ Key = tuple[str, int | None]
 
 @dataclass(frozen=True)
 class Part:
-    """An effect of a structure that adds enough to be claimed.
+    """An effect, or a wrong stated number, that adds enough gap to be claimed.
 
     Attributes:
         name: of the effect.
-        share: gap that it adds.
-        probability: that a stated number is wrong; 1 for other effects.
-        index: its number in the structure, None for a wrong stated number.
-        twins: effects that might as well be this one, whatever their evidence.
-        imitators: effects that make its readings, if perhaps with numbers that happen to fit.
+        share: gap that it adds, in row noises squared.
+        probability: that a stated number is wrong; 1 for effects.
+        index: of the part in the structure; None for a stated number.
+        twins: names of effects that might as well be this one, whatever their evidence.
+        imitators: names of effects that make its readings, perhaps with numbers that happen to fit.
         joint: number of its joint, from 1, where each joint is a cause of its own.
     """
 
@@ -43,7 +43,9 @@ class Part:
 
     @property
     def label(self) -> str:
-        """Name by which held-out rows know it: with its joint where it has one."""
+        """Key of this part in the gaps and shares on held-out rows (`Closure.members`, `shares`):
+        the effect's name, followed by the joint's number, from 1, if each joint is a cause of its
+        own: ``drive.coulomb 3``."""
         return self.name if self.joint is None else f"{self.name} {self.joint}"
 
 
@@ -53,8 +55,8 @@ class Option(Generic[S]):
 
     Attributes:
         explanation: the structure.
-        probability: of it; those of all options and of something unknown sum to 1.
-        parts: what may be claimed from it, largest first.
+        probability: of the structure; all options' and that of an unknown cause sum to 1.
+        parts: parts that may be claimed from it, largest first.
     """
 
     explanation: S
@@ -68,12 +70,12 @@ class Option(Generic[S]):
 
 @dataclass(frozen=True)
 class Elements:
-    """Elements of an effect of which one is the cause.
+    """Elements (joints, axes …) of an effect, one of which is the cause.
 
     Attributes:
-        names: that of the explanation first, then the likeliest.
-        fits: a fit with each of them in the cause's place.
-        parts: number of the part of that fit that is of the element.
+        names: first that of the explanation, then the likeliest.
+        fits: finalist with each of them in the cause's place.
+        parts: index of the element's part in that finalist.
     """
 
     names: tuple[str, ...]
@@ -83,14 +85,14 @@ class Elements:
 
 @dataclass(frozen=True)
 class Cause:
-    """One claimed cause: a class of effects that the recording does not tell apart.
+    """One claimed cause: a class of effects that the recording does not separate.
 
     Attributes:
-        keys: the effect with its joint, then those of its rivals.
-        probability: that one of them is present.
+        keys: the effect with its joint, then its rivals.
+        probability: that one of the class is present.
         part: of the explanation that claims it.
-        shares: of each in that probability, as far as evidence goes.
-        elements: of each effect that were looked for, by its name.
+        shares: of each key in that probability, by evidence.
+        elements: of each effect for which they were searched, by name.
     """
 
     keys: tuple[Key, ...]
@@ -101,18 +103,18 @@ class Cause:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effect, then those of its rivals."""
+        """Name of the effect, then names of its rivals."""
         return tuple(dict.fromkeys(name for name, _ in self.keys))
 
     @property
     def open_elements(self) -> tuple[str, ...]:
-        """Elements of the first effect where the recording leaves several."""
+        """Elements of the first effect if the recording leaves several, else empty."""
         first = self.elements.get(self.names[0])
         return first.names if first is not None and len(first.names) > 1 else ()
 
     @property
     def plain(self) -> bool:
-        """Whether no other data would tell it from a rival, or it has none."""
+        """Whether it has no rival or element that further data could separate."""
         if self.open_elements or len(self.keys) > len(self.names):
             return False
         return any(
@@ -127,9 +129,9 @@ class Verdict(Generic[S]):
 
     Attributes:
         word: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
-        causes: claimed, largest first; empty for none and unknown.
-        explanation: the structure that the claims are from, also behind an unknown.
-        probabilities: of none, unknown and each class as the leading cause.
+        causes: claimed causes, largest first; empty for none and unknown.
+        explanation: structure behind the claims, also behind an unknown.
+        probabilities: of none, of unknown, and of each class as the leading cause.
     """
 
     word: str
