@@ -1,6 +1,6 @@
 """How far the gap shrinks: the twin runs in MuJoCo on rows that took no part in any fit.
 
-Beside it a black box, a flexible model of the residual: it closes a gap and names nothing.
+Beside it a black box, a flexible model of the residual, which closes a gap and names nothing.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,10 +27,10 @@ NOISES = 2.0 ** np.arange(0.0, 8.0)
 
 
 def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
-    """Readings (M, 6) of a simulator corrected by cross-fitted ridge regressions on all kernels.
+    """Residual (M, c) of readings (M, c) that cross-fitted ridge regressions on all kernels
+    predict.
 
-    Each fold is predicted by a regression on the others, channel by channel, with the prior of
-    largest evidence.
+    Each fold is predicted by a regression on the others, with the prior of largest evidence.
     """
     held = prepared.scene.held
     x = np.concatenate(list(variables(prepared).values()), axis=1)
@@ -45,7 +45,7 @@ def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
 
 
 def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: float) -> np.ndarray:
-    """Predictions (H, C) of whitened y (H, C) from x (H, k), learnt where ``fit`` (H,)."""
+    """Predictions of whitened y (H, C) by x (H, k), fitted where ``fit`` (H,), boolean."""
     x = (x - x[fit].mean(axis=0)) / np.maximum(x[fit].std(axis=0), 1e-9)
     x = np.column_stack([np.ones(len(x)), x])
     use = np.flatnonzero(fit)[::stride]
@@ -65,13 +65,13 @@ def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: fl
 
 
 def calibrated(a: Analysis) -> Twin:
-    """Simulator with fitted bias, mass and CoG."""
+    """Twin without effects, with fitted bias, mass and CoG."""
     return Twin(a.prepared.model, a.baseline.configuration.theta, (), a.prepared.recording.name)
 
 
 def twin_of(a: Analysis, f: Finalist, keep: Sequence[int]) -> Twin:
-    """Make the twin that has some parts of a finalist as effects, with the stated numbers corrected
-    as fitted together with the finalist."""
+    """Twin with some parts of a finalist as effects, and stated numbers corrected as fitted with
+    it."""
     values = a.refitter.values(f.parts, f.x)
     active = tuple(ActiveEffect(f.parts[k].effect, values[k]) for k in keep)
     configuration = corrected(a.refitter, f, a.prepared.configuration)
@@ -80,13 +80,13 @@ def twin_of(a: Analysis, f: Finalist, keep: Sequence[int]) -> Twin:
 
 @dataclass(frozen=True, eq=False)
 class Claimed:
-    """The simulator corrected by the claimed causes.
+    """Simulator corrected by the claimed causes.
 
     Attributes:
-        twin: fitted on all rows.
+        twin: simulator, fitted to all rows.
         finalist: the structure behind it.
-        keep: parts of it that the twin has.
-        wrong: stated numbers that are claimed to be wrong.
+        keep: indices of its parts that the twin has as effects.
+        wrong: names of stated numbers that are claimed to be wrong.
     """
 
     twin: Twin
@@ -96,18 +96,18 @@ class Claimed:
 
     @classmethod
     def of(cls, a: Analysis, f: Finalist, keep: Sequence[int], wrong: Sequence[str]) -> "Claimed":
-        """The simulator with some parts of a finalist and some corrected numbers."""
+        """Simulator with some parts of a finalist as effects and the names of corrected numbers."""
         return cls(twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
     def in_recording(self, a: Analysis, k: int) -> "Claimed":
-        """This claim as recording ``k`` of several fits it."""
+        """The same claim as fitted to recording ``k`` of several."""
         return Claimed.of(a, self.finalist.each[k], self.keep, self.wrong)
 
 
 def judged(
     a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter] | None = None
 ) -> Judged:
-    """Configured, calibrated and diagnosed simulators on held-out rows; see `CrossFit`."""
+    """Gaps of the configured, calibrated, black-box and claimed simulators on held-out rows."""
     p, held_out, crossed = a.prepared, HeldOut(a.prepared), CrossFit(a, fits)
     before, of = crossed.calibrated(calibrated(a)), p.families[0]
     readings, further = {"calibrated": before[:, of]}, {"calibrated": held_out.further(before)}
@@ -131,8 +131,7 @@ def judged(
 
 
 def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
-    """Configured, calibrated and diagnosed simulators on rows that their fits did not see, which
-    are the rows of all recordings; without a claim no cause is diagnosed."""
+    """Gaps on the held-out rows of all recordings, with a claim or without causes."""
     every = (a, *a.others)
     claims = [
         claim if k == 0 or claim is None else claim.in_recording(other, k)
@@ -149,8 +148,7 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
 
 
 class Claims:
-    """Simulators with the causes of a verdict, and gaps on held-out rows, of a recording or of the
-    first of several; each is made once."""
+    """Simulators and held-out gaps for verdicts on one recording or several, each computed once."""
 
     def __init__(self, analysis: Analysis, seed: int) -> None:
         self.analysis = analysis
@@ -166,7 +164,7 @@ class Claims:
         return self._gaps[key][1]
 
     def claimed(self, verdict: Verdict[Explanation]) -> Claimed | None:
-        """Simulator with the causes of a verdict, None if it has none."""
+        """Simulator with the causes of a verdict; None if it has none."""
         if not verdict.causes:
             return None
         f = verdict.explanation.finalist
@@ -177,6 +175,6 @@ class Claims:
         return Claimed.of(self.analysis, f, keep, wrong)
 
     def twin(self, verdict: Verdict[Explanation]) -> Twin:
-        """The better simulator: with the causes, or after the usual fit."""
+        """Twin with the causes of a verdict, or after the usual fit if it has none."""
         claim = self.claimed(verdict)
         return calibrated(self.analysis) if claim is None else claim.twin

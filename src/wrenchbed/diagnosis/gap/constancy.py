@@ -1,11 +1,11 @@
-"""Whether a cause is as large at all poses: a rest that goes with it is not the recording's own.
+"""Whether a cause keeps its size: a residual that goes with it is not the recording's own.
 
-An effect of the library keeps its size through a recording. What only looks like one leaves a rest
-that is its own readings times something that changes: a floor that sinks is a tilt that grows, a
-bad plug a gain that comes and goes. Two score tests of a constant coefficient see that: against one
-that is drawn anew at each pose (Breusch & Pagan 1979, doi 10.2307/1911963), and against one that
-wanders with time (Nyblom 1989, doi 10.1080/01621459.1989.10478759). The residual is permuted as
-`dependence` does it, so that a rest of any size and distribution may be there.
+An effect of the library keeps its size through a recording. What only looks like one leaves a
+residual that is its own readings times something that changes: a floor that sinks is a tilt that
+grows, a bad plug a gain that comes and goes. Two score tests of a constant coefficient detect that:
+against one that is drawn anew at each pose (Breusch & Pagan 1979, doi 10.2307/1911963), and against
+one that wanders with time (Nyblom 1989, doi 10.1080/01621459.1989.10478759). The residual is
+permuted as in `dependence`, so that it may have any size and distribution.
 """
 
 from collections.abc import Sequence
@@ -32,11 +32,11 @@ _RANK = 1e-9
 
 @dataclass(frozen=True)
 class Change:
-    """A cause that is not constant.
+    """A cause whose size is not constant.
 
     Attributes:
         name: of the effect.
-        p_value: over all causes and both tests.
+        p_value: family-wise over all causes and both tests.
         thirds: its size in each third of the recording, over its size in all of it.
     """
 
@@ -46,7 +46,7 @@ class Change:
 
     @property
     def sentence(self) -> str:
-        """Sentence for people on the poses at which a cause's size differs."""
+        """Sentence on the change, for people."""
         first, second, third = (f"{x:.2g}" for x in self.thirds)
         return (
             f"{self.name} comes nearest, but fits only if its size changes during the recording "
@@ -56,8 +56,8 @@ class Change:
 
 
 def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Change | None:
-    """The cause whose size changes most surely, of the parts with these numbers; None if all are
-    constant. The analysis takes the recording's own rest for noise."""
+    """Part, of those with the indices ``parts``, whose size changes most surely; None if all are
+    constant. The analysis must take the recording's own residual for noise."""
     d = a.dictionary
     scale = np.tile(np.sqrt(np.maximum(d.prepared.variance, 1e-300)), d.rows)
     block = d.prepared.block_rows
@@ -79,10 +79,10 @@ def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Chang
 
 
 def grown(a: Analysis, f: Finalist, parts: Sequence[int]) -> float:
-    """Gap that causes, the parts with these numbers, take up besides where their sizes may grow
-    with time; 0 where that is not most of what they leave.
+    """Gap that the parts take up in addition if their sizes may change linearly with time; 0 unless
+    it is most of what they leave.
 
-    What belongs to one recording, a drift or a load that moves, has a course of its own.
+    Effects that belong to one recording (a drift, a load that moves) have a course of their own.
     """
     d, parts = a.dictionary, [k for k in parts if not f.parts[k].effect.of_recording]
     if not parts:
@@ -98,7 +98,7 @@ def grown(a: Analysis, f: Finalist, parts: Sequence[int]) -> float:
 
 
 def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """The larger of both statistics (n,) of residuals (n, R, C) and a cause's readings (R, C)."""
+    """Larger of both statistics (n,) for residuals (n, R, C) and a cause's readings (R, C)."""
     first = np.flatnonzero(np.diff(block, prepend=-1))
     score = np.add.reduceat(np.einsum("nrc,rc->nr", rest, made), first, axis=1)
     squares = [(score**2).sum(axis=1), (np.cumsum(score, axis=1) ** 2).sum(axis=1)]
@@ -108,12 +108,12 @@ def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.nd
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of columns (C R, k); a shape of a small part may have a column of 0."""
+    """Orthonormal basis of columns (C R, k), of which some may be 0."""
     norm = np.linalg.norm(columns, axis=0)
     u, s, _ = np.linalg.svd(columns / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
     return np.asarray(u[:, s > _RANK * s[0]])
 
 
 def _without(basis: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Residuals (n, C R) less what a fit of the explanation and of the stated numbers takes."""
+    """Residuals (n, C R) minus their projection on a basis."""
     return np.asarray(x - (x @ basis) @ basis.T)

@@ -1,9 +1,9 @@
 """What a residual may vary with: an orthonormal basis for each variable, and a test of them all.
 
-The test permutes whole poses, or stretches of a motion, of all channels together; what every
-user fits (bias, mass, CoG) is taken from each permuted residual again (Freedman & Lane 1983,
-doi 10.2307/1391660). The largest studentised likelihood ratio over all variables
-gives family-wise p-values (Westfall & Young 1993).
+The test permutes whole poses, or stretches of a motion, of all channels together; the usual fit
+(bias, mass, CoG) is repeated on each permuted residual (Freedman & Lane 1983, doi 10.2307/1391660).
+The largest studentised likelihood ratio over all variables gives family-wise p-values (Westfall &
+Young 1993).
 """
 
 from dataclasses import dataclass
@@ -29,13 +29,13 @@ _DUPLICATE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Partitions:
-    """V variables at R rows.
+    """Bases of functions of V variables at R rows.
 
     Attributes:
         names: of the variables (V,).
-        bases: orthonormal in each whitened channel, without a mean (C, R, k) each; columns of 0
-            where the functions depend on each other.
-        fitted: orthonormal basis of what every user fits (C R, 10).
+        bases: of each variable, orthonormal in each whitened channel, without a mean (C, R, k);
+            columns of 0 where the functions depend on each other.
+        fitted: orthonormal basis of the usual fit (C R, n).
     """
 
     names: tuple[str, ...]
@@ -43,9 +43,9 @@ class Partitions:
     fitted: np.ndarray
 
     def explained(self, y: np.ndarray) -> np.ndarray:
-        """Log likelihood ratio per row (V, n) of each variable in residuals (C, R, n).
+        """Log likelihood ratio (V, n) of each variable for residuals (C, R, n), per row.
 
-        Each channel has its own level: −Σ log(1 − share of the channel's energy explained).
+        Each channel has its own noise level: −Σ log(1 − share of the channel's energy explained).
         """
         stacked = np.concatenate(self.bases, axis=2)
         parts = (np.swapaxes(stacked, 1, 2) @ y) ** 2  # (C, K, n)
@@ -55,14 +55,14 @@ class Partitions:
         return np.asarray(-np.log(np.maximum(1.0 - share, 1e-9)).sum(axis=0))
 
     def without_fitted(self, y: np.ndarray) -> np.ndarray:
-        """Residuals (C, R, n) less what a fit of bias, mass and CoG takes."""
+        """Residuals (C, R, n) after the usual fit."""
         flat = np.swapaxes(y, 0, 1).reshape(-1, y.shape[2])
         flat = flat - self.fitted @ (self.fitted.T @ flat)
         return np.asarray(np.swapaxes(flat.reshape(y.shape[1], len(y), -1), 0, 1))
 
 
 def partitions(prepared: Prepared) -> Partitions:
-    """Bases of every variable that changes in a recording, on the fit's rows."""
+    """Bases of every variable that changes in a recording, at the rows of the fit."""
     groups: dict[str, np.ndarray] = {}
     for name, functions in _functions(prepared).items():
         basis = _orthonormal(_on_rows(prepared, functions))
@@ -74,10 +74,10 @@ def partitions(prepared: Prepared) -> Partitions:
 def family_wise(
     parts: Partitions, residual: np.ndarray, block: np.ndarray, permutations: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """p-values (V,) of each variable over all of them, and of each alone.
+    """p-values (V,) of each variable: family-wise over all, and by itself.
 
-    Blocks, by number of each row (R,), of the whitened residual (R, C) are permuted; those of one
-    row are poses.
+    Blocks of the whitened residual (R, C) are permuted; ``block`` (R,) has each row's number, and
+    blocks of one row are poses.
     """
     order = orders(block, permutations, np.random.default_rng([seed, 30]))
     permuted = np.ascontiguousarray(np.moveaxis(residual[order], 2, 0).swapaxes(1, 2))
@@ -91,12 +91,12 @@ def family_wise(
 
 
 def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: float) -> np.ndarray:
-    """Split of a residual's energy (R, C) above its noise over the chosen variables → (V,).
+    """Shares (V,) of ``gap`` that each of the chosen variables explains of a residual (R, C).
 
-    Forward selection: each step takes the variable that explains most of what is left beyond what
-    as many random columns would, and counts only what those before it did not explain. The shares
-    are fractions of ``gap`` [mean square of a row's channel] and add to at most 1; a variable
-    that adds nothing to the others has 0, and so do those that are not chosen.
+    Forward selection: each step takes the variable that explains most of the rest beyond what as
+    many random columns would, and gives it only what earlier ones did not explain. ``gap`` is the
+    mean square of a row's channel. Shares sum to at most 1; a variable that adds nothing to the
+    others has 0, and so do those that are not chosen.
     """
     result = np.zeros(len(parts.names))
     y = parts.without_fitted(residual.T[:, :, None])[:, :, 0]  # (C, R)
@@ -165,7 +165,7 @@ def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
 
 
 def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
-    """Functions of each channel's own load (C, H, k), of |F| and |T|, and of how the load came."""
+    """Functions (C, H, k) of each channel's load, of |F| and |T|, and of the load's direction."""
     held = prepared.scene.held
     scaled = load / np.maximum(np.abs(load).max(axis=0), 1e-9)
     x = scaled[held].T[:, :, None]
@@ -182,7 +182,7 @@ def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _turned(prepared: Prepared, joint: int) -> np.ndarray:
-    """Derivative of gravity's direction in the sensor by a joint (H, 3) [1/rad or 1/m]."""
+    """Derivative (H, 3) of gravity's direction in sensor axes by a joint [1/rad or 1/m]."""
     scene = prepared.scene
     q = scene.joints[scene.held]
     step = np.zeros(q.shape[1])
@@ -202,11 +202,11 @@ def _on_rows(prepared: Prepared, functions: np.ndarray) -> np.ndarray:
 
 
 def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
-    """Per channel (C, R, k) → orthonormal (C, R, k'), without a mean, no more than rows allow.
+    """Orthonormal basis (C, R, k') of the columns (C, R, k) of each channel, without a mean.
 
     Args:
-        columns: functions at the rows.
-        tolerance: least norm of a direction; with 0, columns are scaled and counted first.
+        columns: values of functions at the rows; too many for the rows are cut.
+        tolerance: smallest norm of a direction; with 0, columns are scaled and cut first.
     """
     centred = columns - columns.mean(axis=1, keepdims=True)
     least = tolerance
@@ -224,8 +224,8 @@ def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
 
 
 def _fitted(prepared: Prepared) -> np.ndarray:
-    """Orthonormal basis (C R, k) of what every user fits: bias, mass and CoG of a wrench, nuisance
-    of another channel."""
+    """Orthonormal basis (C R, k) of the usual fit: bias, mass and CoG of a wrench, nuisance of
+    other channels."""
     columns = nuisance(prepared)
     if prepared.channels[0].weighs:  # alike at any mass above 0
         at = np.concatenate([[1.0], prepared.configuration.cog])
@@ -238,7 +238,7 @@ def _fitted(prepared: Prepared) -> np.ndarray:
 
 
 def orders(block: np.ndarray, permutations: int, rng: np.random.Generator) -> np.ndarray:
-    """Row numbers (1 + permutations, R), the first in order.
+    """Permuted row numbers (1 + permutations, R); the first are in order.
 
     Rows of a motion are shifted in a circle, cut into stretches of one block's length, and the
     stretches permuted.

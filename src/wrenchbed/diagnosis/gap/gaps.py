@@ -1,4 +1,4 @@
-"""Gaps of simulators on rows that no fit saw, each with its interval."""
+"""Gaps of simulators on held-out rows, each with its bootstrap interval."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ ROUNDED = 12
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate with its 95 % interval, from blocks drawn anew."""
+    """An estimate with its 95 % bootstrap interval over blocks."""
 
     value: float
     low: float
@@ -25,18 +25,19 @@ class Closure:
     """Gaps on held-out rows (`docs/nomenclature.md`: 0 when only noise is left).
 
     Attributes:
-        configured, floor: of the simulator as stated, and of noise alone.
-        calibrated: after bias, mass and CoG.
-        with_effects: with the claimed effects too.
+        configured, floor: gap of the simulator as stated, and of noise alone.
+        calibrated: gap after the fit of bias, mass and CoG.
+        with_effects: gap with the claimed effects too; None without any.
         closed: share of the gap that the effects close.
         black_box: share that a flexible model of the residual closes.
-        rows: held-out rows.
-        folds: parts of the recording, each of which was held out once.
-        per_channel: gap per channel before and after.
-        members: gap that each cause closes in all channels, by name: what comes back without it.
-        readings: (M, 6) of the scene's rows by simulator: ``calibrated``, ``with_effects``.
-        in_all: share of the gaps of all channels together that the effects close.
-        further: gap of further channels than the first that each cause closes, by name.
+        rows: number of held-out rows.
+        folds: number of parts of the recording, each of which was held out once.
+        per_channel: gap of each channel ``before`` and ``after`` the effects.
+        members: gap that each cause closes (what comes back without it), by `Part.label`.
+        readings: readings (M, 6) of the scene's rows by simulator: ``calibrated``,
+            ``with_effects``.
+        in_all: share of the gap of all channels together that the effects close.
+        further: gap of channels but the first that each cause closes, by `Part.label`.
         start: gap of which ``closed`` is a share.
     """
 
@@ -57,12 +58,12 @@ class Closure:
 
     @property
     def closed_least(self) -> float:
-        """Share of the gap that the effects close at least, 0 without effects."""
+        """Lower end of the share that the effects close; 0 without effects."""
         return 0.0 if self.closed is None else self.closed.low
 
     def closed_beside(self, counts: float) -> float:
-        """Share of the gap that the effects close, where they surely leave a gap that counts; else
-        1. What is there may only be like them."""
+        """Share of the gap that the effects close, if they surely leave more than ``counts``: they
+        may only resemble the true ones. Else 1."""
         if self.with_effects is None or self.closed is None:
             return 1.0
         left = self.with_effects.low - max(self.floor, 0.0)
@@ -70,17 +71,18 @@ class Closure:
 
     @property
     def excess(self) -> float:
-        """Calibrated gap beyond the noise floor."""
+        """Calibrated gap above the noise floor."""
         return self.calibrated.value - max(self.floor, 0.0)
 
     @property
     def channels(self) -> float:
-        """Calibrated gap where noise of a channel is taken to be its own, mean of all."""
+        """Mean calibrated gap of the channels, their noise taken as independent."""
         return float(np.mean([c["before"] for c in self.per_channel.values()]))
 
     @property
     def shares(self) -> dict[str, float]:
-        """The closed share among the causes, by how much of the gap comes back without each.
+        """Share of the gap closed by each cause, by `Part.label`: ``closed`` split by what comes
+        back.
 
         Each lies within 0 … 1: noise may let a twin end below the floor, or add to the gap.
         """
@@ -92,19 +94,19 @@ class Closure:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Simulators of one recording on its held-out observations.
+    """Gaps of simulators of one recording on its held-out observations.
 
     Attributes:
-        block: block of time, or pose, of each (S,).
-        count: rows behind each (S,).
-        gaps: of each observation (S,) by simulator: ``configured``, ``calibrated``, ``box``,
+        block: number of the block of time, or pose, of each (S,).
+        count: number of rows behind each (S,).
+        gaps: gap of each observation (S,) by simulator: ``configured``, ``calibrated``, ``box``,
             ``floor``; with a claim also ``with_effects``.
-        without: gaps (S,) of the diagnosed simulator without each cause, by its name.
+        without: gaps (S,) of the claimed simulator without each cause, by `Part.label`.
         channels: gap of each channel (C,) ``before`` and ``after``.
         readings: see `Closure`.
-        further: gaps (S,) of further channels than the first, all together, by simulator:
-            ``calibrated``, ``with_effects``, and without each cause by its name; empty without any.
-        names: of the channels (C,) where these differ between recordings.
+        further: gaps (S,) of all channels beyond the first together, by simulator: ``calibrated``,
+            ``with_effects``, and without each cause by its label; empty with one channel.
+        names: of the channels (C,), where they differ between recordings.
     """
 
     block: np.ndarray
@@ -120,15 +122,15 @@ class Judged:
 def closure(
     each: Sequence[Judged], names: Sequence[str], folds: int, seed: int, *, stated: bool
 ) -> Closure:
-    """Gaps of all recordings together, with intervals from blocks drawn anew.
+    """Combine the gaps of all recordings, with bootstrap intervals over blocks.
 
     Args:
         each: the recordings.
-        names: of the channels (C,).
-        folds: parts of a recording, each of which was held out once.
+        names: of the channels (C,), where a recording does not state them.
+        folds: number of parts of a recording, each of which was held out once.
         seed: of the bootstrap.
-        stated: whether the causes are wrong stated numbers alone, which the usual fit takes: then
-            they close the configured gap.
+        stated: whether all causes are wrong stated numbers: the usual fit takes these, so they
+            close the configured gap.
     """
     drawn = Bootstrap([(j.block, j.count) for j in each], seed)
     gaps = {s: np.concatenate([j.gaps[s] for j in each]) for s in each[0].gaps}
@@ -181,11 +183,10 @@ def closure(
 
 
 class Bootstrap:
-    """Blocks of held-out rows drawn anew: what a mean, or a ratio of means, might as well be."""
+    """Bootstrap over blocks of held-out rows, for means and ratios of means."""
 
     def __init__(self, each: Sequence[tuple[np.ndarray, np.ndarray]], seed: int) -> None:
-        """Take for each recording the blocks (S,) of its observations and the rows behind them
-        (S,)."""
+        """Take for each recording the blocks (S,) of its observations and their row counts (S,)."""
         block = [np.stack([np.full_like(b, k), b]) for k, (b, _) in enumerate(each)]
         blocks, at = np.unique(np.concatenate(block, axis=1), axis=1, return_inverse=True)
         self._at = at.ravel()
@@ -195,18 +196,18 @@ class Bootstrap:
         self._drawn = rng.integers(self._count, size=(DRAWS, self._count))
 
     def average(self, gaps: np.ndarray) -> float:
-        """Weighted mean over rows of gaps (S,)."""
+        """Mean of gaps (S,), weighted by rows."""
         return float(gaps @ self._weight / self._weight.sum())
 
     def mean(self, gaps: np.ndarray) -> Interval:
-        """Mean over rows of gaps (S,), with its bootstrap interval."""
+        """Mean of gaps (S,), weighted by rows, with its interval."""
         result = self.ratio(gaps, np.ones(len(gaps)))
         assert result is not None  # there are rows
         return result
 
     def ratio(self, part: np.ndarray, of: np.ndarray) -> Interval | None:
-        """Ratio of the sums of two gaps (S,) with its interval; None if the second is not
-        positive."""
+        """Ratio of the sums of two gaps (S,) with its interval; None if the second is not above
+        0."""
         top, bottom = self._sums(part), self._sums(of)
         if bottom.sum() <= 0:
             return None

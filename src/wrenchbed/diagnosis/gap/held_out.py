@@ -1,4 +1,4 @@
-"""Gaps of simulators on held-out rows: every row is judged by a fit that did not see it."""
+"""Gaps of simulators on held-out rows: each row is judged by a fit that did not see it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,9 +19,9 @@ from wrenchbed.twin.twin import Twin
 
 
 class HeldOut:
-    """Gaps of readings on the observations of a recording that are not set aside (S of them).
+    """Computes gaps of readings on the S observations of a recording that are not set aside.
 
-    The published gap is that of the first channel; `further` is of all others.
+    The published gap is of the first channel; `further` is of all others.
     """
 
     def __init__(self, every: Prepared) -> None:
@@ -43,12 +43,12 @@ class HeldOut:
         return np.asarray(self.y - reading[self.prepared.scene.held][self._keep, self._of])
 
     def of(self, reading: np.ndarray) -> np.ndarray:
-        """Gap of each observation (S,) for scene readings (M, C), of its first channel."""
+        """Gap of the first channel at each observation (S,), for scene readings (M, C)."""
         white = self._residual(reading) @ self._root.T
         return np.asarray((white**2).mean(axis=1) + self.noise)
 
     def further(self, reading: np.ndarray) -> np.ndarray:
-        """Sum of the gaps of all further channels (S,) for scene readings (M, C)."""
+        """Sum of all other channels' gaps at each observation (S,), for scene readings (M, C)."""
         p, result = self._every, np.zeros(len(self.y))
         for of in p.families[1:]:
             white = (p.y - reading[p.scene.held])[self._keep, of] / p.sigma[of]
@@ -56,7 +56,7 @@ class HeldOut:
         return result
 
     def channels(self, reading: np.ndarray) -> np.ndarray:
-        """Gap of each column of the first channel."""
+        """Gap of each column of the first channel (c,), for scene readings (M, C)."""
         gaps = (self._residual(reading) / self.prepared.sigma) ** 2 + self.channel_noise
         return np.asarray((gaps * self.count[:, None]).sum(axis=0) / self.count.sum())
 
@@ -79,7 +79,7 @@ class HeldOut:
 
 
 def _errors(baseline: Baseline, refitter: Refitter) -> np.ndarray:
-    """Errors of the stated numbers (S,) that a baseline found, in typical sizes."""
+    """Errors of the stated numbers (S,), in typical sizes, that a baseline fitted."""
     d = refitter.d
     result = np.zeros(len(d.stated))
     bias = {STATED[0]: baseline.configuration.bias} if STATED[0] in baseline.tolerance else {}
@@ -89,7 +89,7 @@ def _errors(baseline: Baseline, refitter: Refitter) -> np.ndarray:
 
 
 def simulated(p: Prepared, twin: Twin) -> np.ndarray:
-    """Readings (M, c) of the leading channel: MuJoCo's of a wrench, else the closed form's."""
+    """Readings (M, c) of the first channel: MuJoCo's for a wrench, else the closed form's."""
     if p.has_wrench:
         return twin.wrench(p.scene)
     p = p.leading
@@ -99,14 +99,14 @@ def simulated(p: Prepared, twin: Twin) -> np.ndarray:
 
 
 class CrossFit:
-    """Simulators fitted again without each fold, and read on that fold.
+    """Readings of simulators that are refitted without each fold, on that fold.
 
-    MuJoCo runs each simulator once, as it is fitted on all rows; what the parameters of a fold
-    change is added in closed form, which agrees with MuJoCo to its own precision.
+    MuJoCo runs each simulator once, as fitted to all rows; the change by a fold's parameters is
+    added in closed form, which agrees with MuJoCo to its own precision.
 
     Args:
         a: the analysis of all rows.
-        fits: refitter without each fold, made if None.
+        fits: refitter without each fold, by its number; made if None.
     """
 
     def __init__(self, a: Analysis, fits: Mapping[int, Refitter] | None = None) -> None:
@@ -116,7 +116,7 @@ class CrossFit:
         self._fits = {k: without(k) if fits is None else fits[k] for k in p.folds}
 
     def calibrated(self, baseline: Twin) -> np.ndarray:
-        """Readings (M, C) of the simulator after bias, mass and CoG were fitted."""
+        """Readings (M, C) of the simulator after the fit of bias, mass and CoG."""
         a, whole = self._a, self._a.at_baseline
         error, all_rows = _errors(a.baseline, whole), whole.d.fitted(whole.y)
         at_all = self._read(a.baseline.configuration, ())
@@ -131,13 +131,13 @@ class CrossFit:
     def explained(
         self, twin: Twin, f: Finalist, keep: Sequence[int], wrong: Sequence[str]
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Readings (M, C) of the diagnosed simulator, and by each cause's name without that cause.
+        """Readings (M, C) of the claimed simulator, and without each cause, by the cause's name.
 
         Args:
-            twin: fitted on all rows.
+            twin: simulator, fitted to all rows.
             f: the finalist behind it.
-            keep: its parts that the twin has.
-            wrong: stated numbers that are claimed to be wrong.
+            keep: indices of its parts that the twin has.
+            wrong: names of stated numbers that are claimed to be wrong.
         """
         a = self._a
         at_all = self._read(Configuration(twin.model, twin.theta), twin.active)
@@ -159,7 +159,7 @@ class CrossFit:
         return result, without
 
     def _rows(self, fold: int) -> np.ndarray:
-        """Rows of the scene that a fold holds out (M,), boolean; the last also what no fold has."""
+        """Whether a fold holds out each row of the scene (M,), boolean."""
         p = self._a.prepared
         result = np.zeros(len(p.scene), dtype=bool)
         result[p.scene.held] = p.fold == fold
@@ -171,7 +171,7 @@ class CrossFit:
     def _read(
         self, c: Configuration, active: Sequence[ActiveEffect], seen: np.ndarray | None = None
     ) -> np.ndarray:
-        """Simulated readings (M, C) in closed form, nuisance fitted to what is seen (H,)."""
+        """Readings (M, C) in closed form, nuisance fitted to the held rows ``seen`` (H,)."""
         p = self._a.prepared
         seen = p.fitted if seen is None else seen
         every = refitted(p.channels, replace(p.scene, theta=c.robot_theta), active, p.y, seen)
@@ -180,21 +180,21 @@ class CrossFit:
         return self._beside(c.model.read(every[:, p.families[0]], c.theta), every)
 
     def _simulated(self, twin: Twin, at_all: np.ndarray) -> np.ndarray:
-        """Readings (M, C), of a wrench MuJoCo's, of other channels the closed form's (M, C)."""
+        """Readings (M, C): of a wrench MuJoCo's, of other channels those in ``at_all`` (M, C)."""
         p = self._a.prepared
         return self._beside(twin.wrench(p.scene), at_all) if p.has_wrench else at_all.copy()
 
     def _beside(self, leading: np.ndarray, every: np.ndarray) -> np.ndarray:
-        """Readings (M, C) with others of the leading channel (M, c)."""
+        """Readings (M, C) with the first channel's replaced by ``leading`` (M, c)."""
         return np.concatenate([leading, every[:, self._a.prepared.families[0].stop :]], axis=1)
 
     def _predicted(self, fold: int, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Simulated readings (M, C), nuisance fitted to the rows outside a fold."""
+        """Readings (M, C) in closed form, nuisance fitted to the rows outside a fold."""
         return self._read(c, active, self._a.prepared.without(fold).fitted)
 
 
 def restored(now: Configuration, stated: Configuration, name: str) -> Configuration:
-    """A simulator with one of its numbers as the metadata states it; unchanged for other names."""
+    """Configuration with one number as the metadata state it; unchanged for other names."""
     bias, mass, cog = STATED
     return now.with_load(
         (stated if name == mass else now).mass,

@@ -1,8 +1,8 @@
 """Whether a residual lies where one joint passes a narrow range: a stop, a worn tooth, a cable.
 
 Means over an angle miss a spike that is narrow, or whose sign changes. Here the residual's energy
-is compared: its share in the best window of one joint's values, against the same with stretches of
-time permuted (as `dependence` permutes them), over all joints.
+is tested: its share in the best window of one joint's values, against the same with permuted
+stretches of time (as in `dependence`), over all joints.
 """
 
 from typing import NamedTuple
@@ -23,14 +23,14 @@ FLANK = 0.05
 
 
 class Locality(NamedTuple):
-    """Range of one joint in which most of a residual lies.
+    """Range of one joint that contains most of a residual.
 
     Attributes:
         joint: its number, from 1.
         low, high: of the range [rad or m].
-        share: of the residual's energy beyond noise that lies within it.
+        share: of the residual's energy beyond noise within it, 0 … 1.
         rows: share of the rows within it.
-        p_value: over all joints.
+        p_value: family-wise over all joints.
     """
 
     joint: int
@@ -44,7 +44,7 @@ class Locality(NamedTuple):
 def locality(
     prepared: Prepared, residual: np.ndarray, noise: np.ndarray, permutations: int, seed: int
 ) -> Locality | None:
-    """The joint and range in which a residual is concentrated most; None if in none.
+    """Joint and range in which a residual is most concentrated; None if it is in none.
 
     Stretches of time of the fit's whitened rows (R, C), of noise variance (C,), are permuted.
     """
@@ -74,6 +74,6 @@ def locality(
 
 
 def _windows(x: np.ndarray, width: int) -> np.ndarray:
-    """Sums (P, R − width + 1) of neighbouring values of rows (P, R)."""
+    """Sums (P, R − width + 1) over windows of ``width`` neighbours in rows (P, R)."""
     total = np.cumsum(np.pad(x, ((0, 0), (1, 0))), axis=1)
     return np.asarray(total[:, width:] - total[:, :-width])

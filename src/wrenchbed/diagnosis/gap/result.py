@@ -1,4 +1,4 @@
-"""A diagnosis as people and programs read it: ``diagnosis.json``."""
+"""A diagnosis as people and programs read it: the contents of ``diagnosis.json``."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,11 +17,11 @@ from wrenchbed.twin.twin import Twin
 
 
 class Scale(NamedTuple):
-    """Scale of one channel.
+    """Noise and material residual of one channel.
 
     Attributes:
         noise: standard deviation of a row's noise.
-        material: residual that counts: a gap of 1.
+        material: residual that counts as a gap of 1.
         unit: of both.
     """
 
@@ -31,7 +31,7 @@ class Scale(NamedTuple):
 
 
 def named_by(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Effect of an entry of ``which``, then its rivals: of format 2, or of 1, which has names."""
+    """Names of an entry of ``which``, effect first, then rivals; of format 2 or 1."""
     rivals = (r["effect"] if isinstance(r, Mapping) else r for r in entry.get("rivals", ()))
     return (str(entry["effect"]), *map(str, rivals))
 
@@ -41,7 +41,7 @@ def cause(
     rivals: Sequence[Mapping[str, Any]] = (), closed_share: float | None = None,
     elements: Sequence[str] = (),
 ) -> dict[str, Any]:  # fmt: skip
-    """An entry of ``which``."""
+    """Make an entry of ``which``."""
     return {
         "effect": effect,
         "elements": list(elements),
@@ -55,7 +55,7 @@ def cause(
 
 
 def rival(effect: str, probability: float, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """An entry of ``rivals``, with the elements and parameters of ``numbers`` if it has any."""
+    """Make an entry of ``rivals``, with the elements and parameters in ``numbers``, if any."""
     return {
         "effect": effect,
         "elements": numbers.get("elements", []),
@@ -74,8 +74,8 @@ def families(gap: Closure) -> dict[str, float]:
 
 
 def family(channel: str) -> str:
-    """Family of a channel: ``force`` of fx, ``torque`` of tx, ``place`` of mx, ``effort`` of tau1
-    and i1."""
+    """Family of a channel: ``force`` (fx …), ``torque`` (tx …), ``place`` (mx …), else
+    ``effort``."""
     if channel in CHANNELS:
         return "force" if channel.startswith("f") else "torque"
     return "place" if channel in TARGET else "effort"
@@ -89,25 +89,24 @@ class Diagnosis:
         recording: its path, or a name.
         robot: registry name.
         verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
-        gap: how far, on rows that no fit saw.
+        gap: gaps on held-out rows.
         where: subsystems with their share of the gap, as the contract has them.
         which: claimed causes, as the contract has them.
         probabilities: over the leading cause.
-        cannot_tell: sentences.
+        cannot_tell: sentences on what these data do not separate.
         blind: what these data could not have shown.
-        next: experiments that would tell.
-        twin: the better simulator, of means.
+        next: experiments that would separate it.
+        twin: simulator corrected by the causes of the means.
         seconds: that the diagnosis took.
         notes: what a reader should know of the data: its noise, what was left out.
         between: effects that show between rows only, which the written twin has besides.
-        set90: names, `none` and `unknown` among them, that hold the truth in 90 % of cases.
+        set90: names, `none` and `unknown` possible, that contain the truth in 90 % of cases.
         others: names of further recordings of the robot that took part.
-        minor: detected effects that add less than what counts, as the contract has them.
-        fitted: numbers that the fit takes up whatever is claimed, as the contract has them.
+        minor: detected effects with less gap than a cause, as the contract has them.
+        fitted: numbers that every fit takes up, as the contract has them.
         scale: of each channel.
-        familiar: what the probabilities were learnt on, and whether this recording is alike.
-        familiar_p: probability that a recording like those looks as unlike them as this one; None
-            where it was not tested.
+        familiar: sentence on the learning cases, and whether this recording is like them.
+        familiar_p: conformal p-value that it is like them; None if not tested.
         outliers: poses or stretches that were set aside, as the contract has them.
     """
 
@@ -135,7 +134,7 @@ class Diagnosis:
     familiar_p: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Contents of ``diagnosis.json`` as the contract defines them."""
+        """Contents of ``diagnosis.json``."""
         g = self.gap
         return plain(
             {
@@ -177,8 +176,8 @@ class Diagnosis:
 
     @property
     def rms(self) -> dict[str, dict[str, Any]]:
-        """Residual of each channel beyond its noise, root mean square, ``before`` and ``after`` the
-        claimed effects, in ``unit``."""
+        """Rms residual of each channel beyond noise, ``before`` and ``after`` the claimed
+        effects."""
         return {
             c: {k: s.material * float(np.sqrt(max(v, 0.0))) for k, v in gaps.items()}
             | {"unit": s.unit}
@@ -204,7 +203,7 @@ def _ends(x: Interval | None) -> list[float] | None:
 
 
 def plain(x: Any) -> Any:
-    """Numbers of numpy as numbers of Python; what is not finite as null."""
+    """Copy in which numpy's numbers are Python's, and those that are not finite null."""
     if isinstance(x, Mapping):
         return {str(k): plain(v) for k, v in x.items()}
     if isinstance(x, list | tuple):

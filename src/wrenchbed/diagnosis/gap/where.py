@@ -1,7 +1,7 @@
 """What a residual varies with: variables of the recording, and a narrow range of one joint.
 
-Both are tested by permuting blocks (`dependence`, `locality`); p-values are raised by two, so that
-they hold family-wise over all findings.
+Both are tested by permuting blocks (`dependence`, `locality`); p-values are doubled, so that they
+hold family-wise over both.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ _VARIES = {
 
 @dataclass(frozen=True)
 class Finding:
-    """Place where the residual may lie, with its share, p-value and sentence.
+    """Variable or range with which the residual varies.
 
     Attributes:
         variable: ``joint 2``, ``joint 2 between 1.0 and 3.0°``, ``direction of joint 3``,
@@ -66,9 +66,9 @@ class Finding:
 def locate(
     prepared: Prepared, residual: np.ndarray, permutations: int = 399, seed: int = 0
 ) -> tuple[Finding, ...]:
-    """Places where a residual may lie, significant ones first, by share.
+    """Findings on a residual, significant ones first, by share.
 
-    Blocks of the fit's whitened rows (R, C), bias, mass and CoG fitted away, are permuted.
+    Blocks of the fit's whitened rows (R, C), after the usual fit, are permuted.
     """
     varying = _variables(prepared, residual, permutations, seed)
     local = _local(prepared, residual, permutations, seed)
@@ -82,14 +82,14 @@ def entries(
     findings: Sequence[Finding],
     rows: Sequence[tuple[str, str, float, float]] = (),
 ) -> list[dict[str, Any]]:
-    """``where`` of the contract's diagnosis.json: causes in their order, hints by their share.
+    """Entries of ``where``: causes in their order, or hints by share, then effects between rows.
 
     Args:
         causes: (effect, detail, share of the gap 0 … 1, p-value) of each claimed effect. Without
-            any, what is seen gives the entries, as hints.
+            any, significant findings become hints.
         findings: from `locate`.
-        rows: (effect, channels, share of a row's variance 0 … 1, p-value) of each effect that shows
-            between rows only. As an entry's share it counts only where nothing else has one.
+        rows: (effect, channels, share of a row's variance 0 … 1, p-value) of each effect between
+            rows; its share is given only if there is no other entry.
     """
     result = [_of_cause(*cause) for cause in causes]
     if not causes:
@@ -114,7 +114,7 @@ def _variables(
 
 
 def _local(prepared: Prepared, residual: np.ndarray, permutations: int, seed: int) -> list[Finding]:
-    """A narrow range of one joint in which the residual lies, if that is seen."""
+    """Finding on a narrow range of one joint, if significant; at most one."""
     local = locality(prepared, residual, prepared.variance, permutations, seed)
     if local is None or local.p_value * SPLITS >= SEEN:
         return []
@@ -162,7 +162,7 @@ def _of_rows(
 
 
 def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
-    """Hints at causes, one entry for each subsystem, from its first finding."""
+    """Entries that hint at causes; only the first of each subsystem says so in words."""
     result: list[dict[str, Any]] = []
     for finding in findings:
         hint = max((k for k in _HINTS if finding.variable.startswith(k)), key=len)
@@ -174,7 +174,7 @@ def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
 
 
 def of_channels(gap: Closure, places: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Hints at the two channels that hold most of a gap, each channel by its subsystem and name."""
+    """Hints at the two channels with most of a gap, from each channel's (subsystem, name)."""
     before = [max(gaps["before"], 0.0) for gaps in gap.per_channel.values()]
     result = []
     for j in sorted(range(len(before)), key=lambda j: -before[j])[: 2 * (sum(before) > 0.0)]:
@@ -188,7 +188,7 @@ def of_channels(gap: Closure, places: Sequence[tuple[str, str]]) -> list[dict[st
 def located(
     subsystem: str, detail: str, share: float, p_value: float, sentence: str
 ) -> dict[str, Any]:
-    """An entry of ``where``."""
+    """Make an entry of ``where``."""
     return {
         "subsystem": subsystem, "detail": detail, "share": float(share),
         "p_value": max(float(p_value), LEAST_P), "sentence": sentence,

@@ -1,7 +1,4 @@
-"""Experiments that may follow a recording: what is done, how long it takes, the plan to run.
-
-Rows that might be recorded after a recording: more poses, a motion, another payload.
-"""
+"""Experiments that may follow a recording: what to do, how long it takes, the plan to run."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -35,12 +32,12 @@ _HOLD_ROWS = 60
 
 @dataclass(frozen=True, eq=False)
 class ExperimentRun:
-    """Rows that are recorded in one go.
+    """Rows that an experiment would record.
 
     Attributes:
-        prepared: the rows; their readings take no part.
-        payload: mass [kg] and CoG in sensor axes (3,) [m] of a known load beside the tool.
-        again: whether it continues the recording, whose zero then still holds.
+        prepared: these rows, without readings.
+        payload: mass [kg] and CoG in sensor axes (3,) [m] of a known load added to the tool.
+        again: whether it continues the recording, whose sensor zero then still holds.
     """
 
     prepared: Prepared
@@ -49,8 +46,8 @@ class ExperimentRun:
 
 
 def loaded(prepared: Prepared, payload: tuple[float, np.ndarray], **change: float) -> np.ndarray:
-    """Parameters (P,) with a known load beside the tool; ``change`` adds to the tool's own mass
-    or CoG (``mass``, ``cog.x`` …)."""
+    """Parameters (P,) with a known load added to the tool; ``change`` is added to the tool's own
+    mass or CoG first (``mass``, ``cog.x`` …)."""
     bare = Configuration(prepared.model, np.array(prepared.scene.theta))
     mass = bare.mass + change.get("mass", 0.0)
     cog = bare.cog + [change.get(f"cog.{a}", 0.0) for a in "xyz"]
@@ -61,8 +58,8 @@ def loaded(prepared: Prepared, payload: tuple[float, np.ndarray], **change: floa
 def posed(
     prepared: Prepared, q: np.ndarray, t: np.ndarray, noise: np.ndarray, *, after: bool
 ) -> Prepared:
-    """Poses at rest (N, J) at times (N,) [s], after the recorded ones or by themselves, and the
-    variance (C,) of a pose over that of a row."""
+    """Prepared poses (N, J) at times (N,) [s], appended to the recorded ones if ``after``;
+    ``noise`` (C,) is a pose's variance over a row's."""
     old = prepared.poses if after else q[:0]
     kept = prepared.fold if after else np.zeros(0, dtype=int)
     when = prepared.scene.t[prepared.scene.held] if after else t[:0]
@@ -82,7 +79,7 @@ def posed(
 
 
 def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
-    """Prepared scene of a motion (N, J) sampled at ``rate`` [Hz] alone, without readings."""
+    """Prepared motion (N, J) sampled at ``rate`` [Hz], without readings."""
     d = np.gradient(q, 1.0 / rate, axis=0)
     jet = Jet(q, d, np.gradient(d, 1.0 / rate, axis=0))
     n = len(q)
@@ -99,14 +96,14 @@ def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """Proposed recording, with its duration and plan.
+    """A proposed recording with its duration and plan.
 
     Attributes:
-        text: in the imperative, for people.
-        session: its rows; with ``again`` and no payload the recording's rows are among them.
-        minutes: that it takes.
-        plan: to run, None where there is nothing to plan.
-        variables: of the unknown, on which it throws light.
+        text: imperative sentence for people, without a full stop.
+        session: its rows, with those of the recording if it continues that.
+        minutes: duration [min].
+        plan: plan to run; None where there is nothing to plan.
+        variables: names of the kernels on which the residual's dependence would show.
     """
 
     text: str
@@ -117,10 +114,7 @@ class Action:
 
 
 def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Iterator[Action]:
-    """Recordings that this robot can make next, after one whose scene is at the baseline.
-
-    The first ``sweeps`` joints are swept one by one; all if None.
-    """
+    """Recordings that this robot can make next, after one whose scene is at the baseline."""
     for make in (_poses, _payload, _revisit, _hold, _motion):
         action = make(prepared, seed)
         if action is not None:
@@ -132,8 +126,8 @@ def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Ite
 
 
 def feasible(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Mark the poses (N, J) that the robot can take (N,), boolean; a robot that knows its shape
-    must also be clear of itself and the table."""
+    """Whether the robot can take each pose (N, J), boolean (N,); if it knows its shape also whether
+    it is clear of itself and the table."""
     good = np.ones(len(q), dtype=bool)
     good[list(robot.infeasible(q, robot.parameters.nominal))] = False
     clear = getattr(robot, "clear", None)
@@ -150,7 +144,7 @@ def stay(prepared: Prepared) -> float:
 
 
 def static_noise(prepared: Prepared) -> np.ndarray:
-    """Noise variance of a pose's mean over that of one row (C,)."""
+    """Noise variance of a pose's mean over a row's (C,)."""
     at_rest = np.full_like(prepared.noise, 1.0 / _HOLD_ROWS)
     return at_rest if prepared.moving else prepared.noise
 
@@ -158,7 +152,8 @@ def static_noise(prepared: Prepared) -> np.ndarray:
 def _visit(
     prepared: Prepared, q: np.ndarray, text: str, variables: tuple[str, ...], dwell: float = 0.0
 ) -> Action | None:
-    """Poses (N, J) right after a recording; with a dwell [s] other than the recording's."""
+    """Action that visits poses (N, J) next, with a dwell [s] or the recording's; None if too
+    few."""
     robot = prepared.robot
     if robot.joints:
         q = reachable(robot, q)
@@ -273,7 +268,7 @@ def _sweep(prepared: Prepared, joint: int, name: str, seed: int) -> Action | Non
 
 
 def _some(prepared: Prepared) -> np.ndarray:
-    """Feasible poses of the robot in a motion."""
+    """Thirty feasible poses, evenly from a pool of the robot."""
     return _evenly(_pool(prepared, 1), 30)
 
 

@@ -1,14 +1,14 @@
 """Blind spots of a recording: what it could not have shown, whatever its readings.
 
-The absence of a cause says something only where the cause would have been seen. A blind spot is an
+The absence of a cause means something only where the cause would have been seen. A blind spot is an
 effect, or its element (a joint, a link, an axis, a channel), that changes no reading of this design
-once bias, mass and CoG are fitted, or that is reported in 95 % of such recordings only from a size
-s95 on that is beyond its typical one.
+once bias, mass and CoG are fitted, or whose size s95, from which 95 % of such recordings report it,
+is beyond its typical one.
 
-Reported is what evidence finds with `DETECTED` and what adds a gap of `LEAST_MINOR`. Of k numbers,
-each of size s, with the information P of their block over noise and imperfections, ordinary ones of
-the effect itself among them, the square that is fitted follows a noncentral χ² of k degrees and
-s² tr P. At s95 its 5 % quantile is the larger one of both thresholds.
+An effect is reported if evidence finds it with `DETECTED` and it adds a gap of `LEAST_MINOR`. For k
+numbers, each of size s, with the information P of their block over noise and imperfections,
+ordinary ones of the effect itself among them, the fitted square follows a noncentral χ² of k
+degrees and s² tr P. At s95 its 5 % quantile is the larger one of both thresholds.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -64,14 +64,14 @@ NOT_SOUGHT = "not sought in joint torques at rest"
 
 @dataclass(frozen=True)
 class BlindSpot:
-    """An effect, or one of its elements, that the readings of a design cannot show.
+    """An effect, or one of its elements, that readings of a design cannot show.
 
     Attributes:
         effect: its name.
-        element: the joint, link, axis or channel; empty where the whole effect does not show.
-        smallest: size from which it is reported in 95 % of recordings; None where none shows.
+        element: the joint, link, axis or channel; empty for the whole effect.
+        smallest: size that 95 % of recordings would report; None if no size shows.
         unit: of that size.
-        why: no size shows, in words.
+        why: why no size shows, in words.
     """
 
     effect: str
@@ -82,14 +82,14 @@ class BlindSpot:
 
     @property
     def sentence(self) -> str:
-        """``joint.offset of joint 1: no effect on these readings``."""
+        """Sentence such as ``joint.offset of joint 1: no effect on these readings``."""
         of = f" of {self.element}" if self.element else ""
         if self.smallest is None:
             return f"{self.effect}{of}: {self.why}"
         return f"{self.effect}{of}: seen from {_quantity(self.smallest, self.unit)}"
 
     def to_json(self) -> dict[str, Any]:
-        """The entry of ``blind`` in ``diagnosis.json``."""
+        """Entry of ``blind`` in ``diagnosis.json``."""
         smallest = {"value": self.smallest, "unit": self.unit}
         return {
             "effect": self.effect,
@@ -101,11 +101,11 @@ class BlindSpot:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """What the readings of a recording can show.
+    """What the readings of one recording could show.
 
     Attributes:
-        searcher: of its effects.
-        rung: of the background that the recording has.
+        searcher: of the design's effects.
+        rung: index of the recording's background level.
     """
 
     searcher: Searcher
@@ -118,8 +118,8 @@ class Design:
 
     @cached_property
     def signatures(self) -> tuple[Hypothesis, ...]:
-        """Variants that may be claimed, and those that cannot show whose columns are known by
-        name; with the gap that each adds."""
+        """Variants that may be claimed, and invisible ones whose columns are known; each with its
+        gap."""
         seen: dict[tuple[str, str], list[int]] = {}
         for k, key in enumerate(self.d.label):
             if key[1]:
@@ -137,7 +137,7 @@ class Design:
         return tuple(replace(w, typical_gap=self._gap(w)) for w in result)
 
     def _gap(self, w: Hypothesis) -> float:
-        """Gap that a signature adds at its typical size; 0 where every fit takes it."""
+        """Gap of a signature at its typical size; 0 if the usual fit takes it."""
         before = self.d.configured_gap[w.columns]
         after = before if w.name in STATED else self.d.column_gap[w.columns]
         gap = float(after[after > UNSEEN * before].sum())
@@ -145,8 +145,8 @@ class Design:
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """s95 of each signature (signatures,), of all its numbers, in typical sizes; infinite where
-        nothing shows."""
+        """s95 of each signature (W,), common to its numbers, in typical sizes; infinite if nothing
+        shows."""
         every, known = self.signatures, {h.name for h in self.searcher.hypotheses}
         result, widths = np.full(len(every), np.inf), dict[int, list[int]]()
         for k, w in enumerate(every):
@@ -159,13 +159,13 @@ class Design:
         return result
 
     def _sizes(self, some: Sequence[Hypothesis], information: np.ndarray) -> np.ndarray:
-        """s95 (n,) of some signatures of as many numbers, by the information (n, k, k) of each."""
+        """s95 (n,) of signatures with k numbers each, from their information (n, k, k)."""
         scales = np.stack([self.searcher.scales(h) for h in some])
         odds = np.array([self.searcher.prior(h) for h in some]) - np.log(PRIOR[NONE])
         return reported_from(information, scales, odds, np.array([h.typical_gap for h in some]))
 
     def rivals(self, w: Hypothesis) -> tuple[str, ...]:
-        """Other effects that make the readings of a signature at sizes that may occur."""
+        """Names of other effects that can make a signature's readings at sizes that may occur."""
         columns = self.d.E[:, w.columns]
         level, nothing = self.searcher.rungs[self.rung].level, np.zeros((0, len(self.d.label)))
         scores, nulls = level.scored(columns)
@@ -181,14 +181,14 @@ class Design:
 def reported_from(
     information: np.ndarray, scales: np.ndarray, odds: np.ndarray, gaps: np.ndarray
 ) -> np.ndarray:
-    """Size s95 (n,) of causes of k numbers each, in typical sizes; at least `ORDINARY`, since a
-    design that reports even that shows every fault.
+    """s95 (n,), in typical sizes, of causes of k numbers each; at least `ORDINARY`, since a design
+    that reports even that shows every fault.
 
     Args:
         information: P of the numbers (n, k, k), over noise and background.
-        scales: their standard deviations a priori (n, s).
-        odds: log prior odds of each cause against none (n,).
-        gaps: that each adds at its typical size (n,).
+        scales: prior standard deviations of the numbers (n, s).
+        odds: log prior odds of each cause against no cause (n,).
+        gaps: gap of each at its typical size (n,).
     """
     values = np.maximum(np.linalg.eigvalsh(information), 0.0)
     ratio = scales[:, :, None] ** 2 * values[:, None, :]  # (n, s, k)
@@ -208,14 +208,14 @@ def reported_from(
 
 @dataclass(frozen=True)
 class Showing:
-    """The way in which a design shows an effect best.
+    """The variant in which a design shows an effect best.
 
     Attributes:
-        effect, variant: what; empty where it has no way to show.
-        smallest: s95 of the variant's numbers, in typical sizes; None if no size shows.
+        effect, variant: names; the variant is empty if no size shows.
+        smallest: s95 of its numbers, in typical sizes; None if no size shows.
         size: value and unit of each parameter at that multiple.
         detectable: whether that size may occur.
-        rivals: effects of which some variant makes the same readings as this variant.
+        rivals: effects that can make the same readings.
     """
 
     effect: str
@@ -227,10 +227,9 @@ class Showing:
 
 
 def showings(design: Design) -> tuple[Showing, ...]:
-    """How a design shows each effect with a mean, by name: the variant that shows from the smallest
-    size on.
+    """For each effect on means, the variant that shows from the smallest size on.
 
-    Effects that show only between rows (noise, steps, repeats) depend on no pose and are left out.
+    Effects between rows (noise, steps, repeats) depend on no pose and are left out.
     """
     result, robot, sizes = list[Showing](), design.d.prepared.scene.robot, design.d.size
     for name, effect in effects().items():
@@ -251,7 +250,7 @@ def showings(design: Design) -> tuple[Showing, ...]:
 
 
 def blind_spots(designs: Sequence[Design]) -> tuple[BlindSpot, ...]:
-    """Blind spots that all recordings of a robot, at least one, have in common, by effect."""
+    """Blind spots that all recordings of a robot (one or more) have in common."""
     first, *others = (_of_design(d) for d in designs)
     result = []
     for key, spot in first.items():
@@ -277,7 +276,7 @@ def _of_design(design: Design) -> dict[tuple[str, str], BlindSpot]:
 
 
 def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
-    """Blind spots of one effect: the whole effect, or some of its elements (joints, channels)."""
+    """Blind spots of one effect: all of it, or some elements (joints, channels)."""
     every = zip(design.signatures, design.sizes.tolist(), strict=True)
     ways = [(w, size) for w, size in every if w.name == effect.name]
     groups: dict[str, list[tuple[Hypothesis, float]]] = {}
@@ -301,8 +300,8 @@ def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
 def _spot(
     d: EffectDictionary, name: str, ways: Sequence[tuple[Hypothesis, float]]
 ) -> BlindSpot | None:
-    """The blind spot of one element of an effect, by the way in which it usually shows; of several
-    such by the one that is hardest to see. None where a typical size is reported."""
+    """Blind spot of one element of an effect, by its usual variant (of several such the one hardest
+    to see); None if a typical size is reported."""
     seen = [(w, size) for w, size in ways if np.isfinite(size)]
     if not seen:
         before = max(float(d.configured_gap[w.columns].sum()) for w, _ in ways)
@@ -321,8 +320,8 @@ def _spot(
 def _without_variant(
     d: EffectDictionary, effect: Effect, ways: Sequence[Hypothesis]
 ) -> list[BlindSpot]:
-    """Parameters of joints or links of which this design has no variant: they change nothing, or
-    only the weight on the joints, in which they are not sought."""
+    """Blind spots of elements for which the design has no variant: they change nothing, or only the
+    weight on the joints, in which they are not searched."""
     why = NOT_SOUGHT if any(c.by_pose for c in d.prepared.channels) else NOTHING
     known = {n for w in ways for n in (*w.variant.free, *w.variant.at)}
     names = [p.name for p in effect.parameters(d.prepared.scene.robot) if p.name not in known]
@@ -331,7 +330,7 @@ def _without_variant(
 
 
 def _element_of(parameter: str) -> str:
-    """Joint or link parameter at the end of a name: ``sin.q1`` → ``joint 1``."""
+    """Element at the end of a parameter's name: ``sin.q1`` → ``joint 1``."""
     end = parameter.rpartition(".")[2]
     if end.startswith("q") and end[1:].isdigit():
         return f"joint {end[1:]}"
@@ -339,7 +338,7 @@ def _element_of(parameter: str) -> str:
 
 
 def _quantity(value: float, unit: str) -> str:
-    """A size with its unit; angles in degrees, ratios in per cent, lengths in mm."""
+    """A size with its unit in words: degrees, per cent, mm."""
     scale, words = 1.0, f" {unit}"
     if unit.startswith("rad"):
         scale, words = 180.0 / np.pi, unit.replace("rad", "°", 1)
@@ -353,9 +352,8 @@ def _quantity(value: float, unit: str) -> str:
 
 
 def unseen(spots: Sequence[BlindSpot], most: int) -> str:
-    """Effects that change no reading, elements together, in words of so many characters: those
-    that simulators have wrong most often first, the others by their number; empty if there is none.
-    """
+    """Words, at most ``most`` characters if possible, for effects that change no reading: first
+    those that are often wrong in simulators, the rest as a number; empty if there is none."""
     elements: dict[str, list[str]] = {}
     for s in sorted(spots, key=lambda s: s.effect not in FIRST):
         if s.smallest is None and s.why == NOTHING:
@@ -378,8 +376,8 @@ def unseen(spots: Sequence[BlindSpot], most: int) -> str:
 
 
 def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:
-    """One or two sentences for each effect that has blind spots, and one on all that need a
-    recording of another kind."""
+    """Sentences on the blind spots of each effect, and one on all that need another kind of
+    recording."""
     result = []
     foreign = [s.effect for s in spots if s.why == NOT_HERE]
     for name in dict.fromkeys(s.effect for s in spots):
@@ -398,7 +396,7 @@ def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:
 
 
 def _together(spots: Sequence[BlindSpot]) -> str:
-    """One sentence on elements of an effect that show beyond sizes of one unit."""
+    """Sentence on elements of an effect whose smallest sizes have one unit."""
     if len(spots) == 1:
         return spots[0].sentence
     sizes = sorted(s.smallest for s in spots if s.smallest is not None)

@@ -1,7 +1,4 @@
-"""A plan as if it had been recorded: a nominal robot, its sensor's noise, nothing else.
-
-What a plan could show before it is recorded.
-"""
+"""Rehearsal of a plan on a nominal robot with its sensor's noise: what could it show?"""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -38,9 +35,9 @@ RUNG = 1
 
 
 def of_plan(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> Prepared:
-    """Prepare what a plan would record from a nominal robot, in closed form.
+    """Prepare what a nominal robot would record for a plan, in closed form.
 
-    Rows a pose and their rate [Hz] hold where the plan gives none.
+    ``samples`` a pose and ``rate`` [Hz] hold where the plan states none.
 
     Raises:
         DiagnosisError: such a recording could not be diagnosed, and why.
@@ -91,8 +88,8 @@ def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
 
 @dataclass(frozen=True)
 class DryRun:
-    """Effects that a recording of a plan could show, each with those that it could not distinguish
-    from it, and what it could not show at all."""
+    """Effects that a plan's recording could show, with those that it could not separate from each,
+    and its blind spots."""
 
     showings: tuple[Showing, ...]
     blind: tuple[BlindSpot, ...]

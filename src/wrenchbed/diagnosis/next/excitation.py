@@ -1,7 +1,7 @@
-"""A motion that tells friction and inertial parameters best: Fourier series, D-optimal.
+"""A motion that determines friction and inertial parameters best: Fourier series, D-optimal.
 
-q(t) = q₀ + fade · Σₖ (aₖ sin kωt + bₖ cos kωt) in every joint. The coefficients make log det of the
-information about base parameters and friction large: Swevers et al. 1997, doi 10.1109/70.631234.
+q(t) = q₀ + fade · Σₖ (aₖ sin kωt + bₖ cos kωt) in every joint. The coefficients maximise log det of
+the information about base parameters and friction: Swevers et al. 1997, doi 10.1109/70.631234.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ def excite(
     robot: Robot, seconds: float, rate: float, seed: int,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Plan:  # fmt: skip
-    """A motion for `calibrate_efforts`, within the joints' limits and free of collisions.
+    """Plan a motion for `calibrate_efforts`, within the joints' limits and free of collisions.
 
     Args:
         robot: a serial arm.
@@ -86,7 +86,7 @@ def excite(
 
 
 class _Search:
-    """Motions of one robot as coefficients (1 + 2 H, J): the middle, sines, cosines."""
+    """Motions of one robot, given by coefficients (1 + 2 H, J): middle pose, sines and cosines."""
 
     def __init__(self, robot: SerialChain, seconds: float) -> None:
         self._robot, self._seconds = robot, seconds
@@ -104,7 +104,7 @@ class _Search:
         return np.concatenate([middle, rng.normal(size=(2 * HARMONICS, middle.shape[1]))])
 
     def motion(self, coefficients: np.ndarray, t: np.ndarray) -> Jet:
-        """Joint values (N, J) with speeds and accelerations, as wide as the limits let them."""
+        """Joint values (N, J) with speeds and accelerations, scaled up to the limits."""
         middle = coefficients[0]
         wave = self._wave(coefficients[1:], self._t)
         room = np.minimum(np.minimum(self._high - middle, middle - self._low), _WIDEST)
@@ -127,7 +127,7 @@ class _Search:
         return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s) * wave
 
     def value(self, coefficients: np.ndarray, beaten: float) -> float:
-        """log det of the information; −∞ of one that touches something or is worse than known."""
+        """log det of the information; −∞ if not above ``beaten`` or if something is touched."""
         q = self.motion(coefficients, np.linspace(0.0, self._seconds, _ROWS))
         gravity = np.asarray(self._robot.gravity)
         y = torque_regressor(self._robot, self._theta, q, gravity)[..., self._base]

@@ -1,10 +1,10 @@
-"""Which experiment would separate what a recording cannot, by the gain of a minute of it.
+"""Which experiment would separate what a recording cannot, by its gain per minute.
 
-Explanations are linear about the baseline: each predicts columns times sizes. Under the covariance
-of a rival, with all that the rival, the stated numbers and a normal background can make, the
-predicted readings of the other lie d standard deviations away; two Gaussians so far apart have the
-Jensen–Shannon divergence that one reading of the experiment is worth (Lin 1991,
-doi 10.1109/18.61115; its use for designs: Vanlier et al. 2014, doi 10.1186/1752-0509-8-20).
+Explanations are linear about the baseline: each predicts columns times sizes. In the covariance of
+a rival, with all that the rival, the stated numbers and a normal background can make, the other's
+predicted readings lie d standard deviations away. Two Gaussians so far apart have the
+Jensen–Shannon divergence that the experiment is worth (Lin 1991, doi 10.1109/18.61115; its use for
+designs: Vanlier et al. 2014, doi 10.1186/1752-0509-8-20).
 """
 
 from collections.abc import Collection, Sequence
@@ -65,12 +65,12 @@ class _Column:
 
 
 class Comparison:
-    """Compares explanations in designs made of a recording and of experiments that may follow.
+    """Compares explanations in a recording and in experiments that may follow it.
 
     Args:
         d: dictionary of the recording.
         candidates: two or more explanations.
-        others: what has been recorded besides.
+        others: further recordings of the robot.
     """
 
     def __init__(
@@ -98,11 +98,11 @@ class Comparison:
         return x
 
     def columns_of(self, hypothesis: Hypothesis) -> np.ndarray:
-        """Places of a hypothesis's columns among the chosen ones."""
+        """Indices of a hypothesis' columns among the chosen ones."""
         return np.array([self._place[int(k)] for k in hypothesis.columns])
 
     def _background(self) -> np.ndarray:
-        """Variance of each chosen column (n,) without any cause."""
+        """Prior variance of each chosen column (n,) without any cause."""
         label = [self.d.label[k] for k in self.chosen]
         gap = self.d.configured_gap[self.chosen]
         named = sorted({e for e, _ in label if e not in STATED})
@@ -119,7 +119,7 @@ class Comparison:
         return result
 
     def columns(self, session: ExperimentRun) -> np.ndarray:
-        """Columns (C R, n) of a session at the recording's baseline, over the noise of its rows."""
+        """Columns (C R, n) of a session at the recording's baseline, in its rows' noise."""
         base, at = session.prepared, _with_payload(session)
         mode = "dynamic" if base.moving else "static"
         response, v0 = Response(at.scene, at.channels), row_variance(base, ROWS * GAP)
@@ -137,8 +137,8 @@ class Comparison:
         return np.asarray(result / np.sqrt(v0)[:, None])
 
     def information(self, session: ExperimentRun) -> np.ndarray:
-        """Information (n, n) of a session on the columns' sizes, and of the recording where the
-        session continues it; what only the session has, its zero for one, is anything."""
+        """Information (n, n) on the columns' sizes from a session, and from the recording if it
+        continues that. Numbers of the session alone, such as its zero, are unknown."""
         columns, at = self.columns(session), _with_payload(session)
         free, more = nuisance(session.prepared), list[np.ndarray]()
         if not session.again:
@@ -149,12 +149,12 @@ class Comparison:
         return _beyond(np.concatenate([free, *more], axis=1) / noise, np.concatenate(wide), columns)
 
     def after(self, session: ExperimentRun) -> np.ndarray:
-        """Information (n, n) of all that is known after a session."""
+        """Information (n, n) from everything recorded, after a session."""
         known = self._beside if session.again else self.known
         return np.asarray(known + self.information(session))
 
     def _only_there(self, base: Prepared) -> list[np.ndarray]:
-        """Columns of effects of which the recording could know nothing, at typical size."""
+        """Columns, at typical size, of effects that only the session's mode can show."""
         if base.moving == self.d.prepared.moving:
             return []
         mode, known = ("dynamic", "static") if base.moving else ("static", "dynamic")
@@ -170,8 +170,8 @@ class Comparison:
         return result
 
     def distance(self, first: int, rival: int, known: np.ndarray) -> float:
-        """Standard deviations between what an explanation predicts and all that a rival can, where
-        the information (n, n) is known."""
+        """Standard deviations between an explanation's predictions and all that a rival can make,
+        for an information ``known`` (n, n)."""
         variance = self.background.copy()
         variance[self.columns_of(self.candidates[rival][0])] += FREE**2
         x, root = self.sizes[first], np.sqrt(variance)
@@ -190,7 +190,7 @@ class Comparison:
 
 
 def jensen_shannon(d: float) -> float:
-    """Divergence [nat] of two Gaussians of equal width that lie d widths apart."""
+    """Jensen–Shannon divergence [nat] of two Gaussians of equal width, d widths apart."""
     x = d / 2 + _NODES
     lost = np.logaddexp(0.0, -d * x) @ _WEIGHTS / _WEIGHTS.sum()
     return float(max(np.log(2.0) - lost, 0.0))
@@ -206,7 +206,8 @@ def settled(divergence: float) -> float:
 def _columns_of(
     d: EffectDictionary, candidates: Sequence[Candidate]
 ) -> tuple[np.ndarray, list[_Column]]:
-    """Columns that a comparison needs: the candidates', the stated ones, one set of each effect."""
+    """Columns that a comparison needs: the candidates', the stated ones, one variant of each
+    effect."""
     columns: dict[int, _Column] = {}
 
     def add(h: Hypothesis) -> None:
@@ -230,15 +231,15 @@ def _columns_of(
 
 
 def _beyond(own: np.ndarray, variance: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Information (n, n) of columns (C R, n) over white noise beside others (C R, m) of a prior
-    variance (m,)."""
+    """Information (n, n) of columns (C R, n) over white noise and other columns ``own`` (C R, m) of
+    prior variances (m,)."""
     if not len(variance):
         return np.asarray(columns.T @ columns)
     return BackgroundLevel(own, np.ones(len(own)), variance).products(columns)
 
 
 def _with_payload(session: ExperimentRun) -> Prepared:
-    """The rows of a session, its scene with the payload."""
+    """Rows of a session, its scene with the payload."""
     base = session.prepared
     return base if session.payload is None else base.at(loaded(base, session.payload))
 
@@ -258,13 +259,13 @@ class Experiment:
     """A proposed experiment.
 
     Attributes:
-        action: what to do.
+        action: imperative sentence on what to do.
         separates: effects that it would separate, or the variable that it would show.
-        gain: Jensen–Shannon divergence that it adds, mean over the pairs, per minute [nat/min]; 0
-            where it shows what something unknown depends on.
-        minutes: that it takes, moves and mounting included.
-        plan: ready to record, None where there is nothing to plan.
-        sentence: all of it for people.
+        gain: Jensen–Shannon divergence that it adds per minute [nat/min], mean over the pairs; 0 if
+            it explores an unknown cause.
+        minutes: duration, moves and mounting included.
+        plan: plan to record; None where there is nothing to plan.
+        sentence: whole proposal, for people.
     """
 
     action: str
@@ -275,13 +276,13 @@ class Experiment:
     sentence: str
 
     def entry(self, plan: str | None) -> dict[str, Any]:
-        """The entry of ``next``, with the name of the plan's file."""
+        """Entry of ``next``, with the file name of the plan."""
         stated = {f.name: getattr(self, f.name) for f in fields(self)}
         return stated | {"separates": list(self.separates), "plan": plan}
 
 
 def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate, ...]:
-    """Best explanation that each named effect leads, with its fitted amplitudes."""
+    """Best explanation with each named effect as a part, and its fitted amplitudes."""
     chosen: dict[str, Candidate] = {}
     refitter, d = analysis.refitter, analysis.dictionary
     shown = {effect for effect, parameter in d.label if parameter}
@@ -301,7 +302,7 @@ def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate
 
 
 def candidate(f: Finalist, part: int) -> Candidate:
-    """One part of a finalist as an explanation."""
+    """Hypothesis and fitted amplitudes (k,) of one part of a finalist."""
     h, at = f.parts[part], f.variables.of_parts([part])
     size = {f.variables.name[i]: f.x[i] for i in at}
     return h, np.array([size[n] for n in h.variant.free])
@@ -313,7 +314,7 @@ def separate(
     seed: int = 0,
     others: Sequence[Prepared] = (),
 ) -> tuple[Experiment, ...]:
-    """Experiments that separate two or more explanations, beside what else has been recorded."""
+    """Propose experiments that separate two or more explanations, given all recordings so far."""
     candidates = [c for c in candidates if len(c[0].columns)]
     if len(candidates) < 2:
         return ()
@@ -346,8 +347,8 @@ def separate(
 
 
 def explore(prepared: Prepared, kernel: str, seed: int = 0) -> tuple[Experiment, ...]:
-    """Experiments that show whether something unknown depends on a variable (a kernel's name), the
-    shortest first. What they tell of a cause that nobody knows has no number."""
+    """Propose experiments that show whether the residual depends on a variable (a kernel's name),
+    the shortest first. Their gain for an unknown cause is not a number."""
     known = [action for action in actions(prepared, seed) if kernel in action.variables]
     shows = f"it shows whether the residual depends on {kernel}"
     some = sorted(known, key=lambda action: action.minutes)[:MOST_PROPOSED]
@@ -361,6 +362,6 @@ def _proposed(action: Action, separates: tuple[str, ...], gain: float, shows: st
 
 
 def _zeros(prepared: Prepared, values: int) -> np.ndarray:
-    """Columns (C R, C) of a zero of each measured column, for C R values."""
+    """Columns (C R, C) of each measured column's zero, for C R values."""
     count = len(prepared.variance)
     return np.tile(np.eye(count), (values // count, 1))

@@ -1,4 +1,4 @@
-"""What every user fits first: bias, tool mass and CoG, and how wrong the stated ones may be."""
+"""The usual fit of bias, tool mass and CoG, and the tolerances of the stated ones."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ kg", and whole centimetres."""
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """The calibrated simulator.
+    """Simulator calibrated by the usual fit.
 
     Attributes:
-        configuration: with the fitted mass, CoG and bias.
+        configuration: simulator with the fitted mass, CoG and bias.
         moved: fitted − stated of ``tool.mass`` (1,) [kg] and ``tool.cog`` (3,) [m].
-        tolerance: of ``sensor.bias`` (6,), ``tool.mass`` (1,) and ``tool.cog`` (3,) where the
-            readings show them; inf where nothing is stated.
+        tolerance: of ``sensor.bias`` (6,), ``tool.mass`` (1,) and ``tool.cog`` (3,) if the readings
+            show them; inf if unstated.
     """
 
     configuration: Configuration
@@ -42,7 +42,7 @@ class Baseline:
         return self.configuration.robot_theta
 
     def at(self, stated: Configuration, beside: Configuration) -> "Baseline":
-        """This baseline with the tool's mass and CoG as they are fitted beside a cause."""
+        """Copy with the tool's mass and CoG as fitted beside a cause."""
         mass = np.array([beside.mass - stated.mass])
         moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}
         return Baseline(beside, {k: moved[k] for k in self.moved}, self.tolerance)
@@ -51,10 +51,10 @@ class Baseline:
 def calibrate(prepared: Prepared) -> Baseline:
     """Fit bias, mass and CoG by least squares in units of the noise, on the rows of the fit.
 
-    Without a wrench no bias is, and nothing where the leading channel shows no weight.
+    Without a wrench there is no bias, and no fit if the leading channel shows no weight.
 
     Raises:
-        DiagnosisError: the weight comes out upside down.
+        DiagnosisError: the fitted mass is not above 0.
     """
     prepared, stated = prepared.leading, prepared.configuration
     if not prepared.channels[0].weighs:
@@ -85,23 +85,23 @@ def calibrate(prepared: Prepared) -> Baseline:
 
 
 def load_slopes(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Whitened rows (C R, 4) per unit of mass [kg] and CoG [m] at x (4,)."""
+    """Derivatives (C R, 4) of whitened rows by mass [kg] and CoG [m] at x (4,)."""
     here, steps = _weighed(prepared, x), zip(_DIFFERENCES, np.eye(4), strict=True)
     each = [(_weighed(prepared, x + h * unit) - here) / h for h, unit in steps]
     return np.stack(each, axis=1)
 
 
 def _weighed(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Whitened rows (C R,) as expected with a mass and CoG (4,)."""
+    """Expected whitened rows (C R,) with a mass and CoG (4,)."""
     at = _with_load(prepared, x).robot_theta
     return prepared.rows(prepared.at(at).expected).ravel()
 
 
 def _with_load(prepared: Prepared, x: np.ndarray, bias: np.ndarray | None = None) -> Configuration:
-    """The stated simulator with a mass and CoG (4,) [kg, m].
+    """Stated simulator with another mass and CoG (4,) [kg, m].
 
     Raises:
-        DiagnosisError: no tool is like that.
+        DiagnosisError: no tool can have them.
     """
     try:
         return prepared.configuration.with_load(x[0], x[1:], bias)
@@ -113,12 +113,12 @@ def _with_load(prepared: Prepared, x: np.ndarray, bias: np.ndarray | None = None
 
 
 def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Tolerance (SI) of each stated number by effect: an error beyond it counts as a cause.
+    """Tolerance of each stated number by effect, SI: a larger error is a cause.
 
-    A number that is stated to few digits may be wrong by half a unit of its last one.
+    A number stated to few digits may be wrong by half a unit of its last digit.
 
     Raises:
-        DiagnosisError: the metadata's ``tolerance`` holds something else than numbers.
+        DiagnosisError: the metadata's ``tolerance`` is not made of numbers.
     """
     stated, name = prepared.recording.metadata, prepared.recording.name
     bias, mass, cog = STATED
@@ -140,7 +140,7 @@ def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
 
 
 def _rounding(*values: float | None) -> float:
-    """Half a unit of the last digit of the value that is stated to the most digits."""
+    """Half a unit of the last digit of the value with the most digits; 0 for computed values."""
     stated = [repr(float(v)).removesuffix(".0") for v in values if v]
     plain = [s for s in stated if "e" not in s]
     if not plain or len(plain) < len(stated):  # an exponent: computed, not typed

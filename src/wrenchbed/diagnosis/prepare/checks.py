@@ -1,7 +1,7 @@
-"""What a recording must have before a diagnosis may answer: `enough` refuses all else.
+"""Checks before a diagnosis: `enough` refuses what no method could diagnose.
 
-The checks are those of a calibration. A diagnosis refuses what nothing can be learnt from; a hand,
-another tool or a zero that jumps in between it may set aside or name.
+The checks are those of a calibration. A diagnosis refuses only what nothing can be learnt from;
+contacts, another tool or a jump of the zero in between it may set aside or name.
 """
 
 from wrenchbed.calibration.checks.examine import examine
@@ -19,11 +19,11 @@ LEAST_SECONDS = 5.0
 
 
 def enough(recording: Recording, data: Observations, configuration: Configuration) -> None:
-    """Refuse what no method could diagnose.
+    """Raise if no method could diagnose a recording.
 
     Raises:
         DiagnosisError: too few poses, one orientation, a channel that is dead, stuck or saturated,
-            readings that do not follow the weight of a tool on this robot, and why.
+            or readings that do not follow a tool's weight on this robot.
     """
     name, moving = recording.name, recording.metadata.mode == "dynamic"
     if not moving and len(data) < LEAST_POSES:

@@ -22,7 +22,7 @@ LOAD = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """A model and its full parameters ``theta`` (P,): the robot's, then the sensor's."""
+    """A robot's model with its full parameters ``theta`` (P,): the robot's, then the sensor's."""
 
     model: Model
     theta: np.ndarray
@@ -34,7 +34,7 @@ class Configuration:
 
     @cached_property
     def tool(self) -> Tool:
-        """The load on the sensor."""
+        """What the sensor carries."""
         return self.model.robot.tool(self.robot_theta)
 
     @property
@@ -55,7 +55,7 @@ class Configuration:
     def with_load(
         self, mass: float, cog: Sequence[float] | np.ndarray, bias: np.ndarray | None = None
     ) -> "Configuration":
-        """Configuration with another tool [kg, m] and, if given, another bias (6,) [N, N·m]."""
+        """Copy with another tool [kg, m] and, if given, another bias (6,) [N, N·m]."""
         theta = self.theta.copy()
         theta[: len(self.robot_theta)] = self.model.robot.theta_of_tool(
             self.robot_theta, float(mass), [float(c) for c in cog]
@@ -67,9 +67,9 @@ class Configuration:
     def with_nearest_load(
         self, mass: float, cog: np.ndarray, bias: np.ndarray | None
     ) -> "Configuration":
-        """Configuration with the possible tool nearest to a mass [kg] and CoG (3,) [m].
+        """Copy with the possible tool nearest to a mass [kg] and CoG (3,) [m].
 
-        A linear fit beside a cause that takes the weight over may make the mass negative.
+        Beside a cause that takes the weight over, a linear fit may make the mass negative.
         """
         load = np.array([mass, *cog])
         parameters = self.model.robot.parameters
@@ -80,7 +80,7 @@ class Configuration:
 
 
 def configured(recording: Recording) -> Configuration:
-    """The simulator as a recording's metadata configures it.
+    """Simulator as a recording's metadata configure it.
 
     Raises:
         DiagnosisError: there is no such robot, or it cannot take the recorded joint values.

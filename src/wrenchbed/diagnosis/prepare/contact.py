@@ -1,13 +1,13 @@
 """Contact of the tool, during a part of a motion without joint angles or at a few poses.
 
-A contact differs from every free-space cause: its force is far beyond what weight and inertia leave
-as a residual, lasts for a part of the recording only, is explained by no gain and no zero of the
-sensor, and its torque is r × F at one point r. The other causes are diagnosed on the other rows.
+A contact differs from every free-space cause: its force is far beyond the residual of weight and
+inertia, lasts for a part of the recording only, is explained by no gain and no zero of the sensor,
+and its torque is r × F at one point r. Other causes are diagnosed on the other rows.
 
-A fit to a few poses set aside predicts none of the others, so held-out rows cannot uphold it. Three
-facts that need no such fit do: the torques are those of forces at the tool's tip; the forces push
-one way in the world; and there the tip is deeper, against that way, than at all other poses. A hand
-pushes elsewhere and anywhere; wrong rows have no point in common.
+A fit to a few poses set aside predicts none of the others, so held-out rows cannot confirm it.
+Three facts that need no such fit do: the torques are those of forces at the tool's tip; the forces
+push one way in the world; and there the tip is deeper, against that way, than at all other poses. A
+hand pushes elsewhere and anywhere; wrong rows have no point in common.
 """
 
 from collections.abc import Sequence
@@ -57,7 +57,7 @@ REFUTED = 1e-3
 
 
 def find_contact(prepared: Prepared) -> Touch | None:
-    """The touch of an averaged motion; None if weight and inertia leave nothing like it."""
+    """Contact during an averaged motion; None if weight and inertia explain the forces."""
     scene = prepared.scene
     residual = prepared.y - prepared.expected - scene.inertial
     limit = BEYOND * float(scene.tool.mass * np.linalg.norm(scene.gravity))
@@ -94,7 +94,7 @@ def find_contact(prepared: Prepared) -> Touch | None:
 
 
 def without_touch(prepared: Prepared) -> Prepared:
-    """Prepared recording without the observations in which something touches the tool."""
+    """Copy without the observations in which something touches the tool."""
     touch = find_contact(prepared)
     if touch is None:
         return prepared
@@ -110,13 +110,13 @@ def without_touch(prepared: Prepared) -> Prepared:
 
 
 def _usual(force: np.ndarray, radius: float) -> np.ndarray:
-    """Force (3,) near which most forces (H, 3) lie within a radius: that of the untouched tool."""
+    """Mean (3,) of the largest group of forces (H, 3) within a radius: the untouched tool's."""
     near = np.linalg.norm(force[:, None] - force[None], axis=2) < radius
     return np.asarray(force[near[int(near.sum(axis=1).argmax())]].mean(axis=0))
 
 
 def _long(rows: np.ndarray, least: int) -> np.ndarray:
-    """Which rows (H,) lie within runs of at least ``least`` rows, boolean."""
+    """Whether each row (H,) lies in a run of at least ``least`` marked rows, boolean."""
     result = np.zeros(len(rows), dtype=bool)
     for start, end in runs(rows):
         result[start:end] = end - start >= least
@@ -124,7 +124,7 @@ def _long(rows: np.ndarray, least: int) -> np.ndarray:
 
 
 def _widened(rows: np.ndarray) -> np.ndarray:
-    """Rows (H,) from the first to the last of a touch, with a margin."""
+    """Mask (H,) of all rows from the first to the last marked one, with a margin."""
     at = np.flatnonzero(rows)
     result = np.zeros(len(rows), dtype=bool)
     if len(at):
@@ -133,7 +133,7 @@ def _widened(rows: np.ndarray) -> np.ndarray:
 
 
 def _beyond_gains(prepared: Prepared, force: np.ndarray) -> np.ndarray:
-    """Part of forces (H, 3) that is no linear function of gravity in sensor axes, nor constant."""
+    """Residual of forces (H, 3) after a linear fit in gravity in sensor axes, with a constant."""
     scene = prepared.scene
     weight = scene.gravity @ value(scene.pose[0])
     design = np.column_stack([weight, np.ones(len(weight))])
@@ -141,7 +141,7 @@ def _beyond_gains(prepared: Prepared, force: np.ndarray) -> np.ndarray:
 
 
 def _point(residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Point r (3,) [m] of T = r × F + T₀ over rows (H, 6), its uncertainty (3,), and R²."""
+    """Point r (3,) [m] of T = r × F + T₀ fitted to rows (H, 6), its uncertainty (3,), and R²."""
     force, torque = residual[:, :3], residual[:, 3:]
     levers = _levers(force)
     design = (levers - levers.mean(axis=0)).reshape(-1, 3)
@@ -157,13 +157,13 @@ def _point(residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _levers(force: np.ndarray) -> np.ndarray:
-    """Torques (H, 3) of forces (H, 3) at a point 1 m along each axis (H, 3, 3), the axis last."""
+    """Torques of forces (H, 3) at a point 1 m along each axis (H, 3, 3), the axis last."""
     return np.moveaxis(np.cross(np.eye(3)[:, None], force), 0, 2)
 
 
 def contact_of(p: Prepared, outliers: Sequence[np.ndarray], reading: np.ndarray) -> Touch | None:
-    """The contact that outliers, observations (H,) set aside, show; None where one of the three
-    facts does not hold. Of all other rows the simulator reads (M, 6) [N, N·m]."""
+    """Contact that outliers (masks of observations (H,)) show by the three facts; None if one of
+    them fails. ``reading`` (M, 6) [N, N·m] is of a simulator of all other rows."""
     p = p.leading
     if not outliers or not p.scene.jointed:
         return None
@@ -188,12 +188,12 @@ def contact_of(p: Prepared, outliers: Sequence[np.ndarray], reading: np.ndarray)
 def _point_near(
     error: np.ndarray, usual: np.ndarray, tip: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Point r (3,) of T = r × F over rows (H, 6), near the tip; its std; tail probability of both.
+    """Point r (3,) of T = r × F near the tip, by rows (H, 6); its std; tail probability of both.
 
     Args:
-        error: force and torque beside what is expected (H, 6) [N, N·m].
-        usual: rms of such errors elsewhere (6,).
-        tip: where the point should lie (3,) [m].
+        error: measured minus expected force and torque (H, 6) [N, N·m].
+        usual: rms of such errors in untouched rows (6,).
+        tip: the tool's tip in sensor axes (3,) [m].
     """
     force, torque = error[:, :3], error[:, 3:]
     long = float(np.linalg.norm(tip))
@@ -211,7 +211,7 @@ def _point_near(
 
 
 def _deepest(at: np.ndarray, touched: np.ndarray, aside: np.ndarray, way: np.ndarray) -> bool:
-    """Whether a plane facing this way separates touched tips (H, 3) from all others."""
+    """Whether a plane, about across ``way``, separates touched tips from those not set aside."""
     normals = np.vstack([way, sphere(WAYS)])
     normals = normals[normals @ way >= LEAN]
     height = at @ normals.T
@@ -236,7 +236,7 @@ def _touch(
 
 
 def _parameters(peak: float, point: np.ndarray, std: np.ndarray) -> dict[str, dict[str, Any]]:
-    """Largest force [N], and the point at which it acts (3,) [m]."""
+    """Parameters of a contact: largest force [N], and its point (3,) [m] with uncertainties."""
     result: dict[str, dict[str, Any]] = {"force": {"value": peak, "std": None, "unit": "N"}}
     for axis, v, e in zip("xyz", point, std, strict=True):
         result[f"point.{axis}"] = {"value": float(v), "std": float(e), "unit": "m"}

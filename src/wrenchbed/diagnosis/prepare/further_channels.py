@@ -1,9 +1,9 @@
-"""What a recording holds beside its wrench, or without one: channels join the observations at rest.
+"""Channels beside the wrench, or instead of it, join the observations at rest.
 
-The unit of such a channel, a gap of 1, is the noise of one observation: of the scatter of its rows,
-of what it keeps back of nuisance and effects, and of its sensor's floor the largest; where joints
-are stuck in friction, with what ordinary sensors and links are off by. A channel that is alone and
-repeats its poses keeps nothing back otherwise: then what nothing explains is unknown.
+The unit of such a channel, a gap of 1, is the noise of one observation: the largest of its rows'
+scatter, of what neither nuisance nor effects explain, and of its sensor's floor; where joints are
+stuck in friction, ordinary errors of sensors and links are added. Of a single channel with repeated
+rows the unexplained part is no noise: it remains a gap, of unknown cause.
 """
 
 from dataclasses import replace
@@ -24,10 +24,10 @@ from wrenchbed.errors import DiagnosisError
 
 
 def with_further_channels(prepared: Prepared, data: Observations) -> Prepared:
-    """The prepared recording with every other channel that it holds.
+    """Copy with every other channel that the recording holds.
 
     Raises:
-        DiagnosisError: no channel of it can be compared.
+        DiagnosisError: no channel can be compared.
     """
     taken = {c.name for c in prepared.channels}
     for name in registry.names("channels"):
@@ -85,7 +85,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
 def _unexplained(
     channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
 ) -> float:
-    """Standard deviation of what neither nuisance nor effects explain of readings (H k,)."""
+    """Standard deviation of what neither nuisance nor effects explain of a residual (H k,)."""
     nuisance = flat(channel.nuisance(scene)[scene.held])
     imperfect = flat(channel.imperfections(scene)[scene.held])
     of_effects = _of_effects(channel, scene)
@@ -95,9 +95,9 @@ def _unexplained(
 def _by_pose(
     channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
 ) -> tuple[Channel, np.ndarray, np.ndarray]:
-    """The channel with imperfections as large as readings (H k,) show them, the usual ones at most,
-    the standard deviation (k,) of what nothing explains, whatever is wrong with the sensors, and
-    the root mean square (k,) of imperfections."""
+    """Channel with the fitted sizes of its imperfections (the usual ones at most), standard
+    deviation (k,) of what nothing explains of a residual (H k,), and rms (k,) of the
+    imperfections."""
     width, held = expected.shape[1], scene.held
     sensors, others = ([flat(kind[held]) for kind in kinds] for kinds in channel.kinds(scene))
     free = np.column_stack([flat(channel.nuisance(scene)[held]), *sensors])
@@ -111,7 +111,7 @@ def _by_pose(
 
 
 def _of_effects(channel: Channel, scene: Scene) -> list[np.ndarray]:
-    """Readings (H k, m) of every effect that the channel may see, at its typical size."""
+    """Readings (H k, m) of every effect that acts on the channel, at typical size."""
     response, result = Response(scene, (channel,)), list[np.ndarray]()
     for effect in effects().values():
         if not effect.acts(scene) or PLACING.isdisjoint(effect.stages):
@@ -127,7 +127,7 @@ def _of_effects(channel: Channel, scene: Scene) -> list[np.ndarray]:
 
 
 def _scatter(channel: Channel, prepared: Prepared, data: Observations, y: np.ndarray) -> np.ndarray:
-    """Standard deviation (k,) of an observation by the scatter of its rows; 0 without repeats."""
+    """Standard deviation (k,) of an observation by its rows' scatter; 0 without repeats."""
     free = len(channel.rows(prepared.recording, data)) - len(y)
     if free <= 0:
         return np.zeros(y.shape[1])

@@ -1,9 +1,9 @@
-"""Noise of rows: its memory at rest, and in motion the spectrum of what moves faster than a gap.
+"""Noise of rows: its memory at rest, and in motion its spectrum above the gap's band.
 
-A gap moves as slowly as the robot, noise does not: above `EDGE` of the rate of the averages there
-is hardly anything but noise, and below it noise is taken as it is just above. Noise is the same all
-the time, jumps and reversals are not: it is estimated from the quieter of short stretches, scaled
-to the mean of all (minimum statistics, Martin 2001, doi 10.1109/89.928915).
+A gap changes as slowly as the robot moves, noise does not: above `EDGE` of the rate of the averages
+there is hardly anything but noise, and below it noise is taken as it is just above. Noise is
+steady, jumps and reversals are not: it is estimated from the quieter of short stretches, scaled to
+the mean of all (minimum statistics, Martin 2001, doi 10.1109/89.928915).
 """
 
 import numpy as np
@@ -39,8 +39,8 @@ most."""
 def noise_in_motion(
     residual: np.ndarray, period: float, stride: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Variance of a row (6,), and of the average of ``stride`` rows times ``stride`` (6,), of rows
-    (N, 6) of any unit with a period [s]."""
+    """Noise variance (6,) of a row, and of the average of ``stride`` rows times ``stride``, from
+    the residual of rows (N, 6), in its unit squared, at a period [s]."""
     from scipy.signal import spectrogram  # slow to load: only when it is used
 
     length = min(len(residual), max(LEAST, round(STRETCH_S / period)))
@@ -64,7 +64,7 @@ def noise_in_motion(
 
 
 def _sum(power: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Weighted sum (6,) over frequencies of steady noise in the power (F, 6, stretches)."""
+    """Weighted sum (6,) over frequencies of the steady part of a power (F, 6, stretches)."""
     quiet = np.array(QUIET)
     spread = weight @ weight
     for k, c in enumerate(HANN, start=1):
@@ -99,10 +99,10 @@ def correlation_time(recording: Recording, data: Observations) -> np.ndarray:
 def not_systematic(
     recording: Recording, data: Observations, covariance: np.ndarray, source: str
 ) -> tuple[np.ndarray, str, str]:
-    """Covariance of a row (6, 6), its source, and a note where repeats contradict a stated noise.
+    """Covariance of a row (6, 6), its source, and a note if repeats contradict a stated noise.
 
-    What moves slowly or to one beat within poses is no noise: joints that froze while the robot
-    went on, or a vibration. The stated noise counts there, so that it remains a gap.
+    What moves slowly or at one frequency within poses is no noise: joints that froze while the
+    robot went on, or a vibration. The stated noise is used there, so that it remains a gap.
     """
     stated = recording.metadata.sensor.noise_std
     if source != "repeats" or stated is None:
@@ -128,7 +128,7 @@ def not_systematic(
 
 
 def systematic(recording: Recording, data: Observations) -> np.ndarray:
-    """Channels (6,) whose rows within a pose move slowly, or at one frequency."""
+    """Whether each channel's rows (6,) move slowly or at one frequency within poses, boolean."""
     keep = data.keep
     rows = [recording.columns[c][keep] for c in CHANNELS]
     period = float(np.median(np.diff(recording.t)))

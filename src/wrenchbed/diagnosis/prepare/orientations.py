@@ -1,9 +1,9 @@
 """A motion of which only the sensor's orientation is known, made ready for a diagnosis.
 
 The configured simulator has gravity alone. Rows are averaged to `RATE_HZ`, so that a scene of slow
-poses follows the motion; an accelerometer on the tool, if there is one, supplies the accelerations
-that orientations lack. What is faster than the averages is no part of their gap: what leaks through
-them sets the uncertainty of an average. Vibration of the tool is detected between rows.
+poses follows the motion; an accelerometer on the tool, if there is one, supplies accelerations.
+Motion faster than the averages is not part of their gap: the part that passes the averaging sets
+the uncertainty of an average. Vibration of the tool is detected between rows.
 """
 
 from collections.abc import Mapping
@@ -39,8 +39,8 @@ class Averages(NamedTuple):
     """Averages of N rows under a Hann window of two strides, one a stride.
 
     Attributes:
-        stride: rows.
-        weight: of the rows under the window (2 stride,), sum 1.
+        stride: number of rows from one average to the next.
+        weight: of the rows in the window (2 stride,), sum 1.
     """
 
     stride: int
@@ -52,8 +52,7 @@ class Averages(NamedTuple):
         return np.asarray(windows[:: self.stride] @ self.weight)
 
     def rough(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Residual (N', k) of rows x (N, k) at times t (N,) about the averages, without the
-        ends."""
+        """Residual (N', k) of rows x (N, k) at times t (N,) about the averages, ends cut off."""
         at, course = self.of(t[:, None])[:, 0], self.of(x)
         inside = (t >= at[0]) & (t <= at[-1])
         smooth = np.stack([np.interp(t[inside], at, c) for c in course.T], axis=1)
@@ -73,7 +72,7 @@ def applies(recording: Recording) -> bool:
 
 
 def averages(recording: Recording) -> Averages:
-    """The averages of a recording's rows.
+    """Averaging of a recording's rows, by its rate.
 
     Raises:
         DiagnosisError: its clock is not even.
@@ -96,7 +95,7 @@ def averaged(
     """Average, whiten and split a motion without joints.
 
     Raises:
-        DiagnosisError: the data cannot answer, and why.
+        DiagnosisError: these data allow no answer, and why.
     """
     if data.source == "residual":
         raise DiagnosisError(
@@ -127,14 +126,14 @@ def averaged(
 
 
 def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndarray) -> np.ndarray:
-    """Variance of an average (6,) [N², (N·m)²]: of the reading, and of its inertial load.
+    """Noise variance of an average (6,) [N², (N·m)²]: of the reading, and of its inertial load.
 
-    What leaks through of a faster motion is measured; a row at rest counts as white. The
-    accelerometer's samples are fewer and their own, so of them each average has a random share.
+    Faster motion that passes the averaging is measured; a row at rest is white. The accelerometer
+    samples at other times, and less often, so each average has a random share of it.
 
     Args:
-        tool: the load.
-        without: averages that do not count (M,).
+        tool: the load on the sensor.
+        without: averages to leave out (M,), boolean.
     """
     variance_ratio = float((means.weight**2).sum())
     std = np.asarray(recording.metadata.sensor.noise_std)
@@ -155,10 +154,8 @@ def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndar
 def accelerations(
     recording: Recording, means: Averages, q: np.ndarray, t: np.ndarray, gravity: np.ndarray
 ) -> Mapping[str, np.ndarray]:
-    """Acceleration, spin and its change (M, 3) of the tool in sensor axes; empty if not measured.
-
-    Averages have orientations (M, 4) and times (M,) [s]; gravity (3,) [m/s²] is in world axes.
-    """
+    """Acceleration, spin and its derivative (M, 3) of the tool in sensor axes; empty if not
+    measured."""
     measured = accelerometer_rows(recording)
     if measured is None:
         return {}
@@ -180,7 +177,7 @@ def accelerations(
 
 
 def _own_reading(read: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Gain and zero (4, 3) of an accelerometer near its stated ones, from readings at rest."""
+    """Gain and zero (4, 3) of an accelerometer, fitted near 1 and 0 to readings at rest."""
     design = np.column_stack([weight, np.ones(len(weight))])
     noise = max(float((read - weight).std(axis=0).mean()) / 3.0, 1e-3)
     trust = np.diag(noise**2 / np.array([SCALE, SCALE, SCALE, ZERO]) ** 2)
@@ -190,7 +187,7 @@ def _own_reading(read: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _continuous(q: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4) with signs chosen so that successive ones do not jump."""
+    """Quaternions (N, 4) with signs that make them continuous."""
     flips = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     return np.asarray(q * np.concatenate([[1.0], np.cumprod(flips)])[:, None])
 

@@ -33,11 +33,11 @@ COUNTS = 0.999
 def prepare(recording: Recording, seed: int = 0, material: Material | None = None) -> Prepared:
     """Check, whiten and split a recording, without rows in which something touches a bare tool.
 
-    Of a long motion the middle is taken. What counts is ``material``, else one row's noise.
+    The middle of a long motion is taken. ``material`` is a gap of 1, else one row's noise.
 
     Raises:
-        DiagnosisError: the data cannot answer, and why.
-        CalibrationError, RecordingError: from reading it.
+        DiagnosisError: these data allow no answer, and why.
+        CalibrationError, RecordingError: the recording cannot be read as this robot's.
     """
     recording = restored(recording)
     used = scenes.stretch(recording)
@@ -47,7 +47,7 @@ def prepare(recording: Recording, seed: int = 0, material: Material | None = Non
 
 
 def gathered(recording: Recording, seed: int = 0) -> Prepared:
-    """Poses at rest, samples of a motion of joints, or averages of a motion without."""
+    """Prepare poses at rest, samples of a motion of joints, or averages of one without joints."""
     if recording.only_commanded:
         raise DiagnosisError(
             f"{recording.name}: holds commands and joint values alone: they are diagnosed in "
@@ -64,7 +64,7 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
 def _without_wrench(
     recording: Recording, configuration: Configuration, data: Observations, seed: int
 ) -> Prepared:
-    """Poses of which nothing is measured yet."""
+    """Prepared poses without any channel yet."""
     block, fold = split(len(data), False, seed, 1, value(data.q))
     return Prepared(
         recording, configuration, scenes.of_recording(recording, configuration, data),
@@ -76,7 +76,7 @@ def _without_wrench(
 def _with_wrench(
     recording: Recording, configuration: Configuration, data: Observations, seed: int
 ) -> Prepared:
-    """Poses or samples with what the wrench sensor read."""
+    """Prepared poses or samples with the wrench as their channel."""
     products = scatter(recording, data)
     covariance, source = _row_noise(recording, data, configuration.model.robot)
     covariance, source, note = not_systematic(recording, data, covariance, source)
@@ -99,7 +99,7 @@ def _with_wrench(
 
 
 def _stride(expected: np.ndarray, period: float) -> int:
-    """Rows to average, from the band of the expected wrench (M, 6) scaled by its range."""
+    """Number of rows to average, from the bandwidth of the expected wrench (M, 6)."""
     y = (expected - expected.mean(axis=0)) / np.maximum(np.ptp(expected, axis=0), 1e-9)
     power = (np.abs(np.fft.rfft(y * np.hanning(len(y))[:, None], axis=0)) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(len(y), period)
@@ -109,7 +109,7 @@ def _stride(expected: np.ndarray, period: float) -> int:
 
 
 def _row_noise(recording: Recording, data: Observations, robot: Robot) -> tuple[np.ndarray, str]:
-    """Covariance (6, 6) of one row: from repeats, else stated."""
+    """Covariance (6, 6) of one row and its source: repeats, else stated."""
     if data.source == "residual":
         remedy = "record several rows a pose, or state"
         if recording.metadata.mode == "dynamic":
@@ -126,7 +126,7 @@ def _row_noise(recording: Recording, data: Observations, robot: Robot) -> tuple[
 
 
 def _noise_at_rest(recording: Recording, data: Observations) -> np.ndarray:
-    """Variance of an observation over that of a row (6,): autocorrelated rows average less."""
+    """Variance of an observation over a row's (6,), larger for autocorrelated rows."""
     return np.minimum(1.0, correlation_time(recording, data) / float(np.mean(data.count)))
 
 
@@ -139,7 +139,7 @@ def _noise_of_averages(residual: np.ndarray, period: float, stride: int) -> np.n
 def _refreshed(
     recording: Recording, data: Observations, expected: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Readings (N, 6) whose repeats continue the residual around them, and their count (N,)."""
+    """Readings (N, 6) in which repeated rows continue the residual around them; row counts (N,)."""
     again = repeats(recording.wrench)
     stale = again.stale[np.searchsorted(recording.t, data.t)] & again.some
     fresh = np.flatnonzero(~stale)

@@ -1,4 +1,4 @@
-"""A recording made ready: what was measured, how noisy it is, and which rows are held out."""
+"""A recording made ready: measurements, their noise, and the rows that are held out."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -36,16 +36,16 @@ PIECES = 4
 
 
 class Material(NamedTuple):
-    """Residual that counts, root mean square: of a force [N], a torque [N·m] and a place [m]; what
-    is left out counts from one row's noise."""
+    """Rms residual that counts as a gap of 1: of a force [N], a torque [N·m] and a place [m]; one
+    row's noise where None."""
 
     force: float | None = None
     torque: float | None = None
     place: float | None = None
 
     def counts(self, units: Sequence[str], noise: np.ndarray) -> np.ndarray:
-        """Size (C,) from which a residual counts in columns of these units; where the user stated
-        none for a unit, the noise of a row (C,)."""
+        """Material residual (C,) of columns with these units; for units without one, the noise
+        (C,)."""
         stated = {"N": self.force, "N·m": self.torque, "m": self.place}
         pairs = zip(map(stated.get, units), noise, strict=True)
         return np.array([n if size is None else size for size, n in pairs])
@@ -53,16 +53,16 @@ class Material(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Contact of a tool during a part of a motion, or at a few poses.
+    """A contact of the tool during a part of a motion, or at a few poses.
 
     Attributes:
-        rows: observations that it takes part in (H,).
+        rows: whether each observation takes part in it (H,), boolean.
         share: of the squared force that stated weight and inertia leave, within these rows.
-        parameters: as a cause; None if its force acts at no one point: then it is unknown.
-        detail: when and how strong.
-        sentence: for people.
+        parameters: of the contact as a cause; None if its force acts at no one point (unknown).
+        detail: when and how strong, in words.
+        sentence: on the contact, for people.
         probability: that it is one.
-        what: the observations, for people.
+        what: word for the observations: samples or poses.
     """
 
     rows: np.ndarray
@@ -76,35 +76,35 @@ class Touch:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """H observations of a recording (poses at rest or samples of a motion), in whitened units.
+    """H observations of a recording (poses at rest or samples of a motion), with their noise.
 
     Attributes:
         recording: the rows that are diagnosed.
-        configuration: the simulator as the metadata configures it.
-        scene: what was done; its held rows are the observations.
+        configuration: simulator as the metadata configure it.
+        scene: the motion; its held rows are the observations.
         y: measured (H, C), the columns of ``channels``, of the wrench [N, N·m]; where a motion's
             row repeats the one before, an estimate from the rows around it.
-        count: rows behind each (H,), 0 where it repeats.
-        covariance: of what counts (C, C): of one row's noise, unless the user says what is
-            material. Its roots are the units of whitened readings, and a gap of 1.
+        count: number of rows behind each (H,), 0 where it repeats.
+        covariance: of one row's noise (C, C), or of the material residual if the user states one.
+            Its diagonal's roots are the units of whitened readings: a gap of 1.
         noise: variance of an observation over that (C,): of one row's noise below 1 where rows were
             averaged at rest; in motion of the averages of ``stride`` rows, times that, as they
             scatter.
         source: where the noise of a row comes from, ``repeats``, ``stated``, or of another sensor
             than the wrench's ``residual``.
         block: number of the block of each observation (H,).
-        fold: fold of each observation (H,), −1 where it is set aside: then it takes no part.
+        fold: fold of each observation (H,), −1 if it is set aside and takes no part.
         scatter: mean products of the leading channel's rows of each observation about their mean,
             0 where its noise is that of whole observations.
-        left_out: saturated rows not used.
-        stride: rows of a motion that are averaged into one for the linear analysis.
+        left_out: number of saturated rows that are not used.
+        stride: number of a motion's rows that are averaged into one for the linear analysis.
         touch: contact of a tool without joints; its rows are not among the observations.
         given: the recording before a long motion was cut, None if it was not.
-        noise_note: for people, where rows at rest scatter far beyond the stated noise; else empty.
-        held_out: the fold that fits do not see at present, None if they see all.
-        row: covariance of one row's noise (C, C) where that is not what counts.
-        channels: what was measured; the first is that on which the published gap is defined.
-        further_notes: for people, on channels that take no part.
+        noise_note: sentence on rows at rest that scatter far beyond the stated noise; else empty.
+        held_out: fold that fits do not use at present, None if they use all.
+        row: covariance of one row's noise (C, C), if ``covariance`` is the material residual.
+        channels: measured channels; the published gap is of the first ("leading") one.
+        further_notes: sentences on further channels.
     """
 
     recording: Recording
@@ -130,7 +130,7 @@ class Prepared:
 
     @property
     def model(self) -> Model:
-        """The robot under the recording's gravity."""
+        """Model of the robot under the recording's gravity."""
         return self.configuration.model
 
     @property
@@ -139,7 +139,7 @@ class Prepared:
 
     @property
     def theta(self) -> np.ndarray:
-        """Full parameters (P,) as the metadata configures the simulator."""
+        """Full parameters (P,) as configured by the metadata."""
         return self.configuration.theta
 
     @property
@@ -148,24 +148,24 @@ class Prepared:
 
     @property
     def has_wrench(self) -> bool:
-        """Whether a wrench is among what was measured."""
+        """Whether a wrench was measured."""
         return WRENCH in self.channels
 
     def reads(self, effect: Effect) -> bool:
-        """Whether an effect can act in these rows, at a stage on which some reading depends; what
-        pulls on a tool is sought where there is a wrench."""
+        """Whether an effect can act in these rows, at a stage that some channel reads; effects that
+        pull on the tool need a wrench."""
         reached = any(not c.stages.isdisjoint(effect.stages) for c in self.channels)
         pulls = effect.stage == "load" and not self.has_wrench
         return reached and not pulls and effect.acts(self.scene)
 
     @property
     def usual(self) -> str:
-        """What every user fits, in a few words."""
+        """Words for what the usual fit takes."""
         return "bias, mass and CoG" if self.has_wrench else self.channels[0].usual
 
     @property
     def units(self) -> Mapping[str, str]:
-        """Units of the leading channel's columns by their names."""
+        """Units of the leading channel's columns by name."""
         return self.channels[0].columns
 
     @property
@@ -175,22 +175,22 @@ class Prepared:
 
     @property
     def observed(self) -> str:
-        """Name of the kind of observations, for people."""
+        """Word for the observations: poses, samples, averages."""
         still = "averages of a motion" if self.averaged else "poses"
         return "samples of motion" if self.moving else still
 
     @property
     def noise_source(self) -> str:
-        """Words on where the noise of one row is known from: ``as stated`` or ``from its …``."""
+        """Words for the source of a row's noise: ``as stated`` or ``from its …``."""
         words = {"stated": "as stated", "residual": "from what no effect explains"}
         return words.get(self.source, f"from its {self.source}")
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """What counts in each channel (C,), the unit of whitened readings: a row's noise, unless
-        the user says otherwise.
+        """Material residual of each column (C,), the unit of whitened readings: one row's noise
+        unless the user states another.
 
-        The analysis leaves out how channels scatter together: imperfections do not share it.
+        The noise's correlation between columns is left out: imperfections do not share it.
         """
         return np.sqrt(np.diagonal(self.covariance))
 
@@ -201,11 +201,11 @@ class Prepared:
 
     @cached_property
     def row_variance(self) -> np.ndarray:
-        """Variance of one row's noise over that of what counts (C,)."""
+        """Variance of one row's noise over the square of `sigma` (C,)."""
         return np.asarray((self.row_sigma / self.sigma) ** 2)
 
     def counting(self, material: Material) -> "Prepared":
-        """This recording with gaps in units of what a user calls material."""
+        """Copy with gaps in units of a user's material residual."""
         units = [unit for channel in self.channels for unit in channel.columns.values()]
         unit = material.counts(units, self.sigma)
         return replace(
@@ -221,17 +221,17 @@ class Prepared:
         )
 
     def read(self, scene: Scene, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Readings (M, C) of a scene with effects acting."""
+        """Readings (M, C) of a scene with effects."""
         return readings(self.channels, scene, active)
 
     @cached_property
     def families(self) -> tuple[slice, ...]:
-        """Places of each channel's columns among all C."""
+        """Slice of each channel's columns among all C."""
         return slices(self.channels)
 
     @cached_property
     def leading(self) -> "Prepared":
-        """This recording with its first channel alone, on which the published gap is defined."""
+        """Copy with the first channel alone, on which the published gap is defined."""
         of = self.families[0]
         return self if len(self.channels) == 1 else replace(
             self, channels=self.channels[:1], y=self.y[:, of], covariance=self.covariance[of, of],
@@ -240,7 +240,7 @@ class Prepared:
 
     @cached_property
     def residual(self) -> np.ndarray:
-        """Measured less expected readings of the observations (H, C)."""
+        """Measured minus expected readings of the observations (H, C)."""
         return np.asarray(self.y - self.expected[self.scene.held])
 
     @cached_property
@@ -250,12 +250,12 @@ class Prepared:
 
     @cached_property
     def sensor(self) -> Sensor:
-        """The recording's sensor, the robot's own where none is stated."""
+        """The recording's sensor; the robot's own if none is stated."""
         return sensor_of(self.recording, self.robot)
 
     @cached_property
     def excerpt(self) -> Recording:
-        """Rows in which what happens between rows is looked for, none of a motion set aside."""
+        """Rows to search for effects between rows; of a motion none that are set aside."""
         if self.judged.all() or self.recording.metadata.mode != "dynamic":
             return scenes.excerpt(self.recording)
         t = self.scene.t[self.scene.held]
@@ -264,20 +264,20 @@ class Prepared:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the rows of a long recording that took part, and on noise unlike the stated
-        one."""
+        """Notes on rows of a long recording that were left out, on unusual noise, on further
+        channels."""
         given = self.recording if self.given is None else self.given
         rows = scenes.notes(given, self.recording, self.excerpt)
         return (*rows, *filter(None, [self.noise_note]), *self.further_notes)
 
     @cached_property
     def fitted(self) -> np.ndarray:
-        """Which observations take part in a fit (H,), boolean."""
+        """Whether each observation takes part in a fit (H,), boolean."""
         return (self.fold >= 0) & (self.fold != (-1 if self.held_out is None else self.held_out))
 
     @cached_property
     def judged(self) -> np.ndarray:
-        """Observations on which simulators are judged (H,), boolean: all that are not set aside."""
+        """Whether each observation is used to judge simulators (H,), boolean: unless set aside."""
         return self.fold >= 0
 
     @property
@@ -286,20 +286,20 @@ class Prepared:
         return tuple(int(k) for k in np.unique(self.fold[self.judged]))
 
     def without(self, fold: int) -> "Prepared":
-        """Prepared recording with a fold held out of all fits."""
+        """Copy with a fold held out of all fits."""
         return replace(self, held_out=fold)
 
     def aside(self, rows: np.ndarray) -> "Prepared":
-        """Prepared recording with some observations (H,) set aside."""
+        """Copy with some observations (H,) set aside."""
         return replace(self, fold=np.where(rows, -1, self.fold))
 
     def rows(self, x: np.ndarray) -> np.ndarray:
-        """Scene or held rows (M, C) → whitened rows of the fit (R, C)."""
+        """Whitened rows (R, C) of the fit, from scene or held rows (M, C)."""
         held = x[self.scene.held] if len(x) == len(self.scene) else x
         return self.averages(held / self.sigma)
 
     def averages(self, x: np.ndarray) -> np.ndarray:
-        """Values of the observations (H, k) → averages of ``stride`` rows within a block (R, k)."""
+        """Averages (R, k) of ``stride`` rows within a block, from observations (H, k)."""
         first, *others = self._averaged_rows
         total = x[first]
         for rows in others:
@@ -308,7 +308,7 @@ class Prepared:
 
     @cached_property
     def _averaged_rows(self) -> np.ndarray:
-        """Observations of which each average is made (stride, R)."""
+        """Indices of the observations that make each average (stride, R)."""
         s, fitted = self.stride, np.flatnonzero(self.fitted)
         blocks = self.block[fitted]
         groups = [fitted[blocks == b] for b in np.unique(blocks)] if s > 1 else [fitted]
@@ -316,22 +316,22 @@ class Prepared:
 
     @property
     def variance(self) -> np.ndarray:
-        """Noise variance of the rows that `rows` returns (C,), white."""
+        """Noise variance (C,) of the rows that `rows` returns, in `sigma`²."""
         return self.noise / self.stride
 
     @cached_property
     def block_rows(self) -> np.ndarray:
-        """Block of each row that ``rows`` returns for the fit (R,)."""
+        """Block number (R,) of each row that ``rows`` returns."""
         return self.averages(self.block[:, None])[:, 0].astype(int)
 
     @cached_property
     def fold_rows(self) -> np.ndarray:
-        """Fold of each row that ``rows`` returns for the fit (R,)."""
+        """Fold number (R,) of each row that ``rows`` returns."""
         return self.averages(self.fold[:, None])[:, 0].astype(int)
 
     @cached_property
     def coarse(self) -> "Prepared":
-        """Prepared recording on averages of fewer rows, several of which make one of ``rows``.
+        """Copy on averages of fewer rows, several of which make one of ``rows``.
 
         They are short beside what moves, so that delays and filters act as on the rows themselves.
         """
@@ -360,17 +360,17 @@ class Prepared:
         )  # fmt: skip
 
     def at(self, robot_theta: np.ndarray) -> "Prepared":
-        """Prepared recording with the scene at other parameters of the robot."""
+        """Copy with the scene at other parameters of the robot."""
         return replace(self, scene=replace(self.scene, theta=robot_theta))
 
 
 def inner_stride(stride: int) -> int:
-    """Rows that are averaged before anything acts on them, a divisor of the stride."""
+    """Number of rows averaged before effects act on them, a divisor of the stride."""
     return max(1, stride // PIECES)
 
 
 def sensor_of(recording: Recording, robot: Robot) -> Sensor:
-    """The sensor that a recording states, the robot's own where it states none."""
+    """Sensor that a recording states; the robot's own if it states none."""
     stated = recording.metadata.sensor.model
     known = stated is not None and registry.is_known("sensors", stated)
     sensor: Sensor = registry.load("sensors", str(stated) if known else robot.sensor)
@@ -380,16 +380,16 @@ def sensor_of(recording: Recording, robot: Robot) -> Sensor:
 def split(
     rows: int, moving: bool, seed: int, stride: int, poses: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Block and fold of each observation: poses, or stretches of a motion.
+    """Block and fold of each observation (H,): poses, or stretches of a motion.
 
-    Every `FOLDS` neighbouring blocks are one of each fold, in random order: each fold covers the
-    recording evenly. Stretches begin after multiples of ``stride`` rows.
+    Every `FOLDS` neighbouring blocks are one of each fold, in random order, so that each fold
+    covers the recording evenly. Stretches begin at multiples of ``stride`` rows.
 
     Args:
-        rows: observations.
+        rows: number of observations.
         moving: whether they are samples of a motion.
         seed: of the order.
-        stride: rows of a motion that are averaged into one.
+        stride: number of a motion's rows that are averaged into one.
         poses: joint values (H, J); visits of the same pose are in one fold.
     """
     count = BLOCKS_IN_MOTION if moving else rows

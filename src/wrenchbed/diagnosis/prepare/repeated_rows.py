@@ -1,4 +1,4 @@
-"""Rows that step or repeat: the count on which a channel's values lie, and rows sent again."""
+"""Quantisation step of a channel, and rows that were sent again."""
 
 from dataclasses import dataclass
 
@@ -25,14 +25,14 @@ WINDOW = 64
 
 @dataclass(frozen=True)
 class Step:
-    """A channel's count and its standard uncertainty [N or N·m]."""
+    """Quantisation step of a channel with its standard uncertainty [N or N·m]."""
 
     value: float
     std: float
 
 
 def step(y: np.ndarray) -> Step | None:
-    """The largest step on whose multiples a channel (N,) stands; None for a continuous one."""
+    """Largest step of which all values of a channel (N,) are multiples; None if continuous."""
     reach = float(np.ptp(y))
     if reach <= 0.0:
         return None
@@ -52,7 +52,7 @@ def step(y: np.ndarray) -> Step | None:
 
 
 def _refined(d: np.ndarray, size: float) -> Step | None:
-    """Fit a step to ever larger multiples of it, then judge all of them."""
+    """Step fitted to ever larger multiples of it; None if the values do not lie on it."""
     d = np.sort(d)
     reach = 4.0
     while True:
@@ -73,15 +73,15 @@ def _refined(d: np.ndarray, size: float) -> Step | None:
 
 @dataclass(frozen=True, eq=False)
 class Repeats:
-    """Rows that show again what the row before showed.
+    """Rows that repeat the row before.
 
     Attributes:
-        stale: which (N,).
-        share: of all rows.
+        stale: whether each row does (N,), boolean.
+        share: of such rows.
         std: standard uncertainty of the share.
-        expected: share that coarse counts alone may make.
+        expected: share to expect from coarse quantisation alone.
         length: mean length of a run of repeats [rows].
-        channels: indices of those that repeat.
+        channels: indices of the channels that repeat.
     """
 
     stale: np.ndarray
@@ -93,12 +93,12 @@ class Repeats:
 
     @property
     def some(self) -> bool:
-        """Whether rows repeat more often than coarse counts can make them."""
+        """Whether rows repeat more often than quantisation explains."""
         return bool(self.channels) and self.share >= self.expected + FEW
 
 
 def repeats(wrench: np.ndarray) -> Repeats:
-    """Repeats of rows (N, 6) in all channels, else of continuous forces or torques alone."""
+    """Find repeats of rows (N, 6) in all channels, else in continuous forces or torques alone."""
     same = wrench[1:] == wrench[:-1]
     all_same = same.all(axis=1)
     others = same[~all_same]
@@ -128,7 +128,7 @@ def _repeats(again: np.ndarray, expected: float, channels: tuple[int, ...]) -> R
 
 
 def _chance(same: np.ndarray) -> float:
-    """Share of repeats in all channels that the channels' counts (M, 6) may make.
+    """Share of repeats in all channels to expect from quantisation, for repeats by channel (M, 6).
 
     The root of the product of the channels' own shares, window by window: six independent channels
     would repeat together as often as the product says, fully correlated ones as often as one.
@@ -139,14 +139,14 @@ def _chance(same: np.ndarray) -> float:
 
 
 def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
-    """Share of rows that equal an earlier one with others between: only counts come back."""
+    """Share of rows equal to an earlier one, with others between: only counts come back."""
     changes = np.concatenate([[0], np.cumsum(~all_same)])
     same = (wrench[FAR:] == wrench[:-FAR]).all(axis=1)
     return float(np.mean(same & (changes[FAR:] > changes[:-FAR])))
 
 
 def _continuous(y: np.ndarray) -> bool:
-    """Whether a channel's changes rarely have the same size twice and no size is a limit."""
+    """Whether a channel's changes rarely have the same size twice, and no size is a limit."""
     fresh = y[np.concatenate([[True], y[1:] != y[:-1]])]
     if len(fresh) < WINDOW:
         return False

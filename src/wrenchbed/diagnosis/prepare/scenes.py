@@ -1,8 +1,8 @@
-"""The scene of a recording or of a plan, and the part of a long recording that is diagnosed.
+"""Scene of a recording or of a plan, and the part of a long recording that is diagnosed.
 
 A scene holds the rows that were measured and the ways between them. A motion's cost grows with its
-rows (1 ms and 30 kB each); at rest, and in motion without joints, rows are averaged, but what
-happens between rows is looked for in the rows themselves, of a limited number.
+rows (1 ms and 30 kB each); at rest, and in motion without joints, rows are averaged. Effects
+between rows are searched in a limited number of the rows themselves.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ LEAST_IN_HOLD, RUNS = 200, 100
 def of_poses(
     model: Model, robot_theta: np.ndarray, q: np.ndarray, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
-    """Poses at rest (H, J) at times (H,) [s], joined by straight joint-space moves."""
+    """Scene of poses at rest (H, J) at times (H,) [s], joined by straight joint-space moves."""
     gravity = np.asarray(model.gravity)
     if not model.robot.joints or len(q) < 2:
         return Scene(model.robot, robot_theta, gravity, q, t, np.ones(len(q), dtype=bool), warmth)
@@ -51,13 +51,13 @@ def of_poses(
 def of_motion(
     model: Model, robot_theta: np.ndarray, q: Value, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
-    """Scene of a motion's samples (N, J) as jets."""
+    """Scene of a motion's samples (N, J), jets, or orientations (N, 4), at times (N,) [s]."""
     held = np.ones(len(value(q)), dtype=bool)
     return Scene(model.robot, robot_theta, np.asarray(model.gravity), q, t, held, warmth)
 
 
 def of_recording(recording: Recording, configuration: Configuration, data: Observations) -> Scene:
-    """The scene whose held rows are the observations of a recording."""
+    """Scene whose held rows are the observations of a recording."""
     warmth = None
     if "temperature" in recording.columns:
         temperature = recording.columns["temperature"].astype(float)
@@ -67,8 +67,8 @@ def of_recording(recording: Recording, configuration: Configuration, data: Obser
 
 
 def stretch(recording: Recording) -> Recording:
-    """The recording, or of a motion with joints the longest piece without a gap, of a longer one
-    its middle: `MOTION` rows."""
+    """Longest piece of a motion with joints without a gap, at most its middle `MOTION` rows; other
+    recordings unchanged."""
     if recording.metadata.mode != "dynamic" or not recording.joints:
         return recording
     parts = pieces(recording.columns)
@@ -81,10 +81,10 @@ def stretch(recording: Recording) -> Recording:
 
 
 def excerpt(recording: Recording) -> Recording:
-    """The recording, or of a longer one at most `ROWS` rows, in runs without a gap.
+    """At most `ROWS` rows of a recording, in runs without a gap.
 
-    At rest the last rows of every pose, as after a move the tool may still ring, or where these
-    would be few, evenly spread runs; in motion one run from the middle.
+    At rest the last rows of every pose, because the tool may ring after a move, or evenly spread
+    runs if these would be few; in motion one run from the middle.
     """
     n = len(recording)
     if n <= ROWS:
@@ -101,13 +101,13 @@ def excerpt(recording: Recording) -> Recording:
 
 
 def longest(recording: Recording, keep: np.ndarray) -> Recording:
-    """Longest run of rows among those to keep (N,), as a recording."""
+    """Recording of the longest run of marked rows ``keep`` (N,)."""
     begin, end = max(runs(keep), key=lambda run: run[1] - run[0])
     return _rows(recording, slice(begin, end))
 
 
 def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]:
-    """Notes on the rows of a long recording that took part."""
+    """Notes on rows of a long recording that were left out."""
     if len(used) < len(given):
         first, last = used.t[0] - given.t[0], used.t[-1] - given.t[0]
         return (
