@@ -194,8 +194,9 @@ def impossible(values: Iterable[IdentifiedValue]) -> str | None:
                 "this motion, with what is held, does not tell it. Record a longer and faster "
                 "one, free drive.inertia too, or state the tool and --free drive"
                 if p.name in _INERTIA
-                else "the effort has the opposite sign, another robot made it, or the controller "
-                "subtracted what it knows"
+                else "the effort has the opposite sign, another robot made it, the controller "
+                "subtracted what it knows, or links weigh otherwise than the model's: state the "
+                "tool and --free drive"
             )
             return (
                 f"{p.name} comes out as {p.value:.3g} ± {half:.2g} {p.unit}, which cannot be "

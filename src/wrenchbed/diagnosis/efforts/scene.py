@@ -41,6 +41,10 @@ _ORDER = 6
 _END_S = 1.0
 """Time at both ends that takes no part [s]: two periods of the slowest filter, so that it has
 settled."""
+_STATE = (
+    'state them all in [recording] of the column map: configured = { "drive.constant" = [ … ] } '
+    "[N·m/A; N/A]"
+)
 _LEAST_ROWS = 400
 """Fewest rows that are left: twenty blocks of twenty."""
 
@@ -226,14 +230,19 @@ def _constants(recording: Recording, drives: Drives) -> np.ndarray:
     if known.all():
         return stated
     fit = calibrate_efforts(recording, (*FRICTION, CONSTANT), force=True)
-    constants = np.array([fit[f"{CONSTANT}.{j + 1}"].value for j in range(len(known))])
-    wrong = np.flatnonzero(~(np.isfinite(constants) & (constants > 0.0)))
+    fitted = [fit[f"{CONSTANT}.{j + 1}"] for j in range(len(known))]
+    if untold := [j + 1 for j, p in enumerate(fitted) if p.std is None and not known[j]]:
+        raise DiagnosisError(
+            f"{recording.name}: this motion does not tell the drive constant of joint {untold[0]}, "
+            f"which carries too little: {_STATE}"
+        )
+    constants = np.array([p.value for p in fitted])
+    wrong = np.flatnonzero(~known & ~(np.isfinite(constants) & (constants > 0.0)))
     if wrong.size:
         joint = int(wrong[0]) + 1
         raise DiagnosisError(
             f"{recording.name}: the drive constant of joint {joint} comes out negative: map "
-            f"i{joint} with sign = -1, or state them all in [recording] of the column map: "
-            'configured = { "drive.constant" = [ … ] } [N·m/A; N/A]'
+            f"i{joint} with sign = -1, or {_STATE}"
         )
     return np.where(known, stated, constants)
 
