@@ -75,7 +75,7 @@ def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
 
 
 def frame_of(words: tuple[str, ...]) -> Frame | None:
-    """The frame of ``send id length bytes…``; None where the words are no frame."""
+    """Frame of the words ``send id length bytes…``; None where they are no frame."""
     if len(words) < 2 or len(words[0]) not in (3, 8):
         return None
     try:
@@ -89,7 +89,7 @@ def frame_of(words: tuple[str, ...]) -> Frame | None:
 
 
 def frame_text(frame: Frame, t: float) -> bytes:
-    """``frame id seconds data`` for the clients; t [s]."""
+    """Text ``frame id seconds data`` for the clients; t [s]."""
     digits = "08X" if frame.extended else "03X"
     return f"< frame {frame.can_id:{digits}} {t:.6f} {frame.data.hex()} >".encode("ascii")
 
@@ -128,7 +128,7 @@ class Hub:
         self._bus = Listener(self._thread, (host, port), "CAN", self._client, MOST)
 
     def attach(self, heard: Heard | None = None) -> Callable[[Frame], None]:
-        """Add a device of this process, which hears the frames of others; what it sends with, from
+        """Add a device, which ``heard`` gets frames of others for; return what it sends with, from
         any thread."""
         number = self._number()
 
@@ -142,7 +142,7 @@ class Hub:
         return post
 
     def start(self) -> None:
-        """Listen.
+        """Begin to listen.
 
         Raises:
             EmulatorError: the port is taken or not allowed.
@@ -157,7 +157,7 @@ class Hub:
         self._thread.stop()
 
     def order(self, task: Callable[[], None]) -> None:
-        """Run something in the hub's thread soon."""
+        """Run a task in the hub's thread soon."""
 
         def run() -> None:
             try:
@@ -178,10 +178,10 @@ class Hub:
         self._bus.hang_up()
 
     def bus_off(self, until: float) -> None:
-        """Every client that has sent frames goes bus off; call it in the hub's thread.
+        """Make every client that has sent frames bus off; call it in the hub's thread.
 
-        It gets error frames, then nothing, and nothing of its own reaches the bus until a time
-        [s] or until it opens a connection anew. Who only listens is never bus off.
+        It gets error frames, then nothing, and nothing of its own reaches the bus until a time [s]
+        or until it opens a connection anew. A client that only listens is never bus off.
         """
         for client in self._bus.clients:
             if client.spoke:
@@ -189,7 +189,7 @@ class Hub:
                 client.off_until = until
 
     def hear(self, client: "Client", commands: list[Command], rubbish: int) -> None:
-        """Take what a client sent: commands, and how many pieces were none."""
+        """Handle what a client sent: commands, and the number of pieces that are no command."""
         self.counters["rubbish"] += rubbish
         for command in commands:
             if client.raw and command.verb == "send":
@@ -222,7 +222,7 @@ class Hub:
         self._fail(error)
 
     def _pass_on(self) -> None:
-        """Move frames, also those that devices send in answer, to those who hear them."""
+        """Deliver queued frames, also those that devices send in answer."""
         while self._posted:
             sender, frame = self._posted.popleft()
             if self.stalled():
@@ -251,7 +251,7 @@ class Hub:
 
 
 class Client(Connection):
-    """A connection that spoke or will speak socketcand's text protocol."""
+    """A connection of a client that speaks socketcand's text protocol."""
 
     def __init__(self, number: int, hub: Hub, bus: "Listener[Client]") -> None:
         super().__init__(bus, _KERNEL)

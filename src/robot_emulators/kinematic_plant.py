@@ -56,19 +56,19 @@ class KinematicPlant:
 
     @property
     def efforts(self) -> Efforts:
-        """Torques that hold the load; drives stay at room temperature."""
+        """Efforts that hold the load; drives stay at room temperature."""
         torque = self.model_torques(self.q, self.qd, self.qd, GRAVITY)
         return Efforts(torque, torque / self.arm.constants, np.full(len(torque), 25.0))
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
-        """Be at a target (J,) a control cycle later."""
+        """Reach a target (J,) a control cycle later."""
         self.qd = (target - self.q) / self.cycle
         self.q = np.array(target, dtype=float)
         self.time += self.cycle
         self.newest = (due or time.monotonic(), self.time)
 
     def wrench(self) -> np.ndarray:
-        """Weight of the load (6,) in sensor axes."""
+        """Weight of the load (6,) [N, N·m] in sensor axes."""
         rotation = np.eye(3) if self._kinematics is None else self._kinematics.flange(self.q)[0]
         weight = rotation.T @ (_LOAD.mass * GRAVITY)
         return np.concatenate([weight, np.cross(_LOAD.cog, weight)])
@@ -111,7 +111,7 @@ def known_arm(name: str) -> Arm:
 
 
 def kinematic_plant(request: PlantRequest) -> KinematicPlant:
-    """The plant that an emulator asks for.
+    """Make the plant that an emulator asks for.
 
     Raises:
         SettingError: there are no numbers of this robot.

@@ -65,9 +65,9 @@ class PlantRequest:
         robot: name, for instance ``ur5`` or ``medrue``.
         cycle: its control cycle [s].
         sensor: name of the sensor on its flange; empty: the one that the robot has.
-        drives: whether `Plant.efforts` and `Plant.model_torques` are asked for.
+        drives: whether `Plant.efforts` and `Plant.model_torques` are needed.
         wrench_error: of `Plant.wrench`, three standard deviations of force [N] and torque [N·m];
-            None: `Plant.wrench` is not asked for.
+            None: `Plant.wrench` is not needed.
     """
 
     robot: str
@@ -84,7 +84,7 @@ class Plant(Protocol):
         arm: its nominal numbers.
         cycle: control cycle [s].
         sensor_range: of the sensor on the flange (6,) [N, N·m].
-        gauges: what six gauges of that sensor [V] become wrenches by (6, 6); None: it has none.
+        gauges: matrix (6, 6) from that sensor's gauges [V] to wrenches; None: it has none.
     """
 
     arm: Arm

@@ -76,9 +76,9 @@ def serve(
 
 
 class Device:
-    """An emulator as a test sees it: where it is, and its faults by call.
+    """An emulator for tests: its addresses, and its faults as methods.
 
-    ``robot.protective_stop()`` happens now, ``robot.drop(0.2)`` lasts 0.2 s, ``robot.drop()`` for
+    ``robot.protective_stop()`` acts now, ``robot.drop(0.2)`` lasts 0.2 s, ``robot.drop()`` for
     ever. ``robot.stall(1.0, link="dashboard")`` names a link, else it is the first that knows the
     fault; further values go by name. ``host`` is its address on this machine, ``addresses`` has
     those of its links.

@@ -15,7 +15,7 @@ class Argument:
 
     Attributes:
         check: whether a value is allowed.
-        what: words on what the value must be.
+        what: text on what the value must be.
         default: value if none is given; a default that `check` refuses makes it compulsory.
         parse: makes the value from text.
     """
@@ -75,7 +75,7 @@ def flag(default: bool | None = None) -> Argument:
 
 
 def setting(default: Any, argument: Argument, text: str) -> Any:
-    """Make a field of `Settings` from its default, the rule for its value, and words on its
+    """Make a field of `Settings`: its default, the rule for its value, and a text on its
     meaning."""
     return field(default=default, metadata={"argument": argument, "text": text})
 
@@ -96,7 +96,7 @@ class Settings:
 
 
 def described(*kinds: type[Settings]) -> dict[str, str]:
-    """Name of each setting → words on its meaning and default."""
+    """Name of each setting → text on its meaning and default."""
     return {f.name: f.metadata["text"] for kind in kinds for f in fields(kind)}
 
 

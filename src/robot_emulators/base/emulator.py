@@ -32,7 +32,7 @@ class Options:
 
 
 class Emulator(ABC):
-    """A device's protocols, served on this machine and to nobody else.
+    """Serves a device's protocols on this machine, to nobody else.
 
     Args:
         options: address, seed, settings.
@@ -64,7 +64,7 @@ class Emulator(ABC):
         self.failure: BaseException | None = None
 
     def start(self) -> dict[str, str]:
-        """Serve from now on; the address of each link by its name, for instance ``host:port``.
+        """Begin to serve; return the address of each link by its name, for instance ``host:port``.
 
         Raises:
             EmulatorError: a port is taken or not allowed; names it and the remedy.

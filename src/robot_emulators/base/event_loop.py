@@ -90,7 +90,7 @@ class LoopThread:
             self.loop.close()
 
     async def _end(self) -> None:
-        """Wait for requests that end and connections that close."""
+        """Wait, in the thread, for tasks that end and connections that close."""
         tasks = asyncio.all_tasks() - {asyncio.current_task()}
         await asyncio.gather(*tasks, return_exceptions=True)
         for _ in range(2):
@@ -102,7 +102,7 @@ class LoopThread:
 
 
 class Listener(Generic[C]):
-    """A TCP port whose clients are served in a loop; it can be closed for a while.
+    """Serves the clients of a TCP port in a loop; the port can be closed for a while.
 
     Args:
         thread: of the loop.
@@ -124,7 +124,7 @@ class Listener(Generic[C]):
         self._tasks: set[asyncio.Task[Any]] = set()
 
     def open(self) -> None:
-        """Accept clients from now on; the loop runs.
+        """Begin to accept clients; the loop must run.
 
         Raises:
             EmulatorError: the port is taken or not allowed.
@@ -180,7 +180,7 @@ class Listener(Generic[C]):
 
 
 def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
-    """The error for a port that is taken or not allowed."""
+    """Error for a port that is taken or not allowed."""
     return EmulatorError(
         f"cannot serve {what} at {host}:{port} ({os.strerror(error.errno or 0)}): end what listens "
         "there, or give another host or port (--host 127.x.x.x)"

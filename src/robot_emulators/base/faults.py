@@ -89,7 +89,7 @@ def parse(raw: Any, where: str) -> TimedFault:
 
 
 class Faults:
-    """The faults that an emulator's links can have, and those under way.
+    """Knows the faults that an emulator's links can have, starts them, and holds those under way.
 
     Handlers are called from a thread of this object; they must return at once. A fault that is
     injected again starts anew.
@@ -152,7 +152,7 @@ class Faults:
                     raise FaultError(f"{where}: {name}: {key} = {value!r} must be {argument.what}")
 
     def inject(self, fault: TimedFault) -> None:
-        """Do it now, with the default of every value that is not given."""
+        """Start a fault now, with the default of every value that is not given."""
         fault = self._placed(fault)
         self.check([fault], "fault")
         key = fault.link, fault.kind
@@ -165,20 +165,20 @@ class Faults:
             handler(replace(fault, values=values))
 
     def _placed(self, fault: TimedFault) -> TimedFault:
-        """The fault with its link: the first that knows its kind where none is named."""
+        """The fault with a link: where it names none, the first link that has its kind."""
         links = (link for link, kind in self._kinds if kind == fault.kind)
         return fault if fault.link else replace(fault, link=next(links, ""))
 
     def start(self, script: tuple[TimedFault, ...]) -> None:
-        """Run a script from now on, in a thread; what is wrong with a fault becomes a warning."""
+        """Begin to run a script in a thread; errors of its faults become warnings."""
         threading.Thread(target=self._run, args=(script,), daemon=True).start()
 
     def listen(self, lines: TextIO, answer: Callable[[str], None]) -> None:
-        """Take faults as JSON lines until the input ends, in a thread; each is answered."""
+        """Read faults as JSON lines in a thread until the input ends, and answer each one."""
         threading.Thread(target=self._take, args=(lines, answer), daemon=True).start()
 
     def stop(self) -> None:
-        """Begin no further fault."""
+        """Start no further fault."""
         self._stopped.set()
 
     def _run(self, script: tuple[TimedFault, ...]) -> None:

@@ -88,7 +88,7 @@ class CycleThread:
 
 @contextmanager
 def given_way() -> Iterator[None]:
-    """Let real-time threads of this process wait for Python neither long nor often.
+    """Let this process's real-time threads wait for Python neither long nor often, in the block.
 
     Threads change more often, and the cyclic garbage collection leaves out all that exists already:
     a full one of this package's modules stops every thread for some 50 ms.

@@ -88,7 +88,7 @@ class Entry:
         return self.access in ("rw", "wo")
 
     def parsed(self, raw: bytes) -> int:
-        """The number that bytes on the bus stand for.
+        """Number that bytes on the bus stand for.
 
         Raises:
             AbortError: wrong length, or a value that is not allowed.
@@ -112,7 +112,7 @@ class Entry:
 
 
 class Objects:
-    """The dictionary that the text of an EDS file defines for a node id."""
+    """The object dictionary of a node, from the text of an EDS file."""
 
     def __init__(self, text: str, node: int) -> None:
         sheet = _parsed(text)
@@ -138,7 +138,7 @@ class Objects:
         self._entries[key].value = value
 
     def reset(self, area: range) -> None:
-        """Values whose index is in an area are those after power-up."""
+        """Set the values of all indices in an area to those after power-up."""
         for (index, _), entry in self._entries.items():
             if index in area:
                 entry.value = entry.default
@@ -162,7 +162,7 @@ class Objects:
 
 @functools.cache
 def _parsed(text: str) -> configparser.RawConfigParser:
-    """The sections of an EDS file; drives of one kind share it."""
+    """Parse the sections of an EDS file; drives of one kind share it."""
     sheet = configparser.RawConfigParser()
     sheet.read_string(text)
     return sheet
@@ -183,7 +183,7 @@ def _entry(section: configparser.SectionProxy, node: int) -> Entry:
 
 
 class SdoServer:
-    """Answers the requests of a client."""
+    """Answers the SDO requests of a client."""
 
     def __init__(
         self, objects: Objects, locked: Callable[[Key], None], written: Callable[[Key], None]

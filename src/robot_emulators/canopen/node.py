@@ -61,7 +61,7 @@ class Node:
         self._send = send
         self._ids = frozenset[int]()
         self._by_id: dict[int, Pdo] = {}
-        self._sdo = SdoServer(objects, self._locked, self._sdo_written)
+        self._sdo = SdoServer(objects, self._check_state, self._sdo_written)
         self._consumers = [k for k in objects if k[0] == 0x1016 and k[1]]
         self._forget()
 
@@ -72,13 +72,13 @@ class Node:
         """React to a reset of the communication, which is as after power-up again."""
 
     def on_sync(self, t: float) -> None:
-        """A SYNC at a time [s] while operational, after its RPDOs were taken."""
+        """React to a SYNC at a time [s] while operational, after its RPDOs were taken."""
 
     def on_written(self, keys: Sequence[Key]) -> None:
-        """Objects of the profile were written, in this order."""
+        """React to objects of the profile that were written, in this order."""
 
     def on_connection_lost(self, code: int) -> None:
-        """The master fell silent, or this node left OPERATIONAL."""
+        """React to a silent master, or to leaving OPERATIONAL."""
 
     def refresh(self, t: float) -> None:
         """Update what changes by itself, at a time [s]."""
@@ -94,7 +94,7 @@ class Node:
             self._forget()
             self.on_reset_communication()
             self.state = PRE_OPERATIONAL
-            self._tune()
+            self._derive_ids()
             self.send(0x700 + self.node, bytes([BOOT]))
 
     def send(self, can_id: int, data: bytes) -> None:
@@ -103,7 +103,7 @@ class Node:
             self._send(Frame(can_id, data))
 
     def hear(self, t: float, frame: Frame) -> None:
-        """Take a frame from the bus at a time [s]."""
+        """Handle a frame from the bus at a time [s]."""
         if frame.can_id not in self._ids or frame.extended or self.fails("mute"):
             return
         with self.lock:
@@ -120,13 +120,13 @@ class Node:
             self._beat(t)
 
     def error(self, code: int) -> None:
-        """An error came: it is sent, kept, and shown in the error register."""
+        """Raise an error: send it, keep it, and show it in the error register."""
         self._errors.add(code)
         self._show_errors()
         self._emergency(code)
 
     def clear(self, *codes: int) -> None:
-        """Errors are gone; the end is sent with the last one."""
+        """Clear errors; their end is sent with the last one."""
         gone = self._errors & set(codes)
         self._errors -= gone
         self._show_errors()
@@ -247,8 +247,9 @@ class Node:
         elif behaviour == 0 and self.state == OPERATIONAL:
             self.change(PRE_OPERATIONAL)
 
-    def _tune(self) -> None:
-        """Ids and consumers may have changed."""
+    def _derive_ids(self) -> None:
+        """Derive from the objects, after one was written, the nodes whose heartbeats are watched
+        (0x1016), the RPDO of each CAN id, and the set of ids that the node accepts."""
         words = [self.objects[key] for key in self._consumers]
         nodes = {w >> 16 & 0x7F for w in words if w & 0xFFFF and 0 < w >> 16 & 0xFF < 0x80}
         self._heard = {n: self._heard.get(n, 0.0) for n in nodes}
@@ -258,8 +259,8 @@ class Node:
         always = {0x000, sync, 0x600 + self.node}
         self._ids = frozenset(always | set(self._by_id) | {0x700 + n for n in nodes})
 
-    def _locked(self, key: Key) -> None:
-        """Process data are configured before OPERATIONAL, save for their event timers."""
+    def _check_state(self, key: Key) -> None:
+        """Refuse to write parameters of PDOs, other than event timers, in OPERATIONAL."""
         if 0x1400 <= key[0] < 0x1C00 and self.state == OPERATIONAL and key[1] != 5:
             raise AbortError(Abort.STATE)
 
@@ -269,4 +270,4 @@ class Node:
             return
         if key[0] == 0x1017:
             self._beat_due = 0.0
-        self._tune()
+        self._derive_ids()

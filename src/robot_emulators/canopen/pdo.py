@@ -40,7 +40,7 @@ class Pdo:
         self.forget()
 
     def forget(self) -> None:
-        """The node enters or leaves OPERATIONAL."""
+        """Reset what was received and sent, as the node enters or leaves OPERATIONAL."""
         self.heard = self.sent = 0.0
         """When it was last received or transmitted [s], 0 for never."""
         self.waiting: list[tuple[Key, int]] | None = None

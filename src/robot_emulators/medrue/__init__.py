@@ -1,5 +1,5 @@
 """MedRUE behind a CAN bus: six CiA 402 drives and an ATI Mini40 on its NETCANOEM board.
-Imports: base, can_bus, canopen, plant, errors.
-Never: a codec of wrenchbed's driver; both sides are written from the standards.
+Free: the inside (tests/emulators/test_medrue_drive.py). Others rely on: settings, faults. Never: a
+codec of wrenchbed's driver; both sides are written from the standards.
 Read first: server.py, then drive.py.
 """

@@ -94,7 +94,7 @@ TRANSITIONS = {
 
 
 class Axis:
-    """One drive without its bus."""
+    """State machine and set-point of one drive, without its bus."""
 
     def __init__(self, objects: Objects, position: float) -> None:
         self._set = objects
@@ -154,13 +154,13 @@ class Axis:
         return self.state is AxisState.ENABLED
 
     def take_mode(self) -> None:
-        """The master wrote a mode; another one begins at rest."""
+        """Follow the mode that the master wrote; another one begins at rest."""
         if self.mode != self._set[MODE]:
             self._forget()
         self.mode = self._set[MODE]
 
     def control(self, word: int) -> None:
-        """Take a controlword (0x6040)."""
+        """Obey a controlword (0x6040)."""
         rising, self._word = word & ~self._word, word
         if self.state is AxisState.FAULT:
             if rising & 0x80:
@@ -182,7 +182,7 @@ class Axis:
                 self._point = SetPoint(self.actual)
 
     def new_goal(self, target: float) -> None:
-        """A set-point of profile position mode, at the rising edge of controlword's bit 4.
+        """Begin a set-point of profile position mode, at the rising edge of controlword's bit 4.
 
         It takes the place of the one that is followed.
         """
@@ -191,7 +191,7 @@ class Axis:
         self._goal = self._within(target)
 
     def sync(self, t: float, target: float, period: float) -> None:
-        """Take a target of cyclic synchronous position mode, to be reached in a period [s]."""
+        """Receive a target of cyclic synchronous position mode, to be reached in a period [s]."""
         if not self.driven or self.mode != CYCLIC:
             return
         target = self._within(target)
@@ -253,7 +253,7 @@ class Axis:
         return inside
 
     def _follow(self, t: float, seconds: float) -> None:
-        """The set-point of an enabled axis after some time."""
+        """Advance the set-point of an enabled axis by ``seconds``."""
         settings, point = self._set, self._point
         if self.mode == CYCLIC and self._path.known:
             wanted = self._path.at(t)
@@ -279,5 +279,5 @@ class Axis:
             self._change(AxisState.DISABLED)
 
     def _brake(self, key: Key, seconds: float) -> None:
-        """Towards rest at the deceleration that an object states."""
+        """Advance the set-point towards rest, at the deceleration that an object states."""
         self._point.to_speed(0.0, self._set[key], self._set[key], seconds)

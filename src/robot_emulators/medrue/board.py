@@ -32,7 +32,7 @@ ActiveFault = Callable[[str], Mapping[str, float] | None]
 
 
 class BoardEmulator:
-    """The board at an address of the bus.
+    """The NETCANOEM board, with its gauges, at an address of the bus.
 
     Args:
         send: puts a frame on the bus.
@@ -40,7 +40,7 @@ class BoardEmulator:
         slot: where the calibration of the mounted Mini40 is.
         counts: per N and per N·m.
         wrench: the load on the gauges at a time [s] → (6,).
-        gauges: what they [V] become wrenches by (6, 6); None: each channel has one, 10 to a volt.
+        gauges: matrix (6, 6) from gauges [V] to wrenches; None: each channel has one, 10 to a volt.
         fault: values of a kind of fault that is under way, else None.
     """
 
@@ -70,7 +70,7 @@ class BoardEmulator:
         self.silent_until = now + BOOT_S
 
     def hear(self, t: float, frame: Frame) -> None:
-        """Take a frame from the bus at a time [s]."""
+        """Handle a frame from the bus at a time [s]."""
         if frame.extended or frame.can_id >> 4 != self.base:
             return
         if t < self.silent_until or self._fault("mute_board") is not None:

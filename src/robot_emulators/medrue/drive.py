@@ -128,7 +128,7 @@ class DriveEmulator(Node):
         self._report()
 
     def on_connection_lost(self, code: int) -> None:
-        """Abort connection option code (CiA 402, 0x6007)."""
+        """React as the abort connection option code says (CiA 402, 0x6007)."""
         if not self.axis.driven:
             return
         option = self.objects[0x6007, 0]
@@ -174,7 +174,7 @@ class DriveEmulator(Node):
             self.axis.new_goal(self.objects[TARGET])
 
     def _report(self) -> None:
-        """Send the error codes of the axis before its state follows."""
+        """Send the axis's new error codes before its state follows."""
         while self.axis.raised:
             code = self.axis.raised.pop(0)
             if code:
@@ -218,5 +218,5 @@ class DriveEmulator(Node):
 
 
 def _thousandths(ratio: float) -> int:
-    """A ratio to a rating as an INTEGER16."""
+    """A ratio to a rating in thousandths, as an INTEGER16."""
     return min(max(round(1000.0 * ratio), -_MOST_THOUSANDTHS), _MOST_THOUSANDTHS)

@@ -1,4 +1,4 @@
-"""Where an axis shall be at a time: set-points with a speed, and the path through cyclic targets.
+"""Commanded positions of an axis: set-points with a speed, and the path through cyclic targets.
 
 The arrival of SYNC is not a drive's clock: a phase-locked loop keeps an even one. Where a SYNC of a
 running stream is late or missing, the axis goes on along its line for a while.
@@ -32,7 +32,7 @@ class SetPoint:
     speed: float = 0.0
 
     def to_speed(self, wanted: float, up: float, down: float, seconds: float) -> None:
-        """Move for some time towards a speed."""
+        """Move for ``seconds`` towards a speed."""
         faster = wanted * self.speed >= 0.0 and abs(wanted) > abs(self.speed)
         most = (up if faster else down) * seconds
         self.speed += min(max(wanted - self.speed, -most), most)
@@ -41,7 +41,7 @@ class SetPoint:
     def to_position(
         self, goal: float, top: float, up: float, down: float, seconds: float
     ) -> bool:  # fmt: skip
-        """Move for some time towards a position; return whether it is reached."""
+        """Move for ``seconds`` towards a position; return whether it is reached."""
         way = goal - self.position
         slow = abs(self.speed) <= 3.0 * down * seconds
         if slow and abs(way) <= max(abs(self.speed) * seconds, _NEAR):
@@ -74,7 +74,7 @@ class Interpolation:
         self._lines.clear()
 
     def take(self, t: float, command: float, target: float, period: float) -> None:
-        """A target came with the SYNC of a time [s]; the axis shall be at ``command`` [count]."""
+        """Add a target of the SYNC at time t [s], where the axis is at ``command`` [count]."""
         line = Line(t, command, target, period, step=0.0)
         if self._lines and period == self._lines[-1].period > 0.0:
             last = self._lines[-1]

@@ -43,7 +43,7 @@ _QUICK_S = 0.1
 
 
 class BusFaults:
-    """Faults of the CAN bus that can be switched on; one is a node in the sensor's place."""
+    """Carries out faults of the CAN bus; one is a second node with the sensor's ids."""
 
     def __init__(
         self, faults: Faults, hub: Hub, drives: Sequence[DriveEmulator], board: BoardEmulator
@@ -51,7 +51,7 @@ class BusFaults:
         self._faults, self._hub, self._board = faults, hub, board
         self._drives = {drive.node: drive for drive in drives}
         self._random = random.Random(0)
-        self._impostor = hub.attach(self._pose)
+        self._impostor = hub.attach(self._answer_as_sensor)
         hub.stalled = lambda: faults.now("can", "stall") is not None
         drive, order = self._drive, hub.order
         nodes = list(self._drives)
@@ -91,8 +91,8 @@ class BusFaults:
         if not fault.values["silent"]:
             self._board.silent_until = 0.0
 
-    def _pose(self, t: float, frame: Frame) -> None:
-        """Answer the sensor's gauge requests too, as a node at the same ids does."""
+    def _answer_as_sensor(self, t: float, frame: Frame) -> None:
+        """Answer the sensor's gauge requests too, as a node with the same ids does."""
         base = self._board.base << 4
         asked = frame.can_id == base and not frame.data
         if asked and self._faults.now("can", "id_clash") is not None:
@@ -100,7 +100,7 @@ class BusFaults:
             self._impostor(Frame(base | 1, bytes(6)))
 
     def _garbage(self, fault: TimedFault) -> None:
-        """Frames of any id but NMT, SYNC and those that would reconfigure something."""
+        """Send random frames, but no NMT, SYNC or what would reconfigure something."""
         sensor = [self._board.base << 4 | k for k in range(16) if k not in _SETTING]
         ids = [*sensor, 0x181, 0x182, 0x081, 0x701, 0x581, 0x123, 0x7FF]
         for _ in range(int(fault.values["count"])):
@@ -140,7 +140,7 @@ class BusSettings(Settings):
 
 
 class RealTimePlant:
-    """Steps the robot at 250 Hz towards where the drives' servos want it."""
+    """Steps the robot at 250 Hz towards the positions that the drives' servos command."""
 
     def __init__(
         self, body: Plant, counts: np.ndarray, lock: threading.RLock,
@@ -163,7 +163,7 @@ class RealTimePlant:
         self._thread.start()
 
     def stop(self) -> None:
-        """Hold the clock; may be called twice."""
+        """Stop the clock; may be called twice."""
         self._thread.stop()
 
     def _step(self, due: float) -> None:

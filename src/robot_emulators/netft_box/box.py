@@ -39,7 +39,7 @@ _KINDS: dict[str, dict[str, dict[str, Argument]]] = {
 
 
 class Box:
-    """Serves the readings of a plant's sensor, alone; someone else steps the plant in real time."""
+    """Serves the readings of a plant's sensor; another object steps the plant in real time."""
 
     def __init__(
         self, body: Plant, host: str, faults: Faults, settings: BoxSettings | None = None,
@@ -60,7 +60,7 @@ class Box:
         self._web: Web | None = None
 
     def start(self) -> dict[str, str]:
-        """Serve from now on; the addresses of ``rdt`` and ``http``.
+        """Begin to serve; return the addresses of ``rdt`` and ``http``.
 
         Raises:
             EmulatorError: a port is taken or not allowed; names it.
@@ -93,7 +93,7 @@ class Box:
 
     @property
     def counters(self) -> Counter[str]:
-        """Records ``sent``, ``dropped``, ``duplicated`` …, and datagrams."""
+        """Counts of records ``sent``, ``dropped``, ``duplicated`` …, and of datagrams."""
         return Counter() if self._rdt is None else self._rdt.counters
 
     def _bind(self) -> socket.socket:

@@ -142,7 +142,7 @@ def _row(values: np.ndarray) -> str:
 
 
 def is_ours(host: str | None, origin: str | None, site: str | None, port: int) -> bool:
-    """Whether a request is of a program, or of a page of the server at a port itself.
+    """Whether a request comes from a program, or from a page of this server itself.
 
     Args:
         host: its field Host, None where there is none.
@@ -190,7 +190,7 @@ class _Handler(BaseHTTPRequestHandler):
     do_POST = do_GET
 
     def log_message(self, format: str, *arguments: object) -> None:
-        """Nothing: the emulator's terminal shows its links alone."""
+        """Print nothing: the emulator's terminal shows its links alone."""
 
 
 class Web:

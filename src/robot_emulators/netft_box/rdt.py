@@ -60,7 +60,7 @@ def parse(data: bytes) -> Request | None:
 
 
 def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> bytes:
-    """n records in a row.
+    """Bytes of n records in a row.
 
     Args:
         first: rdt_sequence of the first; it wraps after 2³² − 1.
@@ -77,7 +77,7 @@ def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> 
 
 
 class FaultySender:
-    """Sends records; ``counters`` say how many, and what became of the rest."""
+    """Sends records with faults; ``counters`` say how many, and what became of the rest."""
 
     def __init__(self, sock: socket.socket, faults: Faults, seed: int) -> None:
         self._socket, self._faults = sock, faults
@@ -111,12 +111,12 @@ class FaultySender:
         return self._faults.now("rdt", kind)
 
     def _hit(self, kind: str) -> bool:
-        """Whether this datagram is one of the fraction that a fault takes."""
+        """Draw whether a fault of a kind takes this datagram, by its share."""
         values = self._now(kind)
         return values is not None and bool(self._random.random() < values["share"])
 
     def _changed(self, parts: list[memoryview]) -> list[memoryview]:
-        """Drop and double some, and send some one place later than their turn."""
+        """Drop some datagrams, double some, and delay some by one place."""
         out: list[memoryview] = []
         for part in parts:
             if self._hit("drop"):
@@ -136,7 +136,7 @@ class FaultySender:
         return out
 
     def _spoil(self, record: bytes, to: Address) -> None:
-        """Add datagrams that are no records, or come from another port."""
+        """Send, besides a record, datagrams that are no records or come from another port."""
         random = self._random
         spoilt: list[bytes] = []
         if self._now("short") is not None:
@@ -161,7 +161,7 @@ class Pace:
     on: bool = True
 
     def every(self, internal: int) -> int:
-        """Samples from one record to the next: the rate is rounded up to what they allow."""
+        """Samples from one record to the next; so the rate is rounded up."""
         return max(1, int(internal / self.rate))
 
 
@@ -170,7 +170,7 @@ class RecordStream:
     """Records that answer one request, to a client's address.
 
     Attributes:
-        tick: sample of the next record to send, and ``every`` so many follow.
+        tick: sample of the next record to send; records are ``every`` so many samples apart.
         buffered: several records a datagram.
         left: records still to send, None for endless.
         sequence: rdt_sequence of the next record to make.
@@ -185,7 +185,7 @@ class RecordStream:
 
 
 class Rdt:
-    """Streams what ``sensing`` measures to whoever asked last."""
+    """Streams what ``sensing`` measures to the client that asked last."""
 
     def __init__(
         self, thread: LoopThread, sock: socket.socket, sensing: Sensing, pace: Pace, faults: Faults,
@@ -201,12 +201,12 @@ class Rdt:
         sock.setblocking(False)
 
     def start(self) -> None:
-        """Answer from now on; in the loop's thread."""
+        """Begin to answer; in the loop's thread."""
         self._loop.add_reader(self._socket, self._listen)
         self._turn(time.monotonic())
 
     def stop(self) -> None:
-        """End; in the loop's thread. The socket is the caller's."""
+        """End the stream; in the loop's thread. The socket is the caller's."""
         self._loop.remove_reader(self._socket)
         if self._timer is not None:
             self._timer.cancel()
@@ -216,7 +216,7 @@ class Rdt:
         self._stream = None
 
     def answer(self, request: Request, sender: Address, now: float) -> None:
-        """Do what a request asks."""
+        """Execute a request."""
         if request.command == BIAS:
             self._sensing.zero()
             self._unmake()
@@ -233,7 +233,7 @@ class Rdt:
             )
 
     def _turn(self, due: float) -> None:
-        """Send what is due, on absolute deadlines [s]."""
+        """Send the records that are due, on absolute deadlines [s]."""
         now = time.monotonic()
         self._sensing.observe()
         wait = _IDLE_S
@@ -244,7 +244,7 @@ class Rdt:
         self._timer = self._loop.call_at(due, self._turn, due)
 
     def _unmake(self) -> None:
-        """Throw away records that are made but not sent; they are made anew."""
+        """Discard records that are made but not sent; they are made anew."""
         if self._stream is not None:
             made = len(self._ready) // _SIZE
             self._stream.sequence = (self._stream.sequence - made) & 0xFFFFFFFF

@@ -1,4 +1,4 @@
-"""The box's sensor: from the load in simulated time to counts, with its settings and faults."""
+"""The box's sensor: turns the load in simulated time into counts, with its settings and faults."""
 
 import threading
 import time
@@ -82,7 +82,7 @@ class Sensing:
         self._drawn = 0
 
     def observe(self) -> None:
-        """Look at the body's clock; to be called often."""
+        """Update the offset between this machine's clock and the body's; to be called often."""
         due, newest = self._body.newest
         self._offset = due - newest
 
@@ -91,7 +91,7 @@ class Sensing:
         return host - self._offset - self._lag
 
     def warm_up(self) -> None:
-        """Draw a block of noise, which loads what its filters need."""
+        """Draw a block of noise, so that later draws need not load modules."""
         self._body.readings(self._body.newest[1] + 1e-6 * np.arange(64))
 
     def tick(self, host: float) -> int:
@@ -103,7 +103,7 @@ class Sensing:
         return self._power_up + tick / self.rate
 
     def ahead(self, tick: int, every: int) -> int:
-        """How many samples from ``tick`` on, ``every`` so many, the body knows already."""
+        """Number of samples from ``tick`` on, ``every`` apart, that the body can give."""
         behind = self._body.newest[1] - self.simulated(self.host(tick))
         return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
 
@@ -142,7 +142,7 @@ class Sensing:
         return np.tile(self._frozen, (len(counts), 1)), status
 
     def zero(self) -> None:
-        """Software bias: what is measured now reads as zero from now on."""
+        """Set the software bias: the present reading is zero from now on."""
         with self._lock:
             self.bias = self._raw.copy()
 
@@ -157,7 +157,7 @@ class Sensing:
             self.bias = np.where(np.arange(6) == channel, counts, self.bias)
 
     def restart(self) -> None:
-        """Power off and on: samples are counted from 0 and the zero is lost."""
+        """Switch power off and on: samples are counted from 0 and the zero is lost."""
         with self._lock:
             self._power_up = time.monotonic()
             self.bias = np.zeros(6)
@@ -174,7 +174,7 @@ class Sensing:
         return np.asarray(np.rint(stamp + factor * (ticks - since)), dtype=np.int64)
 
     def _flicker(self, counts: np.ndarray) -> np.ndarray:
-        """Without noise the last bit of a converter still flickers."""
+        """Make the last bit of counts without noise flicker, as converters do."""
         if (counts[0] == counts[-1]).all() and (counts == counts[0]).all():
             counts[:, 5] += (self._drawn + np.arange(len(counts))) & 1
             self._drawn += len(counts)

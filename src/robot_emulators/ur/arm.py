@@ -99,7 +99,7 @@ class ForceMode:
 
 
 class ControlledArm:
-    """Steps the robot to what the active motion wants."""
+    """Steps the robot along the active motion, within the joints' limits."""
 
     def __init__(self, plant: Plant, estimate: WrenchEstimate) -> None:
         self.plant, self.estimate = plant, estimate
@@ -128,11 +128,11 @@ class ControlledArm:
         return bool(np.abs(self.qd).max() > 1e-4)
 
     def moves_by(self, motion: ArmMotion) -> bool:
-        """Whether a motion moves the arm, or will when it may again."""
+        """Whether a motion moves the arm, or will once the arm may move again."""
         return motion is (self._interrupted if self._frozen else self.motion)
 
     def start(self, motion: ArmMotion) -> None:
-        """Let a motion move the arm from now on."""
+        """Make a motion the active one."""
         if self._frozen:
             self._interrupted = motion
             return
@@ -140,7 +140,7 @@ class ControlledArm:
         self.motion = motion
 
     def brake(self, deceleration: float, seconds: float | None = None) -> Braking:
-        """Come to rest; what moved the arm is over."""
+        """Come to rest; the motion that moved the arm ends."""
         braking = Braking(deceleration, seconds)
         if self._frozen:
             self._interrupted = None
@@ -157,14 +157,14 @@ class ControlledArm:
             self._interrupted = None
 
     def freeze(self) -> None:
-        """Brake and keep what moved the arm until `thaw`."""
+        """Brake, and keep the interrupted motion until `thaw`."""
         if not self._frozen:
             self._interrupted, self._frozen = self.motion, True
             self.motion = Braking(SAFE_DECELERATION)
             self.motion.begin(self._plain, self.qd)
 
     def thaw(self, go_on: bool) -> None:
-        """Take up the interrupted motion again, or forget it."""
+        """Continue the interrupted motion, or drop it."""
         if not self._frozen:
             return
         self._frozen = False
@@ -173,14 +173,14 @@ class ControlledArm:
             self.start(waiting)
 
     def end_force_mode(self) -> None:
-        """Axes are stiff again, where they are."""
+        """Make all axes stiff again, where they are."""
         self.force = None
         self._plain = self.q.copy()
         if self.motion is not None:
             self.motion.begin(self._plain, self.qd)
 
     def cycle(self) -> str | None:
-        """Take one control cycle; what the safety system objects to, if anything."""
+        """Take one control cycle; return why the safety system has to stop the arm, else None."""
         dt = self.plant.cycle
         violation = None
         try:
@@ -223,7 +223,7 @@ class ControlledArm:
         return None
 
     def _emergency_step(self, dt: float) -> np.ndarray:
-        """Braking begins in the cycle of the violation."""
+        """Joint values (6,) of the cycle of a violation, in which braking begins."""
         self.freeze()
         assert self.motion is not None
         self._next_plain = self.motion.step(self._plain, dt)

@@ -50,7 +50,7 @@ class Controller:
     """All of the robot but its network.
 
     Attributes:
-        announce: takes what clients of the primary interface are told.
+        announce: called with each message for clients of the primary interface.
         address: from which programs open connections; empty: from any.
         popup: a popup waits for someone to close it.
         freedrive: the arm may be pushed by hand.
@@ -100,7 +100,7 @@ class Controller:
         self._say_safety()
 
     def upload(self, programs: Iterable[str]) -> None:
-        """Take programs; each but a secondary one ends the one that plays."""
+        """Receive programs; each but a secondary one ends the one that plays."""
         for text in programs:
             secondary = is_secondary(text)
             if self.now < self.script_denied_until or not (secondary or self.modes.ready):
@@ -123,7 +123,7 @@ class Controller:
         return loaded is not None
 
     def play(self) -> bool:
-        """Go on after a pause, or start the loaded program; return False if neither is possible."""
+        """Continue after a pause, or start the loaded program; return False if neither is due."""
         if not self.modes.ready or self.modes.runtime is Runtime.PLAYING:
             return False
         if self.modes.runtime is Runtime.PAUSED and self.program is not None:
@@ -139,7 +139,7 @@ class Controller:
         return True
 
     def pause(self) -> bool:
-        """Brake and hold the program; False where none plays."""
+        """Brake and hold the program; return False where none plays."""
         if self.modes.runtime is not Runtime.PLAYING:
             return False
         self._hold()
@@ -168,7 +168,7 @@ class Controller:
         self._hold()
 
     def emergency_stop(self, until: float) -> None:
-        """The button is pressed until a time [s]."""
+        """Press the emergency button until a time [s]."""
         self.modes.emergency_stop(until)
         self._hold()
 
@@ -201,14 +201,14 @@ class Controller:
         self._tolerated = self.settings.protective_force
 
     def _start(self, text: str, at_once: bool = False) -> bool:
-        """Begin a program; a long one once it is compiled. False where its text is none."""
+        """Begin a program, a long one once it is compiled; return False where its text is none."""
         if at_once or len(text) < _LONG:
             return self._attempt(lambda: compiled(self.settings.version, text))
         self._uploaded = self.compiling(text)
         return True
 
     def _attempt(self, code: Callable[[], Code]) -> bool:
-        """Begin an interpreted program; False where its text is none, which is announced."""
+        """Begin an interpreted program; announce, and return False, where its text is none."""
         try:
             program = ScriptProgram(self, code())
         except ScriptFaultError as error:
@@ -258,7 +258,7 @@ class Controller:
         self.arm.freeze()
 
     def _pressed_too_hard(self) -> bool:
-        """Force above its limit; after a stop the arm may leave with what presses on it still."""
+        """Whether the force is above its limit, which is higher after a stop: the arm may leave."""
         force = float(np.linalg.norm(self.estimate.wrench[:3]))
         if force < self.settings.protective_force:
             self._tolerated = self.settings.protective_force
@@ -286,7 +286,7 @@ def functions(version: Version) -> Table:
 
 @lru_cache(_KEPT)
 def compiled(version: Version, text: str) -> Code:
-    """A program for this software.
+    """Compile a program for this software.
 
     Raises:
         ScriptFaultError: the text is no program.

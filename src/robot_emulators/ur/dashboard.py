@@ -138,7 +138,7 @@ class Dashboard(Conversation):
         return "Flight Report generated with id: 00000000-0000-0000-0000-000000000001"
 
     def _choose(self, name: str, known: Sequence[str], wrong: str, done: str, word: str) -> str:
-        """Set a word of the controller; the answer, also where it is none of the known ones."""
+        """Set a field of the controller to a known word; return the answer."""
         if word.upper() not in known:
             return wrong.format(word)
         setattr(self._controller, name, word.upper())

@@ -44,12 +44,12 @@ def matrix(pose: np.ndarray) -> Transform:
 
 
 def vector(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Pose (6,)."""
+    """Pose (6,) of a rotation matrix and a position."""
     return np.concatenate([position, rotation_vector(rotation)])
 
 
 def compose(first: Transform, second: Transform) -> Transform:
-    """One transform after the other."""
+    """Transform of ``second`` after ``first``."""
     return first[0] @ second[0], first[0] @ second[1] + first[1]
 
 
@@ -140,7 +140,7 @@ class Kinematics:
         return _solve(self.jacobian(q, tcp), twist)
 
     def follow(self, pose: np.ndarray, tcp: np.ndarray, near: np.ndarray) -> np.ndarray | None:
-        """Joint values next to ``near`` (6,) for a pose next to theirs, None without any."""
+        """Joint values close to ``near`` (6,) for a pose close to theirs, None without any."""
         goal_rotation, goal = matrix(pose)
         q = np.array(near)
         for _ in range(_TRIES):

@@ -1,4 +1,4 @@
-"""TCP connections that a program opens: never waited for, and what comes in is bounded."""
+"""TCP connections that a program opens: without waiting, and with bounded input."""
 
 import contextlib
 import ipaddress
@@ -12,7 +12,7 @@ _HOLDS = 1 << 16
 
 
 class Link:
-    """A TCP connection of a program; dialling begins at once, and `open` says when it stands."""
+    """A TCP connection of a program; it is dialled at once, and `open` tells when it is made."""
 
     def __init__(self, address: str, port: int, source: str) -> None:
         self.held = bytearray()

@@ -1,4 +1,4 @@
-"""Messages of the primary interface: what happened on the controller.
+"""Messages of the primary interface on events of the controller.
 
 Layout: Universal Robots, "Remote control via TCP/IP", Client_Interface.xlsx. Big endian: int32 size
 of the whole message, uint8 20, uint64 time stamp [µs], int8 source, uint8 kind, then the kind's own
@@ -25,7 +25,7 @@ class Event:
 
     Attributes:
         kind: of `SAID` … `FAULT`.
-        source: who says it.
+        source: number of the part that sends it.
         fields: of this kind, packed.
         text: at the end.
     """
@@ -53,47 +53,46 @@ def _titled(title: str) -> bytes:
 
 
 def version(numbers: tuple[int, int, int, int], date: str) -> Event:
-    """Which software this is; a client's first message."""
+    """Message of the software's version; the first one that a client gets."""
     major, minor, bugfix, build = numbers
     fields = struct.pack(">BBii", major, minor, bugfix, build)
     return Event(VERSION, _ROBOT, _titled("URControl") + fields, date)
 
 
 def said(text: str) -> Event:
-    """textmsg of a program."""
+    """Message of a program's textmsg."""
     return Event(SAID, _INTERFACE, b"", text)
 
 
 def popup_shown(text: str, title: str, flags: tuple[bool, bool, bool]) -> Event:
-    """popup of a program; flags: warning, error, blocking."""
+    """Message of a program's popup; flags: warning, error, blocking."""
     return Event(POPUP, _INTERFACE, struct.pack(">IB???", 0, 0, *flags) + _titled(title), text)
 
 
 def safety(mode: int) -> Event:
-    """The safety mode has changed."""
+    """Message that the safety mode is now ``mode``."""
     return Event(SAFETY, _ROBOT, struct.pack(">iiBII", 0, 0, mode, 1, 0))
 
 
 def error(code: int, argument: int, text: str) -> Event:
-    """A warning by its code: ``C code A argument``."""
+    """Message of a warning by its code: ``C code A argument``."""
     return Event(ERROR, _ROBOT, struct.pack(">iiiII", code, argument, _WARNING, 1, 0), text)
 
 
 def key(title: str, text: str) -> Event:
-    """A program began or ended: ``PROGRAM_XXX_STARTED`` and the like, with its name."""
+    """Message that a program began or ended: ``PROGRAM_XXX_STARTED`` and its name."""
     return Event(KEY, _INTERFACE, struct.pack(">ii", 0, 0) + _titled(title), text)
 
 
 def runtime_fault(line: int, column: int, text: str) -> Event:
-    """A program cannot go on, at a line and column of its text, from 1."""
+    """Message that a program cannot go on, at a line and column of its text, from 1."""
     return Event(FAULT, _INTERFACE, struct.pack(">II", max(0, line), max(0, column)), text)
 
 
 def stopped_because(why: str) -> Event:
     """Message that gives the reason of a stop by the safety system.
 
-    C153A0 and its kin name the exact cause on a controller; the emulator says it in words, under
-    one code of its own choice.
+    A controller has a code for each cause, C153A0 and others; the emulator has one, and a text.
     """
     return error(153, 0, why)
 

@@ -37,7 +37,7 @@ class Runtime(IntEnum):
 
 
 class Modes:
-    """State of power, safety and program, and how long each change takes.
+    """State of power, safety and program; each change takes its time.
 
     Attributes:
         now: time of the last control cycle (`time.monotonic`, [s]).
@@ -118,6 +118,6 @@ class Modes:
             self._unlocked_at = self.now + _UNLOCK_S
 
     def emergency_stop(self, until: float) -> None:
-        """The button is pressed until a time [s]; the arm has no power after it."""
+        """Press the emergency button until a time [s]; the arm has no power after it."""
         self.safety, self._emergency_ends = SafetyMode.ROBOT_EMERGENCY_STOP, until
         self.power_off()

@@ -25,7 +25,7 @@ _GAIN = 300.0
 
 
 class Profile:
-    """Trapezoid of speed over a length."""
+    """Speed profile over a length: a trapezoid."""
 
     def __init__(self, length: float, speed: float, acceleration: float) -> None:
         self.length, self._a = length, acceleration
@@ -53,11 +53,11 @@ class Profile:
 
 @dataclass(frozen=True)
 class Pace:
-    """How fast a move goes.
+    """Speeds and times of a move.
 
     Attributes:
         speed, acceleration: of its way.
-        seconds: it takes, instead of these; 0: as they say.
+        seconds: that it takes, instead of these; 0: as these say.
         top: speeds (6,) of the joints, for whose sake a move in a given time takes longer.
     """
 
@@ -71,8 +71,8 @@ class ArmMotion(ABC):
     """A motion under way.
 
     Attributes:
-        done: it has come to its end.
-        scaled: the speed slider slows it down.
+        done: whether it has ended.
+        scaled: whether the speed slider slows it down.
     """
 
     done = False
@@ -80,7 +80,7 @@ class ArmMotion(ABC):
 
     @abstractmethod
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
-        """Set out from joint values and speeds (6,), for the first time or after a pause."""
+        """Start from joint values and speeds (6,), for the first time or after a pause."""
 
     @abstractmethod
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
@@ -118,7 +118,7 @@ class Braking(ArmMotion):
 
 
 class _Planned(ArmMotion):
-    """A move along a way that is known, after braking from any speed that is left."""
+    """A move along a known way, which begins once the arm has braked from any speed."""
 
     scaled = True
 
@@ -157,11 +157,11 @@ class _Planned(ArmMotion):
 
     @abstractmethod
     def _plan(self, q: np.ndarray) -> float:
-        """Length of the way from here."""
+        """Plan the way from q (6,); return its length."""
 
     @abstractmethod
     def _at(self, share: float, q: np.ndarray) -> np.ndarray:
-        """Joint values at a share of the way."""
+        """Joint values at a share, 0 … 1, of the way."""
 
 
 class ToJoints(_Planned):
@@ -269,7 +269,7 @@ class Servo(ArmMotion):
         self._speed = np.array(qd)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """A critically damped second order, exact for a target at rest."""
+        """Next target (6,) by a critically damped second order, exact for a target at rest."""
         w, miss = self._rate, q - self._goal
         fade, slope = exp(-w * dt), self._speed + w * miss
         self._speed = (self._speed - w * dt * slope) * fade
@@ -296,7 +296,7 @@ class JointSpeed(ArmMotion):
         self._speed = np.array(qd)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Towards the goal in a straight line, no component faster than the acceleration."""
+        """Next target (6,): speeds go straight to the goal, none faster than the acceleration."""
         change, most = self._goal - self._speed, self._rate * dt
         largest = float(np.abs(change).max())
         self._speed = self._speed + change * (most / max(largest, most))

@@ -1,4 +1,4 @@
-"""The controller's TCP ports: what waits for a client is bounded, and ports can misbehave."""
+"""The controller's TCP ports: data that wait for a client are bounded, and ports can misbehave."""
 
 import time
 from abc import ABC, abstractmethod
@@ -15,14 +15,14 @@ _HOLDS = 1 << 18
 
 
 class Conversation(ABC):
-    """Server's side of one connection."""
+    """The server's side of one connection."""
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> bool:
-        """Take bytes; False ends the connection."""
+        """Handle bytes from the client; return False to end the connection."""
 
     def end(self) -> None:  # noqa: B027 - most conversations hold nothing
-        """The connection is gone."""
+        """Clean up after the connection is gone."""
 
 
 class Peer(Connection):
@@ -48,8 +48,8 @@ class Peer(Connection):
             self.close()
 
     def send(self, data: bytes, most: int = 0) -> None:
-        """Send what the kernel takes and keep the rest, up to ``most`` bytes or the usual limit; a
-        client for whom more would wait is closed."""
+        """Send what the kernel accepts and keep the rest, up to ``most`` bytes or the usual limit;
+        close a client for whom more would wait."""
         if self.closed:
             return
         self._held += data
@@ -73,7 +73,7 @@ class Peer(Connection):
             self._flush()
 
     def _quiet(self) -> bool:
-        """Whether nothing is heard from or said to this client at present."""
+        """Whether, at present, no data pass between the server and this client."""
         return self._port.suffers("stall") or (self._deaf and self._port.suffers("deaf"))
 
     def _flush(self) -> None:
@@ -108,7 +108,7 @@ class Port(Listener[Peer]):
         return self._faults.now(self._name, kind) is not None
 
     def handlers(self) -> dict[str, Callable[[TimedFault], None]]:
-        """Faults that happen at once, in the loop's thread."""
+        """Handlers of faults that act at once, by kind; they run in the loop's thread."""
         return {
             "fin": lambda fault: self.hang_up(),
             "rst": lambda fault: self.hang_up(reset=True),

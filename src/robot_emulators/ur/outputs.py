@@ -53,7 +53,7 @@ class Outputs:
         self._count = 0
 
     def update(self, timestamp: float, wanted: Set[str]) -> None:
-        """Take the controller's state after a cycle; what takes long, for `wanted` fields alone."""
+        """Update the outputs after a cycle; those that take long only if they are in ``wanted``."""
         controller = self._controller
         self._count += 1
         outputs: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
@@ -66,7 +66,7 @@ class Outputs:
         values.update({name: value for name, value in outputs.items() if name in controller.fields})
 
     def _raw(self) -> Values:
-        """The reading of the sensor, or where a box has it for itself what the arm measures."""
+        """Reading of the sensor, or if a box has that one, the wrench that the arm measures."""
         plant = self._controller.arm.plant
         if not self._shared:
             return tuple(self._controller.arm.load.tolist())
@@ -158,10 +158,10 @@ class Timestamp:
         return self._offset + self._plant.time
 
     def jump(self, by: float) -> None:
-        """Move the clock [s], also for time in which the loop stood still."""
+        """Move the clock by a time [s], also for time in which the loop stood still."""
         self._offset += by
 
     def restart(self, at: float) -> None:
-        """Begin near zero at a time of `time.monotonic` [s]."""
+        """Set the clock near zero at a time of `time.monotonic` [s]."""
         off = max(0.0, at - time.monotonic())
         self._offset = -self._plant.time - (off if off != float("inf") else 0.0)

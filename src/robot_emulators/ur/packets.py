@@ -94,7 +94,7 @@ def text(message: str, source: str, level: int, version: int) -> bytes:
 
 
 def names(raw: bytes) -> list[str] | None:
-    """Names of a recipe, joined by commas; None where the list is longer than allowed."""
+    """Names in a recipe, which commas join; None where the list is longer than allowed."""
     if len(raw) > _LONGEST_NAMES:
         return None
     return [name for name in raw.decode("latin-1").split(",") if name]
@@ -160,7 +160,7 @@ class Recipe:
 
 
 def outputs(version: Version) -> dict[str, str]:
-    """Name → type of what this software sends."""
+    """Types of the outputs that a version of the software sends, by their names."""
     fields = _listed(_OUTPUTS) | _registers("output", version) | _registers("input", version)
     return {
         name: kind for name, kind in fields.items()
@@ -174,7 +174,7 @@ def inputs(version: Version) -> dict[str, str]:
 
 
 def zero(kind: str) -> Values:
-    """A type's value at rest."""
+    """Value 0 of a type."""
     if kind == "BOOL":
         return (False,)
     number: float | int = 0.0 if "DOUBLE" in kind or kind.endswith("D") else 0

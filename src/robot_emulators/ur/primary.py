@@ -43,7 +43,7 @@ _DATE = "08-03-2022, 12:00:00"
 
 
 def robot_state(controller: Controller, timestamp: float) -> bytes:
-    """The message, at the controller's time [s]."""
+    """Message of the robot's state, at the controller's time [s]."""
     modes, values, terminals = controller.modes, controller.values, controller.terminals
     settings, arm = controller.settings, controller.arm
     slider, analog, types = terminals.slider, terminals.analog, terminals.analog_types
@@ -84,7 +84,7 @@ def robot_state(controller: Controller, timestamp: float) -> bytes:
 
 
 def _joint(values: Mapping[str, Values], k: int) -> bytes:
-    """Position, target, speed, current, voltage, temperatures and mode of a joint."""
+    """Bytes of a joint: position, target, speed, current, voltage, temperatures and mode."""
     *numbers, mode = (values[name][k] for name in _JOINT)
     return pack(">3d4fB", *numbers, 0.0, mode)
 
@@ -112,12 +112,12 @@ class Primary:
         return FIELDS if self._readers and self._due <= self._controller.now else frozenset()
 
     def primary(self, peer: Peer) -> "ScriptClient":
-        """A client of port 30001: states and messages."""
+        """Make the conversation with a client of port 30001: states and messages."""
         self._listeners.add(peer)
         return self.secondary(peer)
 
     def secondary(self, peer: Peer) -> "ScriptClient":
-        """A client of port 30002: states."""
+        """Make the conversation with a client of port 30002: states."""
         version = messages.version(self._controller.settings.version, _DATE)
         peer.send(version.packed(self._clock.now()))
         self._readers.add(peer)
@@ -126,8 +126,8 @@ class Primary:
     def tell(self, event: Event) -> None:
         """Send a message to every client of the primary interface.
 
-        A safety mode comes with the next robot state, and an error code after it, so that whoever
-        hears of a stop finds it in the state, too.
+        A safety mode is sent with the next robot state, and an error code after it, so that a
+        client that learns of a stop finds it in the state, too.
         """
         packed = event.packed(self._clock.now())
         if event.kind == messages.SAFETY:

@@ -64,7 +64,7 @@ def _text(path: Path) -> str:
 
 
 def _converted(data: bytes, name: str) -> str:
-    """A tree of nodes as URScript; empty where a node asks a computer for the program."""
+    """Convert a tree of nodes to URScript; empty where a node asks a computer for the program."""
     try:
         if data[:2] == b"\x1f\x8b":
             data = zlib.decompressobj(16 + zlib.MAX_WBITS).decompress(data, _LARGEST)
@@ -77,14 +77,14 @@ def _converted(data: bytes, name: str) -> str:
 
 
 class _Converter:
-    """Nodes of a program to URScript."""
+    """Converts nodes of a program to URScript."""
 
     def __init__(self, root: ET.Element, name: str) -> None:
         self._root, self._name = root, name
         self._parents = {child: parent for parent in root.iter() for child in parent}
 
     def text(self) -> str:
-        """The whole program; empty where its only node asks a computer for it."""
+        """URScript of the whole program; empty where its only node asks a computer for it."""
         nodes = _children(self._root)
         main = [child for node in nodes if node.tag == "MainProgram" for child in _children(node)]
         contributed = [node for node in self._root.iter() if node.tag == "Contributed"]
@@ -174,7 +174,7 @@ class _Converter:
         return "".join(words)
 
     def _variable(self, node: ET.Element) -> str:
-        """A variable's name, where need be at the place that the node refers to."""
+        """Name of a variable, if need be from the place to which the node refers."""
         for step in node.get("reference", "").split("/"):
             if step == "..":
                 node = self._parents.get(node, node)
@@ -200,6 +200,6 @@ def _children(node: ET.Element) -> list[ET.Element]:
 
 
 def _word(name: str) -> str:
-    """A name that URScript takes."""
+    """Make a name that URScript accepts."""
     kept = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name)
     return kept if kept and not kept[0].isdigit() else f"_{kept}"

@@ -31,12 +31,12 @@ _ENDS = {
 
 
 def size(version: Version) -> int:
-    """Bytes of a message of this software."""
+    """Bytes of a message of this version of the software."""
     return next(n for since, n in reversed(_ENDS.items()) if since <= version[:2])
 
 
 def state(values: Mapping[str, Values], timestamp: float, bytes_: int) -> bytes:
-    """A message of so many bytes, from RTDE's outputs, at the controller's time [s]."""
+    """Message of ``bytes_`` bytes, from RTDE's outputs, at the controller's time [s]."""
     numbers = [timestamp, *(float(x) for x in _numbers(values))][: (bytes_ - 4) // 8]
     return pack(f">i{len(numbers)}d", bytes_, *numbers)
 
@@ -60,7 +60,7 @@ class Realtime:
         return frozenset(name for name, _ in _FIELDS) if self._readers else frozenset()
 
     def answer(self, peer: Peer) -> ScriptClient:
-        """A client, who may send programs too."""
+        """Make the conversation with a client, who may send programs too."""
         self._readers.add(peer)
         return ScriptClient(self._controller)
 

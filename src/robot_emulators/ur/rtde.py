@@ -20,7 +20,7 @@ _MOST_HELD = 1 << 22
 
 
 class Inputs:
-    """Inputs of the controller that clients write.
+    """Holds the inputs of the controller that clients write.
 
     A value stays until it is written again. An input belongs to the client whose accepted recipe
     first named it, until that client is gone.
@@ -36,7 +36,7 @@ class Inputs:
         self._owners: dict[str, Hashable] = {}
 
     def claim(self, owner: Hashable, names: Sequence[str]) -> list[str]:
-        """The inputs' types, or why not; nothing is claimed unless all are free."""
+        """Reserve inputs; return their types, or why not: none is reserved unless all are free."""
         types = [self._type(owner, name) for name in names]
         if IN_USE not in types and NOT_FOUND not in types:
             self._owners.update(dict.fromkeys(names, owner))
@@ -64,7 +64,7 @@ class Inputs:
 
 
 class Terminals:
-    """Outputs of the control box.
+    """Holds the outputs of the control box.
 
     Attributes:
         bits: digital outputs: 8 standard, 8 configurable, 2 of the tool.
@@ -152,7 +152,7 @@ class RtdeSession(Conversation):
         return True
 
     def due(self) -> bool:
-        """Count one control cycle: whether this client gets a packet in it."""
+        """Count one control cycle; return whether this client gets a packet in it."""
         if not self.started or self.output is None:
             return False
         self._phase += self._share
@@ -227,7 +227,7 @@ class RtdeSession(Conversation):
         self._answer(wire.PAUSE, bytes([1]))
 
     def _data(self, payload: bytes) -> None:
-        """Input data: a payload that is too short is dropped, of a long one the start is taken."""
+        """Write input data: a short payload is dropped, of a long one the start is used."""
         recipe = self.inputs.get(payload[0]) if payload else None
         values = None if recipe is None else recipe.unpack(payload[1:])
         if values is not None:
@@ -243,7 +243,7 @@ class Rtde:
         self._sessions: dict[Peer, RtdeSession] = {}
 
     def answer(self, peer: Peer) -> RtdeSession:
-        """The session of a new client."""
+        """Make the session of a new client."""
         self._sessions[peer] = session = RtdeSession(self._offer, peer.send)
         return session
 

@@ -1,4 +1,4 @@
-"""What a URScript program exchanges with others: registers, inputs and outputs, sockets."""
+"""Functions by which a URScript program exchanges data: registers, inputs and outputs, sockets."""
 
 import struct
 from collections.abc import Callable
@@ -33,7 +33,7 @@ _SENT: dict[str, Callable[[Any], bytes]] = {
 
 
 def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int | None]:
-    """Field of a register, and its bit where it is one of those that share a word."""
+    """Name of a register's field, and its bit if several share the field, else None."""
     where = real(address, "an address")
     if where != int(where):
         raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
@@ -68,7 +68,7 @@ def _write(kind: str, program: ScriptProgram, address: Any, value: Any) -> None:
 
 
 def int32(value: Any) -> int:
-    """A whole number of 32 bits."""
+    """Whole number of 32 bits that a value is."""
     whole = int(real(value, "a value"))
     if not -(2**31) <= whole < 2**31:
         raise ScriptFaultError(f"{whole} is no 32 bit integer")
@@ -111,19 +111,19 @@ for _group in _GROUPS:
     "get_tool_digital_in",
 )  # fmt: skip
 def digital_in(program: ScriptProgram, n: float) -> bool:
-    """Nothing is wired to the inputs."""
+    """False: nothing is wired to the inputs."""
     return False
 
 
 @TABLE.add("get_standard_analog_in", "get_analog_in")
 def analog_in(program: ScriptProgram, n: float) -> float:
-    """Nothing is wired to the inputs."""
+    """Zero: nothing is wired to the inputs."""
     return 0.0
 
 
 @TABLE.add("set_standard_analog_out", "set_analog_out")
 def set_standard_analog_out(program: ScriptProgram, n: float, f: float) -> None:
-    """An analog output, as a fraction of its range."""
+    """Set an analog output, as a fraction of its range."""
     if n not in (0, 1):
         raise ScriptFaultError(f"there is no analog output {n:g}")
     program.controller.terminals.analog[int(n)] = min(max(f, 0.0), 1.0)
@@ -133,7 +133,7 @@ def set_standard_analog_out(program: ScriptProgram, n: float, f: float) -> None:
 def socket_open(
     program: ScriptProgram, address: str, port: float, socket_name: str = _NAME
 ) -> Steps:
-    """True once it is connected, False after 2 s."""
+    """Open a connection: True once it is made, False after 2 s."""
     link = yield from dialled(program.controller, program.links, address, int(port), socket_name)
     if link is not None:
         return True
@@ -150,7 +150,7 @@ def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
 def _waited(
     program: ScriptProgram, name: str, timeout: float, read: Callable[[Link], bytes | None]
 ) -> Steps:
-    """Bytes that a read finds before the timeout [s], else None; a timeout of zero never ends.
+    """Wait for the bytes of a read, None after the timeout [s]; a timeout of zero never ends.
 
     A read that finds the connection closed takes a control cycle, so that no program can spin.
     """
@@ -209,7 +209,7 @@ def socket_read_line(
 def socket_get_var(
     program: ScriptProgram, name: str, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Ask ``GET name``; the whole number of the answer ``name value``, 0 without one."""
+    """Ask ``GET name``; return the whole number of the answer ``name value``, 0 without one."""
     if not _send(program, socket_name, f"GET {name}\n".encode()):
         yield
         return 0

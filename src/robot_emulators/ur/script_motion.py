@@ -38,7 +38,7 @@ def _joints(program: ScriptProgram, goal: Any) -> np.ndarray:
 
 
 def _pose(program: ScriptProgram, goal: Any) -> np.ndarray | None:
-    """A goal as a pose; None where the arm cannot be there."""
+    """Pose (6,) of a goal (a pose or joint values); None where the arm cannot be there."""
     arm = program.arm
     if not isinstance(goal, Pose):
         return arm.kinematics.pose(_joints(program, goal), arm.tcp)
@@ -120,7 +120,7 @@ def optimovel(
 
 
 def _kept(program: ScriptProgram, new: M) -> M:
-    """The motion of the same kind that moves the arm already, else the new one."""
+    """The present motion if it is of the kind of ``new``, to be continued; else ``new``."""
     motion = program.arm.motion
     return motion if type(motion) is type(new) else new
 
@@ -130,7 +130,7 @@ def servoj(
     program: ScriptProgram, q: Six, a: float = 0, v: float = 0, t: float = 0.002,
     lookahead_time: float = 0.1, gain: float = 300,
 ) -> Steps:  # fmt: skip
-    """Follow joint values that are given again and again; takes a time [s]."""
+    """Follow joint values that are given again and again; the call takes ``t`` [s]."""
     servo = _kept(program, motions.Servo())
     servo.aim(q, lookahead_time, gain)
     yield from program.during(servo, program.cycles(t))
@@ -149,7 +149,8 @@ def servoc(
 
 @TABLE.add()
 def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
-    """Joint speeds, kept until something else moves the arm; takes a time, or until they are."""
+    """Move at joint speeds until something else moves the arm; takes ``t`` [s], 0: until
+    reached."""
     motion = _kept(program, motions.JointSpeed())
     motion.aim(qd, a)
     yield from program.during(motion, _until(program, t, motion))
@@ -157,7 +158,7 @@ def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
 
 @TABLE.add()
 def speedl(program: ScriptProgram, xd: Six, a: float, t: float = 0.0, aRot: Any = "a") -> Steps:
-    """Velocity of the TCP, kept until something else moves the arm."""
+    """Move the TCP at a velocity until something else moves the arm."""
     arm = program.arm
     motion = _kept(program, motions.ToolSpeed(arm.kinematics, arm.tcp.copy()))
     motion.aim(xd, a)

@@ -1,4 +1,4 @@
-"""A program in URScript that plays: what its functions act on, and who of its threads moves.
+"""A URScript program that plays: what its functions act on, and which of its threads moves the arm.
 
 The External Control node asks a computer for its program as the maker's URCap does: the computer
 serves TCP, the robot sends ``request_program`` and a line's end, and gets a text. It has no length;
@@ -40,8 +40,8 @@ class ScriptProgram:
 
     Attributes:
         name: of the program.
-        secondary: it runs beside the program that plays.
-        direct: what it commands is done in the same control cycle, else in the next.
+        secondary: whether it runs beside the program that plays.
+        direct: whether its commands act in the same control cycle, else in the next.
         links: its TCP connections.
     """
 
@@ -75,7 +75,7 @@ class ScriptProgram:
         self.links.close()
 
     def watch(self, name: str, frequency: float, action: str) -> None:
-        """Pause or stop where an input is written less often [Hz].
+        """Pause or stop the program where an input is written less often [Hz].
 
         Raises:
             ScriptFaultError: there is no such input or action.
@@ -130,7 +130,7 @@ class ScriptProgram:
             yield
 
     def refuse(self, error: Event, why: str) -> Iterator[None]:
-        """A protective stop; the program cannot go on after it.
+        """Stop protectively; the program cannot go on after it.
 
         Raises:
             ScriptFaultError: someone lets it go on.

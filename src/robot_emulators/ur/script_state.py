@@ -89,7 +89,7 @@ def struct(_: Any, **fields: Any) -> dict[str, Any]:
 
 
 def made(pose: np.ndarray) -> Pose:
-    """A pose (6,) as a value of URScript."""
+    """Value of URScript for a pose (6,)."""
     return Pose(pose.tolist())
 
 
@@ -100,7 +100,7 @@ def pose_trans(_: Any, p_from: Six, p_from_to: Six) -> Pose:
 
 @TABLE.add()
 def pose_sub(_: Any, p_to: Six, p_from: Six) -> Pose:
-    """Difference of positions, and the rotation between."""
+    """Difference of two poses: of their positions, and the rotation between."""
     (last, b), (first, a) = kinematics.matrix(p_to), kinematics.matrix(p_from)
     return made(kinematics.vector(last @ first.T, b - a))
 
@@ -159,7 +159,7 @@ for _name, _act in _NUMBERS.items():
 
 @TABLE.add()
 def textmsg(program: ScriptProgram, s1: str, s2: str = "") -> None:
-    """A text message to clients of the primary interface."""
+    """Send a text message to clients of the primary interface."""
     program.controller.announce(said((s1 + s2)[:_LONGEST_SAID]))
 
 
@@ -198,7 +198,7 @@ def rtde_set_watchdog(
 
 @TABLE.add()
 def get_actual_joint_positions_history(program: ScriptProgram, steps: float = 0) -> list[float]:
-    """Joint values some control cycles ago, as far back as is known."""
+    """Joint values ``steps`` control cycles ago, as far back as is known."""
     history = program.history
     return [float(v) for v in history[min(max(int(steps), 0), len(history) - 1)]]
 
@@ -310,7 +310,7 @@ def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
 
 @TABLE.add()
 def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
-    """Control cycles since something began to push against a direction; 0 where nothing does."""
+    """Number of control cycles since something began to push against a direction, or 0."""
     way = direction
     if way is None or not way.any():
         way = _speed(program, program.arm.plant.q, program.arm.plant.qd)
@@ -321,19 +321,19 @@ def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
 
 @TABLE.add()
 def set_tcp(program: ScriptProgram, pose: Six, tcp_name: Any = "") -> None:
-    """The TCP in flange axes."""
+    """Set the TCP, in flange axes."""
     program.arm.tcp = pose
 
 
 @TABLE.add()
 def set_gravity(program: ScriptProgram, d: Three) -> None:
-    """The acceleration that holds the robot against its weight [m/s²]."""
+    """Set the acceleration that holds the robot against its weight [m/s²]."""
     program.controller.estimate.gravity = -d
 
 
 @TABLE.add()
 def set_payload(program: ScriptProgram, m: float, cog: Three | None = None) -> None:
-    """Mass [kg] and centre of gravity [m]; without one the old centre stays."""
+    """Set mass [kg] and centre of gravity [m]; without one the old centre stays."""
     estimate = program.controller.estimate
     estimate.carry(m, estimate.payload.cog if cog is None else cog)
 
@@ -343,7 +343,7 @@ def set_target_payload(
     program: ScriptProgram, m: float, cog: Three, inertia: Six | None = None,
     transition_time: float = 0.0,
 ) -> None:  # fmt: skip
-    """Mass [kg], centre of gravity [m], inertia [kg·m²]; at once, whatever the transition."""
+    """Set mass [kg], centre of gravity [m], inertia [kg·m²]; at once, whatever the transition."""
     program.controller.estimate.carry(m, cog, inertia)
 
 

@@ -112,7 +112,7 @@ class UREmulator(Emulator):
             self._box.stop()
 
     def soon(self, task: Callable[[], None]) -> None:
-        """Do something in the loop's thread; returns when it was done.
+        """Run a task in the loop's thread; return when it was done.
 
         Raises:
             EmulatorError: the loop has broken down or did not get to it in time.
@@ -180,7 +180,7 @@ class UREmulator(Emulator):
         self._wait()
 
     def _wait(self, pause: float = 0.0) -> None:
-        """Plan the next cycle, after a pause [s] at least."""
+        """Schedule the next cycle, after a pause [s] at least."""
         self._thread.loop.call_at(max(self._clock.due, time.monotonic() + pause), self._turn)
 
     def _turn(self) -> None:

@@ -86,7 +86,7 @@ class ControllerSettings(Settings):
 
     @property
     def reported_model(self) -> str:
-        """The arm as the dashboard names it; of UR7e, UR12e and UR8 Long an assumption."""
+        """Name of the arm on the dashboard; of UR7e, UR12e and UR8 Long an assumption."""
         return _SAME_TYPE.get(self.model, self.model).removesuffix("e").upper()
 
     @property
@@ -118,5 +118,5 @@ class ControllerSettings(Settings):
 
     @property
     def e_series(self) -> bool:
-        """e-Series or a later one, else CB3."""
+        """Whether the controller is an e-Series or a later one, else a CB3."""
         return self.series != "cb3"

@@ -30,7 +30,7 @@ _HELPERS = {
 def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
     """Compile a program.
 
-    A text of a single function is that function's program; other statements are run as they come.
+    A text of one function runs that function; other statements run as they come.
 
     Raises:
         ScriptFaultError: the text is no program, or calls what nobody knows.
@@ -48,7 +48,7 @@ def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
 
 
 class Machine:
-    """One program that runs, with its threads, one slice a control cycle each.
+    """Runs one program with its threads, one slice a control cycle each.
 
     Attributes:
         current: number of the thread that runs now.
@@ -98,7 +98,7 @@ class Machine:
             raise ScriptFaultError(_in_words(error), *_place(error)) from error
 
     def _spend(self) -> None:
-        """Count a loop or a call."""
+        """Count a loop or a call, whose number before a wait is limited."""
         self._left -= 1
         if self._left < 0:
             raise ScriptFaultError("infinite loop: the thread takes no time, it lacks a sync()")
@@ -133,7 +133,7 @@ def _place(error: BaseException) -> tuple[int, int]:
 
 
 def _in_words(error: Exception) -> str:
-    """Text of a program's error as a controller words it."""
+    """Text of a program's error, as a controller words it."""
     if isinstance(error, NameError):  # the name as it stands in Python is quoted
         return values.NO_NAME.format(str(error).split("'")[1][2:])
     text = str(error)

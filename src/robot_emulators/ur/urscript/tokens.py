@@ -1,4 +1,4 @@
-"""Text to tokens, and where a program ends in what comes over a port.
+"""Splits text into tokens, and finds the ends of programs in the bytes of a port.
 
 Line ends count, except inside brackets; a comment runs to the line's end.
 """
@@ -43,7 +43,7 @@ class Token:
 
 
 def tokens(text: str) -> list[Token]:
-    """All tokens of a program, with an end.
+    """All tokens of a program, with one that marks the end.
 
     Raises:
         ScriptFaultError: a character that begins none.
@@ -76,7 +76,7 @@ def is_secondary(text: str) -> bool:
 
 
 class Collector:
-    """Puts programs together from the bytes of one connection."""
+    """Assembles programs from the bytes of one connection."""
 
     def __init__(self) -> None:
         self._line = b""
@@ -90,7 +90,7 @@ class Collector:
         return self._size + len(self._line)
 
     def feed(self, data: bytes) -> list[str] | None:
-        """Programs that are complete now; None where one grows beyond all measure."""
+        """Programs that are complete now; None where one exceeds the limit of size."""
         *lines, self._line = (self._line + data).split(b"\n")
         taken = [self._take(raw.decode("latin-1")) for raw in lines]
         programs = [text for text in taken if text is not None]

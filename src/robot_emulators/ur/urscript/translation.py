@@ -48,7 +48,7 @@ _FRESH = (ast.Constant, ast.List, ast.Compare, ast.BoolOp, ast.UnaryOp)
 
 @dataclass
 class _Scope:
-    """Variables of a function: parameters, those assigned without a scope, and with one."""
+    """Variables of a function: parameters, plain ones, and those declared local or shared."""
 
     around: "_Scope | None"
     parameters: set[str] = field(default_factory=set)
@@ -80,7 +80,7 @@ class Code:
 
 
 def translated(text: str, table: Mapping[str, Builtin]) -> Code:
-    """A program's text in Python; functions of the controller are those of a table.
+    """Translate a program's text to Python; it may call the functions of a table.
 
     Raises:
         ScriptFaultError: it is no program, or calls what nobody knows; says where.
@@ -100,7 +100,7 @@ class _Translator:
         self._functions: list[tuple[_Scope, ast.FunctionDef]] = []
 
     def program(self) -> Code:
-        """The whole text; one function is that function's program."""
+        """Translate the whole text; one function alone is run as the program."""
         start = self._tokens[0]
         name, secondary = "unnamed", False
         if self._is_whole():
@@ -142,7 +142,7 @@ class _Translator:
         return True
 
     def _resolve(self, scope: _Scope, function: ast.FunctionDef, shared: set[str]) -> None:
-        """Say whose the variables are to which a function assigns."""
+        """Declare whose a function's assigned variables are: its own, or of functions around it."""
         enclosing, around = set[str](), scope.around
         while around is not None and around is not self._top:
             enclosing |= around.bound - around.shared
@@ -163,7 +163,7 @@ class _Translator:
         return token
 
     def _seen(self, *marks: str) -> Token | None:
-        """The next token, taken, if it is one of these marks or keywords."""
+        """Consume and return the next token if it is one of these marks or keywords; else None."""
         token = self._next()
         if token.text in marks and token.kind != lexer.TEXT:
             self._at += 1
@@ -187,7 +187,7 @@ class _Translator:
     # ---- statements --------------------------------------------------------------------------
 
     def _block(self, *ends: str) -> list[ast.stmt]:
-        """Statements up to an end; functions are known from the start.
+        """Translate statements up to an end; functions are known from the start.
 
         A statement ends where it is complete: a line's end may follow, and need not.
         """
@@ -381,7 +381,7 @@ class _Translator:
         return items
 
     def _arguments(self) -> tuple[list[ast.expr], dict[str, ast.expr]]:
-        """Arguments of a call by place, and by name."""
+        """Parse the arguments of a call: by place, and by name."""
         places: list[ast.expr] = []
         names: dict[str, ast.expr] = {}
         while not self._seen(")"):
@@ -432,7 +432,7 @@ class _Translator:
 def _generator(
     place: Token, name: str, parameters: list[str], body: list[ast.stmt]
 ) -> ast.FunctionDef:
-    """A generator function; what it is given becomes its own."""
+    """Make a generator function, which copies its arguments."""
     first: list[ast.stmt] = [
         ast.If(ast.Constant(False), [ast.Expr(ast.Yield(None))], []),
         ast.Expr(_call(place, "spend")),
@@ -477,7 +477,7 @@ def _truth(test: ast.expr) -> ast.expr:
 
 
 def _own_value(value: ast.expr) -> ast.expr:
-    """A value that nobody else has: lists and structs are copied."""
+    """Expression that copies a list or struct, so that the value has one owner."""
     return value if isinstance(value, _FRESH) else ast.Call(_name("copied"), [value], [])
 
 

@@ -35,7 +35,7 @@ class ScriptFaultError(Exception):
 
 
 class ProgramEndsError(Exception):
-    """The program ends here as its author wants: ``halt``."""
+    """The program ends here as its author wants (``halt``)."""
 
 
 class Pose(list[Any]):
@@ -43,14 +43,14 @@ class Pose(list[Any]):
 
 
 def copied(value: Value) -> Value:
-    """Lists and structs are values: whoever takes one has its own."""
+    """Copy lists and structs, which are values: each variable has its own."""
     if isinstance(value, list):
         return type(value)(copied(v) if isinstance(v, list | dict) else v for v in value)
     return {k: copied(v) for k, v in value.items()} if isinstance(value, dict) else value
 
 
 def shown(value: Value) -> str:
-    """A value as textmsg and str_cat write it."""
+    """Text of a value, as textmsg and str_cat write it."""
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list):
