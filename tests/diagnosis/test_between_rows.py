@@ -14,12 +14,33 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.between_rows import row_effects as module
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.prepare.configuration import configured
-from wrenchbed.diagnosis.prepare.repeated_rows import Repeats, Step
+from wrenchbed.diagnosis.prepare.repeated_rows import Repeats, Step, at_limits, step
 from wrenchbed.physics.wrench import CHANNELS
 
 ROBOT, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))
 STD = np.array(registry.load("sensors", "ati-gamma").noise.row_std)
 EFFECTS = ("sensor.noise", "sensor.quantization", "base.vibration", "timing.stale")
+
+
+def test_a_limit_is_where_readings_pile_up_at_an_end():
+    """Coarse counts come back everywhere, rows that are sent again too, and noise nowhere."""
+    y = np.random.default_rng(2).standard_normal((400, 6))
+    y[:, 1] = np.clip(y[:, 1], -1.8, 1.5)
+    y[:, 2] = np.minimum(y[:, 2], 2.0)
+    y[:, 3] = 0.5 * np.round(y[:, 3] / 0.5)
+    y[1::2, 4] = y[::2, 4]
+    at = at_limits(y)
+    assert at.any(axis=0).tolist() == [False, True, True, False, False, False]
+    assert at[:, 1].tolist() == np.isin(y[:, 1], (-1.8, 1.5)).tolist()
+    assert np.count_nonzero(at[:, 2]) == np.count_nonzero(y[:, 2] == 2.0) < 20
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_count_shows_in_72_readings_of_276_counts(seed):
+    """One row a pose: hardly two that follow each other are a few counts apart."""
+    y = 0.0027 * np.round(np.random.default_rng(seed).uniform(-138.0, 138.0, 72))
+    assert step(y) == Step(pytest.approx(0.0027), pytest.approx(0.0, abs=1e-9))
+    assert step(np.random.default_rng(seed).uniform(-0.4, 0.4, 72)) is None
 
 
 def row_effects(rows):

@@ -173,7 +173,7 @@ def test_doubt_goes_to_unknown_and_about_unknown_to_all_others(verdict, before, 
     given = {k: p for k, p in zip((TILT, "none", "unknown"), before, strict=True) if p}
     claims = verdict not in ("none", "unknown")
     causes = (Cause(((TILT, None),), 1.0, Part(TILT, 2.0)),) if claims else ()
-    facts = SimpleNamespace(right=lambda *_: right)
+    facts = SimpleNamespace(right=lambda *_: right, seen=())
     said = Verdict("identified" if claims else verdict, causes, None, given)
     told = reliable(facts, said, SimpleNamespace(further={}))
     assert told.word == verdict.partition(" ")[0]
@@ -213,10 +213,10 @@ def keys_of(names):
     return tuple((n, None) for n in names)
 
 
-def upheld(verdict, measured, ordinary_fitted=False):
+def upheld(verdict, measured, ordinary_fitted=False, seen=()):
     """The verdict after the rules of held-out rows."""
     facts = SimpleNamespace(
-        measure=lambda _: measured, ordinary_fitted=ordinary_fitted, own_rest=False
+        measure=lambda _: measured, ordinary_fitted=ordinary_fitted, own_rest=False, seen=seen
     )
     for rule in (held_out, size, partial):
         verdict = rule(facts, verdict, measured)
@@ -262,6 +262,13 @@ def test_a_claim_stays_if_held_out_rows_show_it(members, closed, kept, verdict):
     else:
         assert told.probabilities[TILT] == pytest.approx(WITHDRAWN * 0.9)
         assert told.probabilities["unknown"] == pytest.approx(0.1 + (1.0 - WITHDRAWN) * 0.9)
+
+
+def test_what_values_show_needs_no_held_out_row():
+    measured = gap({TILT: FEW}, Interval(0.6, -0.5, 1.0))
+    told = upheld(claimed(TILT), measured, seen=(TILT,))
+    assert (told.word, leads(told)) == ("identified", [TILT])
+    assert upheld(claimed(TILT), measured, seen=(GAIN,)).word == "unknown"
 
 
 def test_a_claim_with_hardly_a_gap_or_few_poses_is_none_or_doubtful():

@@ -69,6 +69,23 @@ def test_a_small_gap_names_nothing_whatever_the_stated_noise(level):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
+def test_what_flows_after_gravity_is_no_part_that_slides(seed):
+    """A liquid that follows in 25 s, thicker where it is deep; poses are 2.2 s apart."""
+    rec = stated(static("ur5", LOAD, poses=POSES, samples=ROWS, noise=WHITE, seed=seed))
+    force, flow, before = rec.wrench[:, :3], np.zeros(3), 0.0
+    shift = np.zeros_like(force)
+    for k, (t, f) in enumerate(zip(rec.t, force, strict=True)):
+        target = 8e-3 * f / np.linalg.norm(f)
+        flow = flow + (target - flow) * -np.expm1((before - t) / (25.0 + 1e3 * flow[2]))
+        before, shift[k] = t, flow
+    change = np.concatenate([np.zeros_like(force), np.cross(shift, force)], axis=1)
+    told = answer(with_added(rec, change))
+    assert told.gap.calibrated.value > 2.0
+    assert [w for w in told.which if w["probability"] > 0.9] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
 def test_a_wrong_mass_on_a_tilted_base_is_no_cable(seed):
     arm = registry.load("robots", "ur5")
     truth = LOAD | {"tool.mass": 1.45}

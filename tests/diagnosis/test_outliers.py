@@ -6,7 +6,7 @@ A few that have a point and a surface in common are a contact.
 import numpy as np
 import pytest
 
-from altered import at_point, with_added
+from altered import at_point, with_added, with_columns, with_rows
 from simulated import UR5_TRUTH, WHITE, static, with_tool
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
@@ -66,6 +66,23 @@ def test_poses_of_60_that_are_pushed_are_named_and_the_rest_is_sound(seed, pushe
         assert outlier["sentence"].startswith(f"pose {pose}: {size:g} N along {along} ")
     assert told.to_json()["outliers"] == [dict(o) for o in told.outliers]
     assert found.analysis.prepared.judged.tolist() == [k not in pushes for k in range(POSES)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_three_poses_at_the_end_of_a_range_are_a_limit_and_no_exceptions(seed):
+    """Three of some forty: all others read less than nine tenths of that level."""
+    rec = sound(seed)
+    size = np.abs([rec.columns["fy"][in_pose(rec, k)].mean() for k in range(POSES)])
+    level, largest = 0.9 * size.max(), np.argsort(size)[-3:]
+    kept = (size < 0.9 * level) | np.isin(np.arange(POSES), largest)
+    rec = with_rows(rec, kept[rec.columns["segment"]])
+    clipped = np.clip(rec.columns["fy"], -level, level)
+    told = diagnose(with_columns(rec, {"fy": clipped})).diagnosis
+    assert told.outliers == []
+    (cause,) = told.which
+    assert cause["effect"] == "sensor.saturation" and cause["probability"] > 0.9
+    assert cause["parameters"]["level.fy"]["value"] == pytest.approx(level, rel=0.01)
 
 
 @pytest.mark.slow

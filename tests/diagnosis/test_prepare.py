@@ -330,3 +330,11 @@ def test_poses_are_gathered_alike_however_many_rows_at_once(monkeypatch):
     away = np.concatenate([y[hold == k] - y[hold == k].mean(axis=0) for k in range(5)])
     assert np.allclose(few.row_covariance, away.T @ away / (258 - 5), rtol=1e-12, atol=1e-18)
     assert np.allclose(few.wrench, [y[hold == k].mean(axis=0) for k in range(5)], rtol=1e-13)
+
+
+def test_single_rows_scatter_by_what_coarse_counts_round_too():
+    rec = static("ur5", UR5_TRUTH, poses=40, samples=1, noise=WHITE)
+    counts = 0.2 * np.round(rec.columns["fx"] / 0.2)
+    coarse = with_added(rec, np.outer(counts - rec.columns["fx"], np.eye(6)[0]))
+    expected = np.square(WHITE) + 0.2**2 / 12.0 * np.eye(6)[0]
+    assert np.diagonal(prepare(coarse).covariance) == pytest.approx(expected)

@@ -55,7 +55,7 @@ from wrenchbed.diagnosis.next.blind import Design, blind_spots
 from wrenchbed.diagnosis.prepare.contact import CONTACT, contact_of
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material, Prepared, Touch
-from wrenchbed.effects import sensor_jump
+from wrenchbed.effects import sensor_jump, sensor_saturation
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
 
@@ -317,7 +317,8 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
         so_often = known.right(verdict, gap.closed_least, a.prepared.scene.mode)
         return so_often if verdict.word == PARTIAL else so_often * gap.closed_beside(LARGEST_NONE)
 
-    return facts_of(a.ranking, claims.gap, right, least=least, own_rest=own_rest)
+    seen = (sensor_saturation.EFFECT.name,) if a.prepared.at_limits.any() else ()
+    return facts_of(a.ranking, claims.gap, right, least=least, own_rest=own_rest, seen=seen)
 
 
 def least_beside(touch: Touch | None) -> float:

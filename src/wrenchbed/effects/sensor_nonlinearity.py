@@ -33,6 +33,8 @@ shows over 60 poses."""
 BEND = 6e-3
 """Typical amplitude of the least of them, relative to the largest load: 0.2 % of full scale
 (`source`) at a third of it; that of an order k is 2/k of it."""
+STRAIGHT, CURVED = ("kink", "slope"), tuple(f"bend{k - 1}" for k in BENDS)
+"""Parts of a free form before the channel: those of straight lines, and polynomials."""
 LEAST_REACH = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3])
 """Largest loads (6,) [N, N·m] below which a channel's curve cannot show: a few noises of a row."""
 BEYOND = 1.05
@@ -47,9 +49,9 @@ class SensorNonlinearity(ReadingEffect):
     """y_i → y_i + Y_i |y_i/Y_i|ⁿ (e_i + o_i sgn y_i) with Y = 20 N, 2 N·m (z: 0.2), n about 2 or 3;
     an even law with n = 1 is a gain that differs between push and pull.
 
-    Free: y_i → y_i + L_i (Σ_k b_ik P_k(u) + a_i |u|), u = y_i/L_i, with Legendre's polynomials of
-    order 2 to 7 and the channel's largest load L_i: as a weight is turned about, they add neither
-    gain nor bias.
+    Free: y_i → y_i + L_i (s_i u + Σ_k b_ik P_k(u) + a_i |u|), u = y_i/L_i, with Legendre's
+    polynomials of order 2 to 7 and the channel's largest load L_i: as a weight is turned about,
+    these add neither gain nor bias. A curve's own slope s_i is its gain.
 
     Even: the same sign under both directions of load; odd: the gain depends on the load. The
     typical 0.005 is 0.1 N at 20 N, and 0.025 N (even) or 6 mN (odd) at 10 N.
@@ -77,6 +79,7 @@ class SensorNonlinearity(ReadingEffect):
             "1" * 6,
         ),
         *channel_parameters("kink", BEND / 2.0, BEND / 2.0, "kink at zero, likewise", "1" * 6),
+        *channel_parameters("slope", BEND, BEND, "slope, likewise", "1" * 6),
         *(replace(p, nominal=10.0 if p.unit == "N" else 1.0, lower=1e-9) for p in REACH),
     )
 
@@ -91,8 +94,7 @@ class SensorNonlinearity(ReadingEffect):
         reach = np.abs(scene.load[scene.held]).max(axis=0)
         shown = [c for c, r, least in zip(CHANNELS, reach, LEAST_REACH, strict=True) if r > least]
         at = dict(zip(REACHES, np.maximum(reach, LEAST_REACH).tolist(), strict=True))
-        stems = (*(f"bend{k - 1}" for k in BENDS), "kink")
-        return free_variants(stems, "any curve", at, shown)
+        return free_variants(STRAIGHT + CURVED, "any curve", at, shown)
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         u = np.linspace(-1.0, 1.0, POINTS)
@@ -110,7 +112,7 @@ class SensorNonlinearity(ReadingEffect):
         bend = np.abs(relative) ** p["power"] * REFERENCE
         result = np.asarray(reading + bend * (even + odd * np.sign(reading)))
         reach = vector(p, REACHES)
-        for stem in ("kink", *(f"bend{k - 1}" for k in BENDS)):
+        for stem in STRAIGHT + CURVED:
             size = vector(p, per_channel(stem))
             on = np.flatnonzero(size)
             if len(on):
@@ -121,8 +123,8 @@ class SensorNonlinearity(ReadingEffect):
 def _bent(u: np.ndarray, stem: str) -> np.ndarray:
     """A free form's part (…) of loads (…) relative to the largest one."""
     inside = np.clip(u, -BEYOND, BEYOND)
-    if stem == "kink":
-        return np.abs(inside)
+    if stem in STRAIGHT:
+        return np.abs(inside) if stem == "kink" else inside
     order = int(stem.removeprefix("bend")) + 1
     return np.asarray(legval(inside, np.eye(order + 1)[order]))
 

@@ -146,10 +146,10 @@ def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
     The cause that closes most leads. A cause whose interval contains zero is doubtful beside a sure
     one: few poses show it. A wrong stated number is fitted away and closes nothing afterwards; its
-    own gap decides.
+    own gap decides. What values show needs no held-out row: a limit may be reached in few poses.
     """
     while verdict.causes:
-        shown = _shown(verdict, gap)
+        shown = _shown(facts, verdict, gap)
         if not shown and _imitated(facts, verdict, gap):
             return verdict
         if not shown:
@@ -167,7 +167,12 @@ def confirmed(cause: Cause, gap: Closure) -> bool:
     return surely(gap.further.get(cause.part.label))
 
 
-def _shown(verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
+def _stands(facts: Facts[S], cause: Cause, gap: Closure) -> bool:
+    """Whether a cause depends on more than held-out means of wrenches."""
+    return cause.part.name in facts.seen or confirmed(cause, gap)
+
+
+def _shown(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
     """Causes that close a gap on held-out rows, largest first, doubtful ones last."""
     together = gap.closed is not None and gap.closed.low > 0.0
     in_all = gap.in_all is not None and gap.in_all.low > 0.0
@@ -175,6 +180,8 @@ def _shown(verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
     back = {n: 0.0 if m is None else max(m.value, 0.0) for n, m in members.items()}
 
     def sure(c: Cause) -> bool:
+        if c.part.name in facts.seen:
+            return True
         shown = together or in_all or c.part.index is None
         return shown and surely(members[c.part.label])
 
@@ -210,7 +217,8 @@ def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 def partial(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     """Turn the word into ``partial`` where the causes close less than half of the gap."""
-    most = gap.closed is not None and gap.closed.low > 0.0 and gap.closed.value >= MOST
+    seen = any(c.part.name in facts.seen for c in verdict.causes)
+    most = gap.closed is not None and (gap.closed.low > 0.0 or seen) and gap.closed.value >= MOST
     return replace(verdict, word=PARTIAL) if verdict.causes and not most else verdict
 
 
@@ -221,12 +229,12 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     ``unknown``. Causes that other channels confirm are kept: the shares were learnt on wrenches
     alone.
     """
-    if verdict.causes and confirmed(verdict.causes[0], gap):
+    if verdict.causes and _stands(facts, verdict.causes[0], gap):
         return verdict
     right, lead = facts.right(verdict, gap), key_of(verdict)
     probability = tempered(verdict.probabilities, lead, right)
     causes = tuple(
-        c if confirmed(c, gap) else replace(c, probability=c.probability * right)
+        c if _stands(facts, c, gap) else replace(c, probability=c.probability * right)
         for c in verdict.causes
     )
     if causes and probability[lead] <= probability[UNKNOWN]:

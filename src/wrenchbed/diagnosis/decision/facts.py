@@ -1,6 +1,6 @@
 """Input (`Facts`) and result (`Decision`) of a decision."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Generic
 
@@ -46,6 +46,7 @@ class Facts(Generic[S]):
             ordinary spread, so that it may imitate causes.
         own_rest: whether the unexplained residual counts as noise: an answer without a cause is
             then ``unknown``.
+        seen: names of effects that the values of the readings show, whatever the means leave.
     """
 
     options: Sequence[Option[S]]
@@ -55,3 +56,4 @@ class Facts(Generic[S]):
     least: float = 0.0
     ordinary_fitted: bool = False
     own_rest: bool = False
+    seen: Collection[str] = ()

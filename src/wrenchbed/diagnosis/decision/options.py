@@ -1,6 +1,6 @@
 """Explanations of a recording as the options of a decision, each with its probability."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 from scipy.special import logsumexp
@@ -31,9 +31,12 @@ def facts_of(
     *,
     least: float = 0.0,
     own_rest: bool = False,
+    seen: Collection[str] = (),
 ) -> Facts[Explanation]:
     """Facts for a decision on a ranking of explanations; see `Facts`."""
     weight = weights(ranking)
     both = zip(weight[1:], ranking.explanations, strict=True)
     options = tuple(Option(e, float(w), e.parts) for w, e in both)
-    return Facts(options, float(weight[0]), measure, right, least=least, own_rest=own_rest)
+    return Facts(
+        options, float(weight[0]), measure, right, least=least, own_rest=own_rest, seen=seen
+    )

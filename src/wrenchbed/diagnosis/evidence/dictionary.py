@@ -10,6 +10,7 @@ their share of a residual says what it varies with.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -20,12 +21,16 @@ from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Residual, Variant
 from wrenchbed.effects.chain import effects
+from wrenchbed.effects.drives.operators import lagging
 from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
 
 TIME_WAVES = 8
 """Half waves over the recording's length that model a drift in time."""
+FLOW_S = (10.0, 40.0)
+"""Times in which what flows follows an orientation [s]: one pose to several."""
 LARGEST = 30.0
 """Largest multiple of its typical size that an effect may have; invisible then: not considered."""
 VISIBLE = 0.5
@@ -38,11 +43,32 @@ def features(prepared: Prepared) -> dict[str, np.ndarray]:
     groups: dict[str, np.ndarray] = {}
     for name, base in variables(prepared).items():
         columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
-        block = np.concatenate(columns, axis=1)
-        block = block[:, np.abs(block).max(axis=0) > 1e-9]
-        if block.shape[1]:
-            groups[name] = block / np.sqrt((block**2).sum() / len(block))
-    return groups
+        groups[name] = np.concatenate(columns, axis=1)
+    if prepared.has_wrench and not prepared.scene.sampled:
+        groups["earlier orientations"] = _flowing(prepared)
+    seen = {name: block[:, np.abs(block).max(axis=0) > 1e-9] for name, block in groups.items()}
+    return {
+        name: block / np.sqrt((block**2).sum() / len(block))
+        for name, block in seen.items()
+        if block.shape[1]
+    }
+
+
+def _flowing(prepared: Prepared) -> np.ndarray:
+    """Readings (C R, k) of a centre of gravity that depends on earlier orientations, smoothly: a
+    thick liquid."""
+    scene, of = prepared.scene, prepared.families[0]
+    force = scene.tool_force(scene.load)
+    down = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
+    columns = list[np.ndarray]()
+    for tau in FLOW_S:
+        late = lagging(down, scene.t, tau)
+        shapes = [*late.T, *(late[:, i] * late[:, j] for i in range(3) for j in range(i, 3))]
+        for shape, axis in product(shapes, np.eye(3)):
+            reading = np.zeros((len(scene), len(prepared.variance)))
+            reading[:, of][:, 3:] = cross(shape[:, None] * axis, force)
+            columns.append(prepared.rows(reading).ravel())
+    return np.stack(columns, axis=1)
 
 
 def variables(prepared: Prepared) -> dict[str, np.ndarray]:

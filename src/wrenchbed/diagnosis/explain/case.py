@@ -146,13 +146,17 @@ class Case:
         """Square of a part's readings (C R,) over noise and background, and what each hypothesis
         (H,) in its place leaves of them at best.
 
-        All other parts give way; so does the part itself up to ``least`` of its typical sizes.
+        All other parts give way; so does the part itself up to ``least`` of its typical sizes. So
+        do stated numbers that the part moves beyond their tolerance: beside another cause they may
+        be wrong.
         """
         of_part = np.isin(np.arange(len(f.spread)), f.variables.of_parts([part]))
         spread = np.where(of_part, np.minimum(f.spread, least), f.spread)
         gives_way = spread > 0.0
-        design = f.design[:, gives_way]
-        energy, score, half = self._beside(f.rung, design, spread[gives_way], signal)
+        moved = self.d.stated[np.abs(self.d.fitted(signal)) > self.d.tolerance]
+        design = np.column_stack([f.design[:, gives_way], self.d.E[:, moved]])
+        spread = np.append(spread[gives_way], np.full(len(moved), LARGEST))
+        energy, score, half = self._beside(f.rung, design, spread, signal)
         return energy, self.searcher.remainders(f.rung, energy, score, half)
 
     def _beside(

@@ -29,8 +29,6 @@ DENIED = 2.0 * CLAIMABLE
 """Gap that a cause must add at least to a channel without any to be contradicted by it."""
 WRONG = 5.0
 """A stated number that is wrong is off by this many tolerances, typically."""
-ZERO_SIGMAS = 0.4
-"""Small imperfections move a bias by so much, in σ of a row."""
 ODDS = 0.15
 """Prior odds of a stated number being wrong."""
 HOLDS = 0.1
@@ -183,11 +181,7 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
     The odds of each compare its estimate if it is wrong with one within its tolerance.
     """
     d, estimate = refitter.d, stated(refitter, f)
-    zero = d.of_stated(STATED[0])
-    own_gap = d.configured_gap[d.stated] * d.channels  # of a bias, in its own column alone
-    row = 1.0 / np.sqrt(np.maximum(own_gap, 1e-300))  # σ, typical sizes
-    std = np.where(zero, np.hypot(estimate.std, ZERO_SIGMAS * row), estimate.std)
-    odds = wrong_odds(estimate.mean, std, d.tolerance, zero_offset(refitter, f))
+    odds = wrong_odds(estimate.mean, estimate.std, d.tolerance, zero_offset(refitter, f))
     parts = []
     for effect in STATED:
         of = d.of_stated(effect)
@@ -250,12 +244,27 @@ def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
 
 
 def stated(refitter: Refitter, f: Finalist) -> Stated:
-    """Errors of the stated numbers, fitted beside a finalist without their tolerances."""
+    """Errors of the stated numbers, fitted beside a finalist without their tolerances.
+
+    Zeros take whatever is constant in small imperfections, so that no residual bounds it: their
+    uncertainty is that beside the largest background which every robot may have.
+    """
+    estimate, most = _stated(refitter, f, f.rung), int(refitter.normal.max())
+    if f.rung >= most:
+        return estimate
+    wider = np.where(
+        refitter.d.of_stated(STATED[0]), _stated(refitter, f, most).std / estimate.std, 1.0
+    )
+    return estimate._replace(covariance=estimate.covariance * np.outer(wider, wider))
+
+
+def _stated(refitter: Refitter, f: Finalist, rung: int) -> Stated:
+    """`stated` beside the background of a rung."""
     d = refitter.d
     count, numbers = len(f.x), len(d.stated)
     columns = np.column_stack([d.E[:, d.stated], f.design[:, :count]])
     spread = np.concatenate([np.full(numbers, LARGEST), f.spread[:count]])
-    mean, covariance = _fitted(_exact(refitter, f.rung), columns, f.y, spread)
+    mean, covariance = _fitted(_exact(refitter, rung), columns, f.y, spread)
     return Stated(mean[:numbers], covariance[:numbers, :numbers])
 
 

@@ -7,6 +7,7 @@ from collections.abc import Collection
 
 import numpy as np
 
+from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 
@@ -15,6 +16,8 @@ CLAIMABLE = 0.75
 APART = 6.0
 """Square, over noise and background, by which readings differ that count as different: 3 in the
 logarithm of a likelihood, as `MARGIN` of explanations."""
+EQUAL = 1.0 - 1e-6
+"""Cosine from which two columns are one: rounding of finite differences."""
 SAME, EXCUSED = 0.02, 0.1
 """Share of a part's gap, and gap, that a twin may leave: small imperfections make as much."""
 
@@ -85,7 +88,7 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
         if remainders[k] > max(APART, SAME * energy):
             break
         h = hypotheses[k]
-        if h.name != small.name and not h.effect.stated:
+        if h.name != small.name and not h.effect.stated and not _holds(refitter, h, small):
             nearest.setdefault(h.name, k)
     alone = Refitter(refitter.searcher, signal)
 
@@ -95,6 +98,15 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
         return refitter.remainders(f, part, alone.fit((hypotheses[k],), f.rung).residual)[0]
 
     return tuple(name for name, k in nearest.items() if away(k) <= APART)
+
+
+def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
+    """Whether a hypothesis is a part with more numbers: a curve that is straight is a gain."""
+    if part.variant.shape or not len(part.columns):
+        return False
+    unit = refitter.d.E / np.maximum(np.linalg.norm(refitter.d.E, axis=0), 1e-300)
+    alike = np.abs(unit[:, part.columns].T @ unit[:, wide.columns])
+    return bool((alike.max(axis=1, initial=0.0) > EQUAL).all())
 
 
 def doubled(refitter: Refitter, f: Finalist) -> bool:

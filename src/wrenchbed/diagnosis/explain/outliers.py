@@ -123,7 +123,7 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
     """Mark the observations (H,) of blocks that all others contradict; none if there are many.
 
     The form of what is ``claimed`` is never exact: a block is none whose error is less than what
-    the claim changes there.
+    the claim changes there. Readings at a limit of their channel are none either.
     """
     p, blocks = a.prepared, a.dictionary.prepared.block_rows
     made = np.zeros(len(np.unique(blocks)))
@@ -136,7 +136,7 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
         far, contrast = _contradicted(a.refitter.level_of(f), f, p, blocks, made)
         if contrast > far_by:
             best, far_by = far, contrast
-    return np.isin(p.block, np.unique(blocks)[best]) & p.judged
+    return np.isin(p.block, np.unique(blocks)[best]) & p.judged & ~p.at_limits
 
 
 def _contradicted(

@@ -220,7 +220,8 @@ def _hold(prepared: Prepared, seed: int) -> Action | None:
     q = np.repeat(prepared.poses[:1], _HOLDS, axis=0)
     minutes = _HOLDS * _HOLD_S / 60.0
     text = f"hold the first pose from cold for {minutes:.0f} min and log the temperature"
-    return _visit(prepared, q, text, ("time", "temperature"), dwell=_HOLD_S)
+    variables = ("time", "temperature", "earlier orientations")
+    return _visit(prepared, q, text, variables, dwell=_HOLD_S)
 
 
 def _motion(prepared: Prepared, seed: int) -> Action | None:

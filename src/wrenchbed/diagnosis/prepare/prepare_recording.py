@@ -19,7 +19,7 @@ from wrenchbed.diagnosis.prepare.prepared import (
     sensor_of,
     split,
 )
-from wrenchbed.diagnosis.prepare.repeated_rows import repeats
+from wrenchbed.diagnosis.prepare.repeated_rows import repeats, step
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import value
 from wrenchbed.robots.base import Robot
@@ -109,7 +109,7 @@ def _stride(expected: np.ndarray, period: float) -> int:
 
 
 def _row_noise(recording: Recording, data: Observations, robot: Robot) -> tuple[np.ndarray, str]:
-    """Covariance (6, 6) of one row and its source: repeats, else stated."""
+    """Covariance (6, 6) of one row and its source: repeats, else stated plus rounding to counts."""
     if data.source == "residual":
         remedy = "record several rows a pose, or state"
         if recording.metadata.mode == "dynamic":
@@ -120,7 +120,12 @@ def _row_noise(recording: Recording, data: Observations, robot: Robot) -> tuple[
             "tz] in N and N·m under [recording.sensor] of the column map"
         )
     if data.row_covariance.any():
-        return data.row_covariance, data.source
+        covariance = data.row_covariance
+        if data.source == "stated":
+            steps = [step(y) for y in recording.wrench[data.keep].T]
+            rounded = [0.0 if s is None else s.value**2 / 12.0 for s in steps]
+            covariance = covariance + np.diag(rounded)
+        return covariance, data.source
     resolution = sensor_of(recording, robot).calibration().resolution
     return np.diag(np.square(resolution) / 12), "resolution"
 

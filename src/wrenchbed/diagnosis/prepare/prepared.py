@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.calibration.checks.rows import usable
 from wrenchbed.channels.base import Channel
 from wrenchbed.channels.response import readings, slices
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.repeated_rows import at_limits
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
@@ -279,6 +281,14 @@ class Prepared:
     def judged(self) -> np.ndarray:
         """Whether each observation is used to judge simulators (H,), boolean: unless set aside."""
         return self.fold >= 0
+
+    @cached_property
+    def at_limits(self) -> np.ndarray:
+        """Observations at rest with readings at a limit of their channel (H,), boolean."""
+        if self.scene.sampled or not self.recording.has_wrench:
+            return np.zeros(len(self.y), dtype=bool)
+        rows = at_limits(self.recording.wrench[usable(self.recording)]).any(axis=1)
+        return np.logical_or.reduceat(rows, np.cumsum(self.count) - self.count)
 
     @property
     def folds(self) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""Quantisation step of a channel, and rows that were sent again."""
+"""Values that rows share: a channel's step, its limits, and rows that were sent again."""
 
 from dataclasses import dataclass
 
@@ -23,6 +23,26 @@ WINDOW = 64
 """Rows over which a channel's own chance of repeating is taken."""
 
 
+LEAST_PILE, PILE = 3, 5.0
+"""Rows that stand at exactly a channel's least or largest value, at least, and in multiples of
+those at any value between, for that to be a limit: noise comes back to no number so often, and
+coarse counts come back to all."""
+
+
+def at_limits(wrench: np.ndarray) -> np.ndarray:
+    """Which readings (N, 6) stand at a limit of their channel, boolean."""
+    result = np.zeros(wrench.shape, dtype=bool)
+    for y, at in zip(wrench.T, result.T, strict=True):
+        values, count = np.unique(y, return_counts=True)
+        if len(values) < LEAST_PILE:
+            continue
+        least = max(LEAST_PILE, PILE * count[1:-1].max())
+        for end in (0, -1):
+            if count[end] >= least:
+                at |= y == values[end]
+    return result
+
+
 @dataclass(frozen=True)
 class Step:
     """Quantisation step of a channel with its standard uncertainty [N or N·m]."""
@@ -44,6 +64,7 @@ def step(y: np.ndarray) -> Step | None:
     d = d[d > EXACT * reach]
     if len(d) < LEAST_STEPS:
         return None
+    d = np.concatenate([d, gaps])  # of one row a pose few changes are of a few steps
     for candidate in sorted(np.quantile(gaps, [0.0, 0.05, 0.25, 0.5]), reverse=True):
         refined = _refined(d, float(candidate))
         if refined is not None:
