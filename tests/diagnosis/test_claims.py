@@ -195,8 +195,10 @@ def test_errors_of_stated_numbers_are_estimated_without_their_tolerance(rung):
 
 
 def test_the_uncertainty_of_a_zero_holds_what_is_constant_in_imperfections():
-    """A drift begins at 0: of a gap of 0.1, as every robot may have, the fit of the zero takes three
-    quarters, and what is left is that of a robot with less."""
+    """A drift begins at 0: of a gap of 0.1, as every robot may have, the zero takes three quarters.
+
+    What is left is that of a robot with less.
+    """
     drift = "sensor.drift"
     d = dictionary(effects={drift: 1}, alike={("sensor.bias", drift): np.sqrt(0.75)})
     column = [e for e, _ in d.label].index(drift)
