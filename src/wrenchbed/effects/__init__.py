@@ -1,8 +1,8 @@
 """Unmodelled effects, one file each; the registry lists the folder.
-Imports physics, robots, sensors, and simulation for what an effect writes into MuJoCo.
-Never: another effect, a recording or a diagnosis.
 Read first: `base` (the contract), then `chain` (how effects act together).
-Used by: benchmark, campaigns, diagnosis, hardware, monitoring, plant, reports, twin.
+Free: numerics; tests/effects compares formulas with plain numpy, tests/twin with MuJoCo.
+Others rely on: names, sizes and weights (priors: learn again); `scripts/effects` prints docstrings.
+Never: another effect, a recording or a diagnosis.
 """
 
 SUPPORT = ("scene", "chain", "drives", "free_form")

@@ -3,7 +3,7 @@
 An effect declares all that other rooms ask about it: the stages of the chain at which it acts
 (`STAGES`), what it does there, its parameters and variants, and its place in diagnosis and report.
 
-A *variant* is one way in which an effect shows: its free parameters, and initial values of its
+A *variant* is one way in which an effect shows: its free amplitudes, and initial values of its
 shape (a moment, an anchor, a width). Amplitudes are zero where there is no effect; the mean of
 every variant is close to linear in them.
 """
@@ -92,12 +92,12 @@ class Variant:
 
     Attributes:
         label: for people, for instance ``joint 2``.
-        free: amplitudes that are fitted together.
-        at: where the shape parameters begin.
-        shape: those of ``at`` that a nonlinear fit may move.
-        detail: what of the answer is a choice, not a number: ``{"joint": 2}``.
+        free: names of the amplitudes that are fitted together.
+        at: initial values of the shape parameters.
+        shape: names of those in ``at`` that a nonlinear fit may move.
+        detail: choices (not numbers) that the answer states: ``{"joint": 2}``.
         weight: prior share among the effect's variants, relative.
-        rivals: effects that make the same readings in such rows.
+        rivals: names of effects that make the same readings in such rows.
     """
 
     label: str
@@ -110,7 +110,7 @@ class Variant:
 
     @property
     def free_form(self) -> bool:
-        """Whether the variant assumes no formula: see `Effect.free_forms`."""
+        """Whether the variant has no formula: see `Effect.free_forms`."""
         return self.detail.get("form") == "free"
 
 
@@ -118,9 +118,9 @@ class Curve(NamedTuple):
     """Curve that a form-free variant adds, over the variable that it depends on.
 
     Attributes:
-        channel: that it is of; empty if of all alike.
+        channel: name of its channel; empty if it is the same for all.
         x: grid (P,); a loop goes there and back.
-        columns: what each amplitude adds per SI unit (P, k).
+        columns: contribution of each amplitude ``names`` per SI unit (P, k).
     """
 
     channel: str
@@ -132,14 +132,14 @@ class Curve(NamedTuple):
 
 
 class Residual(NamedTuple):
-    """Residual that a calibrated simulator leaves.
+    """Residual of a calibrated simulator, for effects to scan.
 
     Attributes:
-        rows: of the scene that were measured and may be fitted (R,).
-        value: in units of ``noise``, after bias, mass and CoG (R, 6).
+        rows: indices of the scene's rows that were measured and may be fitted (R,).
+        value: residual in units of ``noise``, after the fit of bias, mass and CoG (R, 6).
         noise: standard deviation of a row (6,) [N, N·m].
-        tangent: change of all readings (M, 6) per typical size of a parameter, shapes given.
-        fitted: orthonormal basis of what the fit of bias, mass and CoG takes (R, 6, k).
+        tangent: function of parameter and shapes: change of readings (M, 6) per typical size.
+        fitted: orthonormal basis of the fit of bias, mass and CoG (R, 6, k).
     """
 
     rows: np.ndarray
@@ -157,7 +157,7 @@ class Pose(NamedTuple):
 
 
 class Effect(ABC):
-    """One unmodelled effect; the instance of a module is its constant ``EFFECT``."""
+    """One unmodelled effect; a plug-in module holds its instance ``EFFECT``."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -202,19 +202,18 @@ class Effect(ABC):
 
     @property
     def subsystem(self) -> str:
-        """The part of the robot that it sits in: the name before the dot."""
+        """Part of the robot that it belongs to: the name before the dot."""
         return self.name.partition(".")[0]
 
     @property
     def family(self) -> str:
-        """Effects of one family may imitate what the form of another of them misses: what pushes on
-        the tool from outside may pass for another such push."""
+        """Name of a group of effects, each of which may take up errors in another's assumed form:
+        for instance two that push on the tool from outside."""
         return "external" if self.subsystem in ("cable", "environment") else self.subsystem
 
     @property
     def of_recording(self) -> bool:
-        """Whether the effect belongs to a recording (its tool, its zero, its day), not to the
-        robot."""
+        """Whether the effect belongs to a recording (its tool, zero, day), not to the robot."""
         return self.once or bool(self.stated) or self.subsystem == "tool"
 
     @property
@@ -229,12 +228,11 @@ class Effect(ABC):
 
     @property
     def in_sensor(self) -> bool:
-        """Whether the effect changes only what the sensor makes of its load."""
+        """Whether the effect changes only how the sensor reads its load."""
         return self.stage in ("reading", "timing")
 
     def acts(self, scene: Scene) -> bool:
-        """Whether the effect can show in a scene's rows: averages show effects of rest and of
-        motion."""
+        """Whether the effect can show in a scene's rows; averages of a motion show all effects."""
         return scene.mode in self.modes or scene.averaged
 
     def applies(self, robot: Robot) -> bool:
@@ -242,40 +240,40 @@ class Effect(ABC):
         return self.between_rows or any(self.variants(s) for s in examples(robot))
 
     def parameters(self, robot: Robot) -> ParameterSet:
-        """Amplitudes (nominal 0, tolerance = typical size) and shapes, SI."""
+        """Amplitudes (nominal 0, tolerance = typical size) and shapes of a robot's effect, SI."""
         return ParameterSet(self.numbers)
 
     @abstractmethod
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """The ways in which it may show in a scene; none where it cannot."""
+        """Variants of the effect in a scene; empty where it cannot show."""
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
-        """Further variants without a formula, linear in many amplitudes; default: none."""
+        """Further variants without a formula, linear in many amplitudes; empty by default."""
         return ()
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Curves of a form-free variant, one for each channel."""
+        """Curves of a form-free variant, one for each channel; empty by default."""
         return ()
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
-        """Amplitudes of a variant that a robot with the effect at its typical size has."""
+        """Names of a variant's amplitudes that are not zero on a robot with the typical effect."""
         return variant.free
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Further variants whose shapes a scan of a residual suggests; default: none."""
+        """Further variants, with shapes that a scan of a residual suggests; empty by default."""
         return ()
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
-        """Names that `values` takes, the short ones of one joint first."""
+        """Names that `values` accepts, the short ones for one joint first."""
         names = self.parameters(robot).names
         short = joint_stems(names)
         return ("joint", *short, *names) if short else names
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name, nominal where not given; of one joint as ``joint=2,offset=1e-3``.
+        """All parameters by name, nominal if not given; for one joint also ``joint=2,offset=1e-3``.
 
         Raises:
-            ParameterError: an unknown name (lists those that are taken) or an impossible value.
+            ParameterError: an unknown name (lists accepted ones) or an impossible value.
         """
         known = self.parameters(robot)
         named = of_joint(given, known.names, len(robot.joints))
@@ -299,7 +297,7 @@ class Effect(ABC):
     def amplitudes(
         self, published: Mapping[str, Mapping[str, Any]]
     ) -> dict[str, Mapping[str, Any]] | None:
-        """`publish` undone: value and std under the parameters' names; None if that cannot be."""
+        """Inverse of `publish`: value and std by parameter; None if that is impossible."""
         return dict(published)
 
     # ---- what it does at its stages: nothing at those at which it does not act ------------------
@@ -309,7 +307,7 @@ class Effect(ABC):
         return theta
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """``joint``: what is added to the joint values (M, J) [rad or m]."""
+        """``joint``: displacement to add to the joint values (M, J) [rad or m]."""
         return 0.0
 
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
@@ -317,11 +315,11 @@ class Effect(ABC):
         return pose
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """``load``: what is added to the load on the sensor (M, 6) [N, N·m] in sensor axes."""
+        """``load``: wrench to add to the load on the sensor (M, 6) [N, N·m], in sensor axes."""
         return np.zeros_like(load)
 
     def sense(self, torque: np.ndarray, p: Values) -> np.ndarray:
-        """``effort``: what is read of the joints' torques (M, J) [N·m, of slides N]."""
+        """``effort``: readings of joint torques (M, J) [N·m, of slides N]."""
         return torque
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
@@ -329,7 +327,7 @@ class Effect(ABC):
         return reading
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
-        """``row``: the random part on readings (N, 6) at times (N,) [s]."""
+        """``row``: readings (N, 6) at times (N,) [s] with the random part."""
         return rows
 
     # ---- MuJoCo ----------------------------------------------------------------------------
@@ -340,12 +338,12 @@ class Effect(ABC):
         """Write the effect into a model, where MuJoCo can carry it; default: nothing to write."""
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
-        """The robot's parameters (P,) with the effect in them; None if none of them can hold it."""
+        """Parameters (P,) of a robot that include the effect; None if no parameter can."""
         return None
 
 
 class ModelEffect(Effect):
-    """Changes the robot's own parameters; closed form and MuJoCo take them alike."""
+    """Effect on the robot's own parameters, the same in closed form and MuJoCo."""
 
     stage = "model"
 
@@ -354,7 +352,7 @@ class ModelEffect(Effect):
 
 
 class JointEffect(Effect):
-    """One amplitude a joint; usually the joints stand elsewhere than they report."""
+    """Effect with one amplitude a joint; usually joints stand elsewhere than they report."""
 
     stage = "joint"
     local = True
@@ -380,19 +378,19 @@ class JointEffect(Effect):
 
 
 class LoadEffect(Effect):
-    """More than the rigid tool pulls on the sensor."""
+    """Effect that adds to the rigid tool's load on the sensor."""
 
     stage = "load"
 
 
 class ReadingEffect(Effect):
-    """The sensor shows something else than its load."""
+    """Effect by which the sensor reads something else than its load."""
 
     stage = "reading"
 
 
 class ChannelEffect(ReadingEffect):
-    """A reading effect of one amplitude a channel, ``stem.fx`` …, and no shape."""
+    """Reading effect with one amplitude a channel, ``stem.fx`` …, and no shape."""
 
     channelwise = True
     stem: ClassVar[str]
@@ -409,7 +407,7 @@ class ChannelEffect(ReadingEffect):
 
 
 class RowEffect(Effect):
-    """Shows between rows only: its mean is nothing; ``corrupt`` makes it."""
+    """Effect between rows only, made by ``corrupt``: its mean is 0."""
 
     stage = "row"
 
@@ -423,7 +421,7 @@ class RowEffect(Effect):
 def alike(
     names: Sequence[str], unit: str, size: float, bound: float, text: str
 ) -> tuple[Parameter, ...]:
-    """Parameters of one kind, nominally 0, within ± a bound."""
+    """Parameters with these names, one unit, size and text, nominally 0, within ± a bound."""
     return tuple(Parameter(n, 0.0, unit, size, -bound, bound, text) for n in names)
 
 
@@ -435,8 +433,8 @@ def channel_parameters(
     units: Sequence[str] = UNITS,
     bounds: tuple[float, float] = (-1e4, 1e4),
 ) -> tuple[Parameter, ...]:
-    """Amplitude parameters ``stem.fx`` … of the channels, with typical sizes of forces and torques;
-    the bounds only refuse absurd values: estimates."""
+    """Amplitudes ``stem.fx`` … with typical sizes of forces and torques. The bounds only refuse
+    absurd values (estimates)."""
     return tuple(
         Parameter(f"{stem}.{c}", 0.0, u, force if c[0] == "f" else torque, *bounds, text)
         for c, u in zip(CHANNELS, units, strict=True)
@@ -467,7 +465,7 @@ def warm_variants(
     at: Values | None = None,
     shape: tuple[str, ...] = (),
 ) -> tuple[Variant, ...]:
-    """Zeros (6,), one span, or spans (6,) that follow one signal, and both."""
+    """Variants of an effect that follows one signal: zeros (6,), one span, spans (6,), and both."""
     where = dict(at or {})
     *single, _, _, together = channel_variants(zeros[0].partition(".")[0], where, shape)
     return (
@@ -486,8 +484,8 @@ def warm_variants(
 def joint_parameters(
     robot: Robot, stem: str, rotary: float, linear: float, text: str, units: tuple[str, str]
 ) -> ParameterSet:
-    """Amplitude parameters ``stem.q1`` … of the joints, with sizes and units by joint type; the
-    bounds only refuse absurd values: estimates."""
+    """Amplitudes ``stem.q1`` … with sizes and units by joint type. The bounds only refuse absurd
+    values (estimates)."""
     items = []
     for k, joint in enumerate(robot.joints, start=1):
         turns = joint.unit == "rad"
@@ -517,21 +515,21 @@ def waves(stem: str) -> tuple[str, ...]:
 
 
 def course(scene: Scene, rate: float, wave: np.ndarray, duration: float) -> np.ndarray:
-    """r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) of each row (M,), from 0 at the first one.
+    """Free course r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) at each row (M,), from 0 at the first.
 
-    The rate r is per second, the waves w (WAVES,) are over beyond their duration D [s].
+    r is the rate per second; the waves w (WAVES,) end at the duration D [s].
     """
     return np.asarray(rate * scene.age + half_waves(scene, duration) @ wave)
 
 
 def half_waves(scene: Scene, duration: float) -> np.ndarray:
-    """sin(kπ (t − t₀)/D) of each row (M, WAVES), 0 from D on [s]."""
+    """Half waves sin(kπ (t − t₀)/D) at each row (M, WAVES), 0 after D [s]."""
     share = np.clip(scene.age / duration, 0.0, 1.0)
     return np.sin(np.pi * np.outer(share, np.arange(1, WAVES + 1)))
 
 
 def added(robot: Robot, theta: np.ndarray, changes: Values) -> np.ndarray:
-    """The robot's parameters (P,) with changes added to some by name."""
+    """The robot's parameters (P,) with ``changes``, by name, added."""
     result = np.array(theta, dtype=float)
     for name, change in changes.items():
         result[robot.parameters.index(name)] += change
@@ -544,13 +542,13 @@ def vector(p: Values, names: Sequence[str]) -> np.ndarray:
 
 
 def direction(p: Values, names: Sequence[str]) -> np.ndarray:
-    """Unit vector (3,) along that of the named parameters' values."""
+    """Unit vector (3,) in the direction of the named parameters' values."""
     along = vector(p, names)
     return along / max(float(np.linalg.norm(along)), 1e-9)
 
 
 def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> ParameterError:
-    """The error of a name that is none of an effect's, or that needs a joint's number beside it."""
+    """Error for a name that an effect lacks, or that needs the number of a joint beside it."""
     if name in taken:
         return ParameterError(f"{effect}: {name} belongs to one joint: add joint=1 … {joints}")
     near = sorted(taken, key=lambda n: -SequenceMatcher(None, name, n).ratio())
@@ -562,12 +560,12 @@ def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> P
 
 
 def joint_stems(names: Sequence[str]) -> tuple[str, ...]:
-    """Stems of the names that end with a joint: ``offset`` of ``offset.q2``."""
+    """Stems of the names that end with a joint: ``offset`` from ``offset.q2``."""
     return tuple(dict.fromkeys(m[1] for m in map(_OF_JOINT.fullmatch, names) if m))
 
 
 def of_joint(given: Mapping[str, Any], names: Sequence[str], joints: int) -> dict[str, Any]:
-    """``{"joint": 2, "offset": x}`` → ``{"offset.q2": x}``; other forms pass unchanged.
+    """Resolved joint: ``{"joint": 2, "offset": x}`` → ``{"offset.q2": x}``; else unchanged.
 
     Raises:
         ParameterError: there is no such joint.

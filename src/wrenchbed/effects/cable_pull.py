@@ -141,7 +141,7 @@ class CablePull(LoadEffect):
 
 
 def _gains(pulls: np.ndarray, residual: Residual) -> tuple[np.ndarray, np.ndarray]:
-    """Part (…) of a residual that each of some forces (…, R, 3) explains, held at the point (…, 3)
+    """Share (…) of a residual that each of some forces (…, R, 3) explains, and the point (…, 3)
     that fits best: with readings free of their means, linear in k and k p."""
     away = pulls - pulls.mean(axis=-2, keepdims=True)
     square = np.swapaxes(away, -1, -2) @ away  # (…, 3, 3)

@@ -54,7 +54,7 @@ class CableTorsion(LoadEffect):
 
 
 def joint_axis(scene: Scene) -> np.ndarray:
-    """Unit vector (M, 3) about which the last joint turns the sensor, sensor axes."""
+    """Axis about which the last joint turns the sensor, unit vectors (M, 3) in sensor axes."""
     q = scene.joints.astype(complex)
     q[:, -1] += 1j * STEP
     rotation, _ = scene.robot.sensor_pose(q, scene.theta)

@@ -1,7 +1,7 @@
 """The chain from joint values to readings with effects, in closed form.
 
-`EffectChain` is the one place that walks the stages; a diagnosis, a twin and an export use it.
-Effects are named here as on the command line: ``joint.compliance:joint=2,stiffness=1.4e4``.
+`EffectChain` is the one place that walks the stages; diagnosis, twin and export use it. Effects are
+named here as on the command line: ``joint.compliance:joint=2,stiffness=1.4e4``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ class ActiveEffect:
 
     @classmethod
     def of(cls, robot: Robot, name: str, given: Mapping[str, Any]) -> "ActiveEffect":
-        """Effect by its registry name; parameters not given are nominal.
+        """Effect with values ``given`` for some parameters; the others are nominal.
 
         Raises:
             NotFoundError, ParameterError: the effect or a parameter does not exist.
@@ -44,23 +44,23 @@ class ActiveEffect:
 
 
 def effects() -> dict[str, Effect]:
-    """All effects by name, in the registry's order."""
+    """All effects by name, in order of the registry; cached."""
     return {name: registry.load("effects", name) for name in registry.names("effects")}
 
 
 def stated_effects() -> tuple[str, ...]:
-    """Names of the effects that are a wrong bias, mass and CoG, in this order."""
+    """Names of the effects that are a wrong bias, mass or CoG, in this order."""
     by_number = {e.stated: name for name, e in effects().items()}
     return tuple(by_number[number] for number in STATED_NUMBERS)
 
 
 def respond(scene: Scene, active: Sequence[ActiveEffect] = ()) -> np.ndarray:
-    """Mean readings (M, 6) [N, N·m] of every row of a scene with effects acting."""
+    """Mean readings (M, 6) [N, N·m] of every row of a scene with effects."""
     return EffectChain(active).respond(scene)
 
 
 class EffectChain:
-    """Walks the stages: effects of a stage act in the order given, stages in that of `STAGES`."""
+    """Applies effects: stages in the order of `STAGES`, effects of a stage in the order given."""
 
     def __init__(self, active: Sequence[ActiveEffect]) -> None:
         self._at: dict[str, list[ActiveEffect]] = {s: [] for s in STAGES}
@@ -70,18 +70,17 @@ class EffectChain:
 
     @property
     def stages(self) -> frozenset[str]:
-        """Stages at which an effect acts."""
+        """Names of the stages at which an effect acts."""
         return frozenset(s for s, active in self._at.items() if active)
 
     def theta(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
-        """The robot's parameters (P,) with the effects of the stage ``model``."""
+        """Parameters (P,) of the robot with the effects at stage ``model``."""
         for a in self._at["model"]:
             theta = a.effect.theta(robot, theta, a.values)
         return theta
 
     def displacement(self, scene: Scene) -> Value:
-        """Displacement of the joint values (M, J) by all effects, with derivatives in a motion; 0
-        if none."""
+        """Sum of all effects' joint displacements (M, J), jets in motion; 0 without effects."""
         total: Any = 0.0
         for a in self._at["joint"]:
             dq = a.effect.displace(scene, a.values)
@@ -89,7 +88,7 @@ class EffectChain:
         return total
 
     def pose(self, scene: Scene, theta: np.ndarray) -> Pose:
-        """Pose of the sensor on a robot with parameters (P,)."""
+        """Pose of the sensor with effects, on a robot with parameters (P,)."""
         shift = self.displacement(scene)
         same_place = theta is scene.theta or _only_load(scene, theta)
         if same_place and isinstance(shift, float):
@@ -101,8 +100,8 @@ class EffectChain:
         return pose
 
     def turned_base(self, scene: Scene) -> np.ndarray | None:
-        """Turn of the base (M, 3, 3) in the world by effects that tilt it pose by pose; None if
-        there are none."""
+        """Rotation of the base (M, 3, 3) in the world by effects that tilt it in each pose; None
+        without."""
         tilting = [a for a in self._at["pose"] if a.effect.subsystem == "base"]
         pose = Pose(np.tile(np.eye(3), (len(scene), 1, 1)), np.zeros((len(scene), 3)))
         for a in tilting:
@@ -110,20 +109,21 @@ class EffectChain:
         return np.asarray(value(pose.rotation)) if tilting else None
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray | float:
-        """Wrench that effects add to a load on the sensor (M, 6) [N, N·m]; 0 if none."""
+        """Wrench (M, 6) [N, N·m] that effects add to a load on the sensor; 0 without effects."""
         more: np.ndarray | float = 0.0
         for a in self._at["load"]:
             more = more + a.effect.pull(scene, pose, load, a.values)
         return more
 
     def sensed(self, torque: np.ndarray) -> np.ndarray:
-        """Readings of the joints' torques (M, J) [N·m, of slides N]."""
+        """Readings (M, J) of joint torques [N·m, of slides N]."""
         for a in self._at["effort"]:
             torque = a.effect.sense(torque, a.values)
         return torque
 
     def read(self, scene: Scene, load: np.ndarray) -> np.ndarray:
-        """Reading of the sensor for a load (M, 6) [N, N·m]; no delay shows at rest."""
+        """Reading of the sensor for a load (M, 6) [N, N·m], by effects that can show in the
+        scene."""
         reading = load
         for a in (*self._at["reading"], *self._at["timing"]):
             if a.effect.acts(scene):
@@ -132,7 +132,7 @@ class EffectChain:
 
     def placed(self, scene: Scene) -> tuple[Pose, np.ndarray]:
         """Pose of the sensor, and the tool's load on it (M, 6) [N, N·m], after stages ``model``,
-        ``joint`` and ``pose``; no effect has added a wrench yet."""
+        ``joint`` and ``pose``, without wrenches that effects add."""
         theta = self.theta(scene.robot, scene.theta)
         pose = self.pose(scene, theta)
         as_stated = pose.rotation is scene.pose[0] and pose.position is scene.pose[1]
@@ -154,7 +154,7 @@ def _only_load(scene: Scene, theta: np.ndarray) -> bool:
 
 
 def parse_effect(text: str) -> tuple[str, dict[str, Any]]:
-    """``name[:key=value,…]`` → the name and the values, numbers where they are numbers.
+    """Split ``name[:key=value,…]`` into the name and the values, as numbers where possible.
 
     Raises:
         ParameterError: a part without ``=``, or a key given twice.
@@ -175,8 +175,8 @@ def parse_effect(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def active_effect(robot: Robot, text: str) -> ActiveEffect:
-    """An effect by its text. Without amplitudes it has its typical size, in the variant that the
-    values given single out (``joint.offset:joint=3``), else in the commonest.
+    """Make an effect from its text. Without amplitudes it has its typical size, in the variant that
+    the given values select (``joint.offset:joint=3``), else in the commonest.
 
     Raises:
         NotFoundError, ParameterError: no such effect or parameter, or an impossible value.

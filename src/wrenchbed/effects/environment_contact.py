@@ -145,18 +145,18 @@ class EnvironmentContact(LoadEffect):
 
 
 def _depth(scene: Scene, pose: Pose, p: Values) -> np.ndarray:
-    """Depth of the contact point behind the plane (M,) [m], negative in front of it."""
+    """Depth of the contact point behind the plane (M,) [m], negative in front."""
     at = value(pose.position) + apply(value(pose.rotation), touching(scene, p))
     return np.asarray(p["depth"] - at @ direction(p, NORMAL))
 
 
 def pressed(x: np.ndarray, power: float) -> np.ndarray:
-    """Compression l (x/l)₊ⁿ of depths (M,) [m]."""
+    """Compression l (x/l)₊ⁿ [m] for depths x (M,) [m]."""
     return np.asarray(LENGTH * (np.maximum(0.0, x) / LENGTH) ** power)
 
 
 def touching(scene: Scene, p: Values) -> np.ndarray:
-    """The point of the tool that touches, in sensor axes (3,) [m]."""
+    """Contact point of the tool in sensor axes (3,) [m]."""
     return p["reach"] * tip(scene) + vector(p, ASIDE)
 
 

@@ -1,4 +1,4 @@
-"""Form-free members of effects: many amplitudes, linear, of typical sizes that fall with order.
+"""Parameters, variants and curves of form-free effects: many linear amplitudes, smaller by order.
 
 Their evidence pays for each amplitude that data determine, so a formula that fits is preferred.
 Numbers of points and weights are estimates.
@@ -19,14 +19,14 @@ POINTS = 61
 
 
 def orders(stem: str, count: int) -> tuple[str, ...]:
-    """``stem1`` … of a channel's amplitudes, before the dot."""
+    """Stems ``stem1`` … of the amplitudes of each order; a channel follows after a dot."""
     return tuple(f"{stem}{k}" for k in range(1, count + 1))
 
 
 def falling(
     stem: str, sizes: Sequence[float], ratio: float, text: str, units: Sequence[str]
 ) -> tuple[Parameter, ...]:
-    """``stem1.fx`` … of typical sizes (K,) of forces by order, torques' in a ratio to them."""
+    """Amplitudes ``stem1.fx`` … with typical sizes by order (K,), for torques times ``ratio``."""
     return tuple(
         p
         for name, size in zip(orders(stem, len(sizes)), sizes, strict=True)
@@ -37,8 +37,8 @@ def falling(
 def free_variants(
     stems: Sequence[str], text: str, at: Values, channels: Sequence[str] = CHANNELS
 ) -> tuple[Variant, ...]:
-    """Form-free variants of each channel, the forces, the torques and all, of amplitudes
-    ``stem.fx`` …"""
+    """Form-free variants, with amplitudes ``stem.fx`` …, of each channel, the forces, the torques
+    and all."""
 
     def of(label: str, group: Sequence[str], share: float) -> Variant:
         free = tuple(f"{stem}.{c}" for c in group for stem in stems)
@@ -59,12 +59,12 @@ def channel_curves(
     x_unit: str = "",
     y_unit: str = "",
 ) -> tuple[Curve, ...]:
-    """A curve of every channel that a variant has amplitudes of.
+    """Curves of a form-free variant, one for each channel that it has amplitudes of.
 
     Args:
-        variant: form-free, of amplitudes ``….fx`` …
-        x: grid (P,) of a channel.
-        basis: of an amplitude's name and grid (P,), what the amplitude adds per SI unit (P,).
+        variant: form-free, with amplitudes ``….fx`` …
+        x: grid (P,), or a function from a channel to it.
+        basis: function of an amplitude's name and grid (P,): its contribution per SI unit (P,).
         x_unit, y_unit: the channel's own if empty.
     """
     result = []
@@ -80,6 +80,6 @@ def channel_curves(
 def share_curve(
     variant: Variant, x: np.ndarray, basis: Callable[[str, np.ndarray], np.ndarray], x_unit: str
 ) -> tuple[Curve, ...]:
-    """The curve of a form-free variant that adds a share of the load, alike in all channels."""
+    """Curve of a form-free variant that adds a share of the load, the same in all channels."""
     columns = np.stack([basis(n, x) for n in variant.free], axis=1)
     return (Curve("", variant.free, x, columns, x_unit, "1"),)

@@ -101,7 +101,7 @@ class JointClearance(JointEffect):
         return Pose(pose.rotation @ tilt, pose.position)
 
     def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
-        """A play of tip 1 below zero is one of tip 2."""
+        """Parameters to publish; a negative play of tip 1 is a positive one of tip 2."""
         result = super().publish(robot, variant, values, std)
         if "play.1" in result and result["play.1"]["value"] < 0.0:
             play = result.pop("play.1")
@@ -120,7 +120,7 @@ class JointClearance(JointEffect):
 
 
 def _moved(scene: Scene, links: np.ndarray, slack: Values) -> np.ndarray:
-    """δE (M, 2) [m] of a five-bar's tip by the slack of its distal links (rows of ``links``)."""
+    """Displacement δE (M, 2) [m] of a five-bar's tip by slack of its distal ``links`` (rows)."""
     longer = np.zeros(links.shape[:2])
     for k, (name, half) in enumerate(slack.items()):
         if half:
@@ -130,13 +130,13 @@ def _moved(scene: Scene, links: np.ndarray, slack: Values) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _push(scene: Scene, link: str) -> np.ndarray:
-    """Push of all weights along a link (M,) [N]."""
+    """Axial force (M,) [N] that all weights put on a link."""
     length = scene.robot.parameters.index(link)
     return scene.robot.push_along(scene.q, scene.theta, scene.gravity, length)
 
 
 def _rates(points: list[np.ndarray]) -> np.ndarray:
-    """Columns (M, 2, 2): velocities of a point as the first and the second joint turns."""
+    """Columns (M, 2, 2): velocity of a point per unit speed of the first and the second joint."""
     return np.stack([p.imag / STEP for p in points], axis=-1)
 
 

@@ -55,7 +55,7 @@ class JointCompliance(JointEffect):
         return super().values(robot, remaining)
 
     def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
-        """Stiffness of a single joint, compliances of several."""
+        """Parameters to publish: a stiffness for a single joint, compliances for several."""
         result = super().publish(robot, variant, values, std)
         if len(variant.free) != 1:
             return result
@@ -72,7 +72,7 @@ class JointCompliance(JointEffect):
     def amplitudes(
         self, published: Mapping[str, Mapping[str, Any]]
     ) -> dict[str, Mapping[str, Any]] | None:
-        """A stiffness k ± σ as the compliance 1/k ± σ/k² of its joint."""
+        """Inverse of `publish`: a stiffness k ± σ as its joint's compliance 1/k ± σ/k²."""
         if "stiffness" not in published:
             return dict(published)
         k, std = published["stiffness"]["value"], published["stiffness"]["std"]

@@ -52,7 +52,7 @@ class JointGearError(JointEffect):
         return tuple(result)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """The order of the largest wave in a residual, of all joints."""
+        """Variants of all joints at the order of the largest wave in a residual."""
         best, at = 0.0, (0, 0.0)
         value = residual.value.ravel()
         for k in rotary(scene.robot):
@@ -69,7 +69,7 @@ class JointGearError(JointEffect):
         return (_wave(*at, weight),)
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """Displacement of the joints (M, J), as exact jets in motion: 101 waves a turn are fast."""
+        """Displacement of the joints (M, J), exact jets in motion: 101 waves a turn are fast."""
         a, b = (
             np.array([p.get(n, 0.0) for n in each_joint(part, scene.robot)])
             for part in ("sin", "cos")

@@ -71,19 +71,20 @@ def geometry(robot: Robot) -> tuple[list[str], list[str]]:
 
 
 def public(name: str) -> str:
-    """``twist.3`` of alpha3, ``length.L11`` of L11, ``twist.link.…`` of a rotation by name."""
+    """Published name: ``twist.3`` of alpha3, ``length.L11`` of L11, ``twist.link.…`` of a
+    rotation."""
     if name.startswith("alpha"):
         return f"twist.{name[5:]}"
     return f"twist.{name}" if ".rotation." in name else f"length.{name}"
 
 
 def single(names: Sequence[str]) -> list[Variant]:
-    """Variants for each parameter of the robot alone."""
+    """Variants, one for each parameter of the robot."""
     return [Variant(n, (public(n),), detail={"parameter": n}) for n in names]
 
 
 def together(label: str, names: Sequence[str], weight: float = 1.0) -> Variant:
-    """Variant in which parameters of the robot are fitted together."""
+    """Variant in which several parameters of the robot are fitted together."""
     return Variant(label, tuple(map(public, names)), weight=weight)
 
 

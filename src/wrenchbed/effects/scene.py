@@ -1,4 +1,4 @@
-"""What a robot did, row by row: the input of every effect, before any effect acts."""
+"""Motion of a robot, row by row: the input of every effect, before any effect acts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -31,16 +31,16 @@ class Scene:
     """M rows in the order of time: poses at rest with the ways between them, or a motion.
 
     Attributes:
-        theta: its own parameters as configured (P,).
+        theta: parameters of the robot as configured (P,).
         gravity: in world axes (3,) [m/s²].
         q: joint values (M, J), jets in motion, or the sensor's orientations (M, 4).
         t: (M,) [s].
-        held: rows that were measured (M,); the others lie on the way between two poses, where
-            only what remembers (hysteresis, creep, backlash) looks.
-        warmth: temperature above the first row's (M,) [K], None where it was not recorded.
+        held: whether each row was measured (M,); the others lie on the way between two poses, and
+            matter only to effects with memory (hysteresis, creep, backlash).
+        warmth: temperature above the first row's (M,) [K], None if not recorded.
         extra: measured accelerations by name (M, 3).
         averaged: whether the rows are averages of one motion without joints, on an even clock.
-        located: whether readings depend on where the arm is, not only on how it is turned.
+        located: whether readings depend on where the arm is, not only on its orientation.
     """
 
     robot: Robot
@@ -64,17 +64,17 @@ class Scene:
 
     @property
     def sampled(self) -> bool:
-        """Whether the rows follow one motion on an even clock: its samples, or averages of it."""
+        """Whether the rows are samples, or averages, of one motion on an even clock."""
         return self.moving or self.averaged
 
     @property
     def mode(self) -> str:
-        """Mode of a recording with this scene's rows."""
+        """Mode of a recording with such rows: ``static`` or ``dynamic``."""
         return "dynamic" if self.moving else "static"
 
     @property
     def jointed(self) -> bool:
-        """Whether the rows are joint values of a robot with a model."""
+        """Whether the rows are joint values, of a robot with a model."""
         return len(self.robot.joints) > 0
 
     @property
@@ -93,7 +93,7 @@ class Scene:
         return np.asarray(self.t - self.t[0])
 
     def in_motion(self, x: Value) -> Value:
-        """Rows (M, …) as jets where the rows are a motion; unchanged at rest or if jets already."""
+        """Values (M, …) at the rows, as jets if the rows are a motion; jets are unchanged."""
         if not self.moving or isinstance(x, Jet):
             return x
         d = np.gradient(x, self.period, axis=0)
@@ -106,7 +106,7 @@ class Scene:
         return np.asarray(CubicSpline(self.t, rows)(np.clip(t, self.t[0], self.t[-1])))
 
     def tool_force(self, load: np.ndarray) -> np.ndarray:
-        """Pull on the tool (M, 3) [N] of a load (M, 6): less the sensor's own weight."""
+        """Force on the tool (M, 3) [N] in a load (M, 6): without the sensor's own weight."""
         return np.asarray(load[:, :3] * (self.tool.mass / (self.tool.mass + self.tool.sensor_mass)))
 
     @cached_property
@@ -141,7 +141,7 @@ class Scene:
 
     @cached_property
     def inertial(self) -> np.ndarray:
-        """Inertial load of the tool (M, 6) [N, N·m] by accelerations in ``extra``, 0 without."""
+        """Inertial load of the tool (M, 6) [N, N·m] by accelerations in ``extra``; 0 without."""
         if ACCELERATION not in self.extra:
             return np.zeros((len(self), 6))
         tool, spin = self.tool, self.extra[SPIN]
@@ -151,10 +151,10 @@ class Scene:
 
     @cached_property
     def jolts(self) -> np.ndarray:
-        """Wrench of brisk moves between poses at rest (M, 6) [N, N·m].
+        """Wrench of brisk moves between poses at rest (M, 6) [N, N·m], for effects with memory.
 
         Minimum-jerk moves at the joints' top speeds (`PEAK_SPEED`): the last jolt before a rest is
-        the one from which whatever remembers its load comes. 0 where a pose is held, and in motion.
+        the one from which hysteresis comes. 0 where a pose is held, and in motion.
         """
         at = np.flatnonzero(self.held)
         if self.moving or not self.jointed or len(at) == len(self):
@@ -183,8 +183,8 @@ class Scene:
 
 
 def examples(robot: Robot) -> list[Scene]:
-    """A few poses that warm up, and the same as a motion, or as averages of one where the robot has
-    no joints: to ask for variants."""
+    """Example scenes in which to ask for variants: a few poses that warm up, and the same as a
+    motion, or as averages of one if the robot has no joints."""
     q: Value = robot.sample(_EXAMPLE_ROWS, np.random.default_rng(0))
     theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
     t, held = 10.0 * np.arange(_EXAMPLE_ROWS), np.ones(_EXAMPLE_ROWS, dtype=bool)
@@ -196,7 +196,7 @@ def examples(robot: Robot) -> list[Scene]:
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:
-    """Signs (M, J) with each zero replaced by the last nonzero value above it."""
+    """Signs (M, J) in which each zero is replaced by the last nonzero value before it."""
     there = sign != 0
     if there.all():
         return sign

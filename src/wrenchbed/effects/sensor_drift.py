@@ -131,7 +131,7 @@ class SensorDrift(ReadingEffect):
 
 
 def _wave(t: np.ndarray, duration: float, order: int) -> np.ndarray:
-    """∫cos(kπt/T) dt (P,) [s], k one less than the order from 1."""
+    """Course ∫cos(kπt/T) dt at times (P,) [s], for the order k + 1."""
     turn = (order - 1) * np.pi / duration
     if not turn:
         return t

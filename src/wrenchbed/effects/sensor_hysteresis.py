@@ -87,7 +87,7 @@ class SensorHysteresis(ReadingEffect):
         return (*slow, *brisk) if scene.jolts.any() else slow
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """The loop from the least load to the largest and back."""
+        """Curves of the loop from the smallest load to the largest and back."""
         there = np.linspace(-1.0, 1.0, POINTS)
         way = np.concatenate([there, there[::-1], there, there[::-1]])  # settled the second time
         low, high = scene.load.min(axis=0), scene.load.max(axis=0)
@@ -122,7 +122,7 @@ class SensorHysteresis(ReadingEffect):
 
 
 def _width(name: str) -> float:
-    """Half width of a play by its amplitude's name, relative to the channel's range."""
+    """Half width of a play, relative to the channel's range, from its amplitude's name."""
     stem = name.partition(".")[0]
     if stem in WIDTHS:
         return WIDTHS[stem]
@@ -131,7 +131,7 @@ def _width(name: str) -> float:
 
 
 def _turned(name: str) -> bool:
-    """Whether a lag turns with the load."""
+    """Whether an amplitude is a slope s, by which the lag grows along the load."""
     return ".slope" in name or name.startswith("turn")
 
 

@@ -36,7 +36,7 @@ EXPLAINED = 0.5
 
 
 def _named(k: int) -> tuple[str, tuple[str, ...]]:
-    """Parameters of the k-th jump (from 1): its moment, and its steps (6,)."""
+    """Names of the k-th jump's parameters (from 1): its moment, and its steps (6,)."""
     return ("time", STEPS) if k == 1 else (f"time{k}", per_channel(f"step{k}"))
 
 
@@ -72,7 +72,7 @@ class SensorJump(ReadingEffect):
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """Moments midway between two rows that were measured, evenly over the rows."""
+        """Variants with moments midway between two measured rows, spread evenly."""
         t = scene.t[scene.held]
         midway = (t[1:] + t[:-1]) / 2.0
         count = min(MOMENTS, len(midway))
@@ -87,7 +87,7 @@ class SensorJump(ReadingEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Two jumps or more, where each further one explains half of what those before it leave."""
+        """Variants of two jumps or more, while each further one explains half of what remains."""
         t = scene.t[residual.rows]
         if residual.fitted is None or len(t) < 2 * (MOST + 1):
             return ()
@@ -126,8 +126,8 @@ class SensorJump(ReadingEffect):
 def _placed(
     value: np.ndarray, fitted: np.ndarray, after: np.ndarray, chosen: Sequence[int]
 ) -> tuple[list[int], float]:
-    """First rows after some jumps and one more, each again at its best place beside the others;
-    and the squared residual that they leave."""
+    """First rows after some jumps and one more, each moved to its best place beside the others, and
+    the squared residual that remains."""
     rows, remaining = [*chosen, 0], np.inf
     for k in [len(chosen), *range(len(chosen)), len(chosen)]:
         rest, basis = value, fitted

@@ -121,7 +121,7 @@ class SensorNonlinearity(ReadingEffect):
 
 
 def _bent(u: np.ndarray, stem: str) -> np.ndarray:
-    """A free form's part (…) of loads (…) relative to the largest one."""
+    """Contribution (…) of a free form's amplitude for loads (…) relative to the largest one."""
     inside = np.clip(u, -BEYOND, BEYOND)
     if stem in STRAIGHT:
         return np.abs(inside) if stem == "kink" else inside

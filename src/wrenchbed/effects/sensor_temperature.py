@@ -82,7 +82,7 @@ class SensorTemperature(ReadingEffect):
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """Variants of the effect; none if no temperature was recorded."""
+        """Variants of the effect; empty if no temperature was recorded."""
         if scene.warmth is None:
             return ()
         late = warm_variants(ZERO, "span", SPAN, {"lag": LAG_S}, ("lag",))
@@ -98,7 +98,7 @@ class SensorTemperature(ReadingEffect):
         return (*zeros, Variant("span, any lag", span, at, (), free_form.FREE))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Curves over temperature once the lag has settled."""
+        """Curves over temperature, for a settled lag."""
         if scene.warmth is None:
             return ()
         ends = float(scene.warmth.min()), float(scene.warmth.max())
@@ -133,7 +133,7 @@ class SensorTemperature(ReadingEffect):
 
 
 def _bent(warm: np.ndarray, extent: float, order: int) -> np.ndarray:
-    """A square (order 0) or a cube [K] of temperatures [K]."""
+    """Square (order 0) or cube (order 1) of temperatures, scaled to ``extent`` [K]."""
     return np.asarray(warm * (warm / extent) ** (order + 1))
 
 

@@ -53,7 +53,7 @@ class ToolInertia(ModelEffect):
         return added(robot, theta, {f"tool.{n}": p[n] for n in NAMES})
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """A share of the inertial load that the scene's accelerations make; none without them."""
+        """Share of the inertial load by the scene's accelerations (M, 6); 0 without them."""
         return p.get(SHARE, 0.0) * scene.inertial
 
 

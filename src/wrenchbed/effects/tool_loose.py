@@ -71,7 +71,7 @@ class ToolLoose(LoadEffect):
         return tuple(result)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Ways, grips and leans whose jumps a residual's torques follow best.
+        """Variants whose directions, grips and leans fit a residual's torques best.
 
         Of a jump s = ±1 along any lever δ: T = s δ × F, so Σ s Fᵀ× T is all that a scan needs.
         """
@@ -130,7 +130,7 @@ class ToolLoose(LoadEffect):
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:
-    """End of its way at which a loose part lies (M,): −1 … 1."""
+    """Position of a loose part in its play (M,), −1 … 1."""
     if not grip:
         return np.tanh(along / SOFT)
     return held_on(np.where(np.abs(along) > grip, np.sign(along), 0.0)[:, None])[:, 0]

@@ -1,8 +1,8 @@
 """Effects of drives, one file each: what a diagnosis of joint efforts fits in one joint.
-
-The registry lists the folder (kind ``drives``). Read first: `base` (the contract).
-May import: physics. Never: another drive effect, or `simulation.drives`, which tests it.
-Used by: diagnosis and reports.
+Read first: `base` (the contract). The registry lists the folder (kind ``drives``).
+Free: columns of a form; tests/effects/test_drive_effects fits them to `simulation.drives`.
+Others rely on: names, and sizes that are plausible (blind spots, benchmark draws).
+Never: another drive effect, or formulas of `simulation.drives`, which tests it.
 """
 
 SUPPORT = ("lag", "operators", "wave")

@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveAsymmetry(DriveEffect):
-    """τ + a |q̇| + b.
+    """τ → τ + a |q̇| + b, τ the effort of the joint.
 
     Seen in: motion in both directions at several speeds.
     """

@@ -8,7 +8,7 @@ from wrenchbed.effects.drives.operators import slow
 
 
 class DriveBandwidth(Lag):
-    """τ/(1 + T s).
+    """τ → τ/(1 + T s), τ the effort of the joint.
 
     Seen in: motion with fast reversals.
     """
@@ -22,7 +22,8 @@ class DriveBandwidth(Lag):
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        """None of commands: below their cutoff a filter is as good as a delay, which is named."""
+        """Columns and cause as in `Lag.scan`; None for commands: below their cutoff a delay is as
+        good."""
         return super().scan(rows, residual) if rows.command is None else None
 
     def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:

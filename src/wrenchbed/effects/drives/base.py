@@ -1,7 +1,7 @@
 """The contract of a drive effect: what it adds to the effort of its own joint, as columns.
 
 Forms are bases rather than laws: friction against speed, load, angle and what happened since the
-last reversal, so that a cause is found whose law is another one.
+last reversal, so that a cause is detected whose law is another one.
 """
 
 from abc import ABC, abstractmethod
@@ -16,16 +16,15 @@ from wrenchbed.effects.drives.operators import direction, since_reversal
 
 
 class Size(NamedTuple):
-    """Size of an effect as people read it.
+    """Definition of an effect's size, as published.
 
     Attributes:
-        unit: of a hinge, SI.
+        unit: SI, for a hinge.
         plausible: largest one of a fault with which the robot still runs, of a load the least one
             that its user asks about, over `Block.level`.
-        absolute: whether that level is 1, not what the cause changes.
-        columns: beginnings of the names of the columns whose amplitudes make it; all of the cause
-            if empty.
-        vector: whether it is their length, not their sum.
+        absolute: whether that level is taken as 1, not as what the cause changes.
+        columns: prefixes of the names of the columns whose amplitudes make the size; all if empty.
+        vector: whether the size is the amplitudes' length, not their sum.
     """
 
     name: str
@@ -38,13 +37,13 @@ class Size(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One column of a channel (N,), or of all channels (N, C).
+    """One column with a free amplitude, of a channel (N,), or of all channels (N, C).
 
     Attributes:
-        name: unique.
-        data: at all rows.
-        std: of its amplitude where it is not part of a named cause; None: small.
-        free: whether every fit leaves it free.
+        name: unique name.
+        data: values at all rows.
+        std: prior standard deviation of its amplitude, if not part of a named cause; None: small.
+        free: whether every fit leaves its amplitude free.
     """
 
     name: str
@@ -55,16 +54,16 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Columns that one cause sets free together.
+    """A cause: the columns whose amplitudes it frees together.
 
     Attributes:
-        effect: its name; for what has none, a word of what it does.
-        joint: from 1; None of the whole arm.
-        outside: whether it has no name.
-        value: at which its columns were made: a time, or periods a turn.
-        prior: log odds beside other variants of the same effect.
-        level: of what it changes: friction of the joint [N·m], mass [kg] or inertia [kg·m²] of the
-            link or the tool; 1 where sizes are absolute.
+        effect: name of the effect; without a name, words for what it does.
+        joint: its number from 1; None for the whole arm.
+        outside: whether the cause has no name in the library.
+        value: shape at which the columns were made: a time, or periods a turn.
+        prior: log odds against other variants of the same effect.
+        level: scale of what it changes: friction of the joint [N·m], mass [kg] or inertia [kg·m²]
+            of the link or the tool; 1 if sizes are absolute.
     """
 
     effect: str
@@ -77,12 +76,12 @@ class Block:
 
     @property
     def key(self) -> tuple[str, int | None]:
-        """Effect and joint of the cause that a block is a variant of."""
+        """Effect and joint: blocks with one key are variants of one cause."""
         return self.effect, self.joint
 
     @property
     def slot(self) -> tuple[str, int | None]:
-        """Causes of one slot exclude each other: a joint's delay and filter may cancel."""
+        """Key of causes that exclude each other: a joint's delay and filter may cancel."""
         lag = self.effect in ("drive.delay", "drive.bandwidth")
         return "lag" if lag else self.effect, self.joint
 
@@ -92,16 +91,16 @@ class DriveRows:
     """Motion and predicted effort of one joint in time (N,), SI; on slides forces are torques.
 
     Attributes:
-        joint: from 1.
-        t, rate: times [s], and rows a second [Hz].
+        joint: its number from 1.
+        t, rate: times [s], and rows per second [Hz].
         total, body: predicted effort, and that of the rigid body alone.
-        level: Coulomb friction, stated or fitted.
+        level: Coulomb friction of the joint, stated or fitted.
         is_stated: whether that is stated.
-        spread: ordinary spread of stated numbers, by effect; None where nobody knows it.
-        free: effects whose number nobody states, so that every fit leaves it free.
+        spread: ordinary standard deviation of stated numbers by effect; None if unstated.
+        free: effects with an unstated number, which every fit leaves free.
         warm: temperature of the drive [°C], if it was recorded and changes.
-        command: where a servo's tracking error is its effort, the target times its stiffness
-            (N,) [N·m]; None of measured efforts.
+        command: target times stiffness (N,) [N·m], if the effort is a servo's tracking error; None
+            for measured efforts.
     """
 
     joint: int
@@ -122,35 +121,35 @@ class DriveRows:
 
     @property
     def lagging(self) -> np.ndarray:
-        """What lags (N,) where a drive does: the effort that is reported, or less a command."""
+        """Signal (N,) that lags in a late drive: the reported effort, or minus the command."""
         return self.total if self.command is None else -self.command
 
     @cached_property
     def sign(self) -> np.ndarray:
-        """Direction of motion (N,), that of before at rest."""
+        """Direction of motion (N,), at rest the last one."""
         return direction(self.speed)
 
     @cached_property
     def since(self) -> np.ndarray:
-        """Way since the last reversal (N,)."""
+        """Distance since the last reversal (N,); inf before the first one."""
         return since_reversal(self.angle, self.sign)
 
     def column(
         self, word: str, data: np.ndarray, std: float | None = None, *, free: bool = False
     ) -> Column:
-        """A column of this joint."""
+        """Column of this joint, named ``word.joint``."""
         return Column(f"{word}.{self.joint}", data, std or None, free)
 
 
 @dataclass(frozen=True, eq=False)
 class DriveResidual:
-    """What the prediction of one joint leaves at the kept rows (M,), for effects with a shape.
+    """Residual of one joint at the kept rows (M,), for effects to scan.
 
     Attributes:
-        y: measured less predicted effort.
-        left: of y beside all columns, zero where no row counts.
-        own: ordinary columns of the joint, but of a delay (M, K).
-        thin: takes a column (N,) to the kept rows.
+        y: measured minus predicted effort.
+        left: residual of y after a fit of all columns, zero where not used.
+        own: ordinary columns of the joint, without a delay's (M, K).
+        thin: function from a column (N,) to the kept rows.
     """
 
     y: np.ndarray
@@ -162,13 +161,13 @@ class DriveResidual:
 
     @cached_property
     def basis(self) -> np.ndarray:
-        """Orthonormal basis (n, K) of the ordinary columns at the n rows that count."""
+        """Orthonormal basis (n, K) of the ordinary columns at the n rows used."""
         some = self.own[self.use]
         return np.linalg.qr(some / np.maximum(np.sqrt((some**2).mean(axis=0)), 1e-12))[0]
 
 
 class DriveEffect(ABC):
-    """One effect of a drive; the instance of a module is its constant ``EFFECT``."""
+    """One effect of a drive; a plug-in module holds its instance ``EFFECT``."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -182,17 +181,17 @@ class DriveEffect(ABC):
     """Whether its size is never below zero: it can only add to friction, or be late."""
 
     def shapes(self, rows: DriveRows) -> Mapping[str, np.ndarray]:
-        """What the effect adds to the effort (N,) at size 1, by the words of its columns; none
-        where it does not show, or a residual suggests its shape."""
+        """Effort (N,) that the effect adds at size 1, by name of column; empty where it cannot
+        show, or if a scan makes its columns."""
         return {}
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         """Columns that the effect adds; those with a standard deviation belong to every healthy
-        drive and are no part of the cause."""
+        drive, not to the cause."""
         return tuple(rows.column(word, shape) for word, shape in self.shapes(rows).items())
 
     def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
-        """The cause made of its columns; None where these rows have none."""
+        """The cause made of its columns; None if these rows have none."""
         names = tuple(c.name for c in columns if c.std is None)
         if not names:
             return None
@@ -202,19 +201,19 @@ class DriveEffect(ABC):
     def cause(
         self, rows: DriveRows, columns: tuple[str, ...], value: float = 1.0, prior: float = 0.0
     ) -> Block:
-        """A cause of this effect made of some columns, by their names."""
+        """Make a cause of this effect from columns, by name."""
         level = 1.0 if self.size.absolute else rows.level
         return Block(self.name, rows.joint, False, columns, value, prior, level)
 
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        """Columns and cause of the shape that a residual suggests; None of effects without one."""
+        """Columns and cause of a shape that a residual suggests; None for effects without."""
         return None
 
 
 class StatedNumber(DriveEffect):
-    """A number of the drive that is stated, or that every fit leaves free."""
+    """Effect that is an error of a stated number, which every fit leaves free if unstated."""
 
     word: ClassVar[str]
     """Name of its column, before the joint's number."""
@@ -235,5 +234,5 @@ class StatedNumber(DriveEffect):
         return self.cause(rows, tuple(c.name for c in columns))
 
     def judged(self, rows: DriveRows) -> bool:
-        """Whether another value is a cause."""
+        """Whether another value is a cause (the number is stated), not a fit's free number."""
         return rows.is_stated

@@ -1,4 +1,4 @@
-"""The drive constant of a joint, or the gain of its torque sensor, differs."""
+"""Gain of a joint's torque sensor, or its drive constant, differs: the effort is τ (1 + ε)."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveConstant(StatedNumber):
-    """τ (1 + ε).
+    """τ → τ (1 + ε), τ the effort of the joint: its gain.
 
     Seen in: motion that loads the joint.
     """

@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveCoulomb(StatedNumber):
-    """τ + δ sign q̇.
+    """τ → τ + δ sign q̇, τ the effort of the joint.
 
     Seen in: motion in both directions.
     """

@@ -12,7 +12,7 @@ of the 2 to 8 ms in which controllers report."""
 
 
 class DriveDelay(Lag):
-    """τ(t − T).
+    """τ(t) → τ(t − T), τ the effort of the joint.
 
     Seen in: motion with fast reversals.
     """

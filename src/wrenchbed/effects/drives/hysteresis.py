@@ -11,7 +11,7 @@ shape."""
 
 
 class DriveHysteresis(DriveEffect):
-    """τ + Σ a z_w(q): stop operators of several half widths w (Prandtl–Ishlinskii).
+    """τ → τ + Σ a z_w(q): stop operators of several half widths w (Prandtl–Ishlinskii).
 
     Seen in: slow motion with reversals after short and long ways.
     """

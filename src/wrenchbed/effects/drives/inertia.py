@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveInertia(StatedNumber):
-    """τ + δ q̈.
+    """τ → τ + δ q̈, τ the effort of the joint.
 
     Seen in: fast motion.
     """

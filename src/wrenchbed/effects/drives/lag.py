@@ -1,4 +1,4 @@
-"""Delay or time constant at which a torque that is late, or filtered, fits best."""
+"""Fits of a delay or of a filter's time constant to a joint's effort."""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -23,12 +23,12 @@ counts, but a late turn comes when it moves. Encoders' noise of 17 bits is a ten
 def closest(
     changes: Callable[[float], list[np.ndarray]], y: np.ndarray, basis: np.ndarray
 ) -> float:
-    """The time [s] whose change of the torque fits best, at its own size, beside other columns.
+    """Time [s] whose change of the torque fits best, at full size, beside other columns.
 
     Args:
-        changes: of the torque (M,) by a time [s], and what it leaves free beside that.
-        y: measured less predicted torque (M,).
-        basis: orthonormal (M, K), of what is ordinary.
+        changes: function of a time [s] to the change of the torque (M,), and columns left free.
+        y: measured minus predicted torque (M,).
+        basis: orthonormal basis (M, K) of the ordinary columns.
     """
 
     def left(time: float) -> float:
@@ -46,16 +46,16 @@ def closest(
 
 
 class Lag(DriveEffect):
-    """An effect whose amplitude is the time by which the effort lags [s], near the block's value.
+    """Effect whose size is the time by which the effort lags [s], near the block's ``value``.
 
-    Friction turns within a way after each reversal that nobody states, so that is free.
+    Friction changes sign within an unstated distance after each reversal: a free column.
     """
 
     one_way = True
 
     @abstractmethod
     def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:
-        """Change of a torque (N,) that lags by a time [s]."""
+        """Change of a torque (N,) that is late by a time [s]."""
 
     def scan(
         self, rows: DriveRows, residual: DriveResidual

@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveLoad(DriveEffect):
-    """τ + |τ_body| (a sign q̇ + b q̇).
+    """τ → τ + |τ_body| (a sign q̇ + b q̇), τ_body the rigid body's torque.
 
     Seen in: motion under gravity of both signs, or two payloads.
     """

@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveOffset(StatedNumber):
-    """τ + δ.
+    """τ → τ + δ, τ the effort of the joint.
 
     Seen in: motion in both directions, under gravity of both signs.
     """

@@ -1,4 +1,4 @@
-"""Operators with memory on the motion or the torque of a joint: what friction and drives remember.
+"""Operators with memory on the motion or the torque of a joint, for friction and drives.
 
 Each maps rows of one joint (N,) to rows (N,); `stop` and `play` also those of a sensor's channels.
 """
@@ -19,22 +19,22 @@ _LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
 
 
 def direction(speed: np.ndarray, rest: float = REST) -> np.ndarray:
-    """Sign of a speed (N,), that of before while a joint is at rest: below a share of its largest
-    speed."""
+    """Sign of a speed (N,); at rest, below the share ``rest`` of its largest value, the last
+    sign."""
     moves = np.abs(speed) > rest * np.abs(speed).max()
     last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), 0))
     return np.asarray(np.sign(speed[last]))
 
 
 def moving(speed: np.ndarray, rate: float) -> np.ndarray:
-    """Which rows (N,) have a speed clear of rest, boolean."""
+    """Whether each row (N,) has no rest within `_MEMORY_S`, boolean."""
     still = np.abs(speed) <= REST * np.abs(speed).max()
     width = 2 * max(1, round(_MEMORY_S * rate)) + 1
     return np.asarray(np.convolve(still, np.ones(width), mode="same") < 0.5)
 
 
 def since_reversal(q: np.ndarray, sign: np.ndarray) -> np.ndarray:
-    """Angle travelled since the last change of direction (N,) [rad]."""
+    """Distance since the last change of direction (N,) [rad]; inf before the first one."""
     path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q)))])
     turned = np.flatnonzero(np.diff(sign) != 0.0) + 1
     last = np.zeros(len(q), dtype=int)
@@ -55,9 +55,9 @@ def stop(x: np.ndarray, width: float) -> np.ndarray:
 
 
 def play(x: np.ndarray, width: float) -> np.ndarray:
-    """The play operator of a half width along the rows of (M, K).
+    """Play operator of a half width along the rows (M, K).
 
-    A fit asks for the same path again and again while other numbers change: it is kept.
+    Small inputs are cached: a fit asks for the same path again and again.
     """
     if x.nbytes > _LARGEST_KEPT:
         return _path(x, width)
@@ -66,14 +66,14 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
 
 @lru_cache(maxsize=_MOST_KEPT)
 def _kept_path(x: bytes, columns: int, width: float) -> np.ndarray:
-    """`play` of numbers as bytes; the result cannot be changed."""
+    """Cached, read-only `play` of an input given as bytes."""
     path = _path(np.frombuffer(x).reshape(-1, columns), width)
     path.flags.writeable = False
     return path
 
 
 def _path(x: np.ndarray, width: float) -> np.ndarray:
-    """The play operator.
+    """Play operator of a half width along the rows (M, K), computed.
 
     Each row clips the state into x ± width, and clips composed are a clip. So all blocks of about
     √M rows are composed side by side, and one pass over the blocks finds the states between them.
@@ -105,10 +105,10 @@ def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
 
 
 def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
-    """z of τ ż = x − z along the rows of (M, K) at times (M,) [s], z = x at the first row.
+    """First-order lag z, τ ż = x − z, along rows (M, K) at times (M,) [s], z = x at the first row.
 
-    With x linear between rows, z₁ = a z₀ + (1 − g) x₁ + (g − a) x₀, a = e^(−Δt/τ),
-    g = (1 − a) τ/Δt.
+    With x linear between rows, z₁ = a z₀ + (1 − g) x₁ + (g − a) x₀, a = e^(−Δt/τ), g = (1 − a)
+    τ/Δt.
     """
     step = np.maximum(np.diff(t), 1e-9)
     a, g = np.exp(-step / tau), -np.expm1(-step / tau) * tau / step
@@ -117,6 +117,6 @@ def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
 
 
 def slow(torque: np.ndarray, rate: float, time: float) -> np.ndarray:
-    """Change of a torque (N,) by a first-order low-pass of a time constant [s]."""
+    """Change of a torque (N,) by a first-order low-pass of time constant ``time`` [s]."""
     clock = np.arange(len(torque)) / rate
     return np.asarray(lagging(torque[:, None], clock, time)[:, 0] - torque)

@@ -12,9 +12,9 @@ ROUNDED = 3e-3
 
 
 class DriveStiction(DriveEffect):
-    """τ + Σ a sign q̇ exp(−s/w), s the way since the last reversal, over several ways w.
+    """τ → τ + Σ a sign q̇ exp(−s/w), s the distance since the last reversal, over several widths w.
 
-    Over the shortest, friction may lack or add its own level: nobody states bristles.
+    The shortest width belongs to every drive too: nobody states bristles.
 
     Seen in: slow motion with many reversals.
     """

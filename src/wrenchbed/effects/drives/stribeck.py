@@ -14,9 +14,9 @@ it a healthy arm whose friction falls by a tenth has a cause."""
 
 
 class DriveStribeck(DriveEffect):
-    """τ + Σ a sign q̇ exp((u − |q̇|)/v): Stribeck's curve over several speeds v.
+    """τ → τ + Σ a sign q̇ exp((u − |q̇|)/v): Stribeck's curve over several speeds v.
 
-    The rise is that at u, the slowest speed whose rows count: of slower ones nothing is known.
+    The rise is that at u, the slowest speed of the rows used: of slower ones nothing is known.
 
     Seen in: slow motion at several speeds.
     """

@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveTemperature(DriveEffect):
-    """τ + (θ − θ₀) (a sign q̇ + b q̇).
+    """τ → τ + (θ − θ₀) (a sign q̇ + b q̇), θ the temperature of the drive.
 
     Seen in: a recording in which the drive warms up.
     """

@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveViscous(StatedNumber):
-    """τ + δ q̇.
+    """τ → τ + δ q̇, τ the effort of the joint.
 
     Seen in: motion at several speeds.
     """

@@ -1,5 +1,5 @@
-"""Torques that repeat with the joint's angle, two harmonics of a period that a residual shows:
-cogging of a motor, ripple of a gear."""
+"""Torques that repeat with the joint's angle, fitted as two harmonics of a period that a residual
+shows: cogging of a motor, ripple of a gear."""
 
 from abc import abstractmethod
 from typing import ClassVar
@@ -27,20 +27,19 @@ _BINS = 8.0
 
 
 def first_of(effect: str) -> tuple[str, ...]:
-    """Beginnings of the names of an effect's columns at its period itself: their length is its
-    amplitude."""
+    """Prefixes of an effect's columns at its base period; their amplitudes' length is the size."""
     return f"{effect}.sine1", f"{effect}.cosine1"
 
 
 class Wave(DriveEffect):
-    """An effect whose block's value is periods a turn."""
+    """Effect periodic in the angle; the block's ``value`` is its periods a turn."""
 
     tried: ClassVar[float]
     """Periods that are looked through, each of which could be the one."""
 
     @abstractmethod
     def periods(self, residual: DriveResidual) -> float:
-        """Periods a turn that a residual shows most."""
+        """Periods a turn that a residual shows most clearly."""
 
     def scan(self, rows: DriveRows, residual: DriveResidual) -> tuple[tuple[Column, ...], Block]:
         turns = self.periods(residual)
@@ -54,7 +53,7 @@ class Wave(DriveEffect):
 
 
 def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
-    """Periods a turn above `GEAR_MOST` at which a residual (M,) repeats with the angle (M,) most.
+    """Periods a turn above `GEAR_MOST` with the most power in a residual (M,) over the angle (M,).
 
     Sums over rows become a transform over bins of the angle: rows of a bin have nearly one phase.
     """
@@ -70,8 +69,8 @@ def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
 
 
 def fitting(y: np.ndarray, basis: np.ndarray, angle: np.ndarray) -> float:
-    """Periods a turn up to `GEAR_MOST` that fit a torque (M,) best beside an orthonormal basis
-    (M, K)."""
+    """Periods a turn up to `GEAR_MOST` that fit a torque (M,) best, beside an orthonormal basis (M,
+    K)."""
     residual, best, period = y - basis @ (basis.T @ y), -1.0, SLOWEST
     for turn in np.arange(SLOWEST, GEAR_MOST, _STEP):
         phase = turn * angle
