@@ -206,7 +206,7 @@ def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple
     t, joints = data["t"], joint_columns(data)
     if not joints or even_clock(t) is None or (frames := _frames(t)) is None:
         return data, ()
-    (frame, first, step_s), bends = frames, []
+    (frame, first, step_s), bends = frames, list[float]()
     q = np.stack([data[name] for name in joints], axis=1)
     frame = _one_earlier(frame, q)
     for clock in (frame, t):

@@ -132,7 +132,11 @@ def first_rows(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     segment = columns.get("segment")
     limit = MOVING if segment is None else MOVING_WITHIN_SEGMENT
     rows = len(columns[names[0]])
-    noise = {name: _noise_of(columns[name], rows) for name in names}
+    noise = dict.fromkeys(names, 0.0)
+    for name in names if rows > 2 else ():
+        if (np.abs(np.diff(columns[name])) > limit).any():
+            std = float(_noise_of(columns[name]))
+            noise[name] = std if std < _NOISIEST else 0.0
     if segment is not None:
         change = np.diff(segment) != 0
     else:
@@ -149,13 +153,10 @@ def first_rows(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.concatenate([[0], np.flatnonzero(change) + 1])
 
 
-def _noise_of(values: np.ndarray, rows: int) -> float:
-    """Standard deviation of an encoder's noise in rows (N,) at rest; 0 where they are not."""
-    if rows < 3:
-        return 0.0
+def _noise_of(values: np.ndarray) -> np.ndarray:
+    """Standard deviation (J,) of the noise of encoders' values (N, J), most of them at rest."""
     second = np.abs(values[2:] - 2.0 * values[1:-1] + values[:-2])
-    noise = float(np.median(second)) / (_NORMAL * np.sqrt(6.0))
-    return noise if noise < _NOISIEST else 0.0
+    return np.asarray(np.median(second, axis=0) / (_NORMAL * np.sqrt(6.0)))
 
 
 def _stays_away(
@@ -402,8 +403,7 @@ def _split(recording: Recording) -> Split | None:
     window = max(_LEAST_WINDOW, round(_WINDOW_S / step)) if step > 0 else _LEAST_WINDOW
     if n < 2 * window:
         return None
-    second = np.abs(q[2:] - 2.0 * q[1:-1] + q[:-2])
-    path = _Path(q, t, np.median(second, axis=0) / (_NORMAL * np.sqrt(6.0)))
+    path = _Path(q, t, _noise_of(q))
     runs = path.joined(path.still(window, _SLOWEST * window * step), 4 * window)
     runs = [r for run in runs for r in path.without_creep(run, window)]
     runs = [(a, b) for a, b in runs if b - a >= _LEAST_WINDOW]

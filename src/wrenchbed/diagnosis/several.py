@@ -123,6 +123,12 @@ def check(recordings: Sequence[Recording]) -> None:
     """
     if len(recordings) < 2:
         raise DiagnosisError("diagnose_several needs two or more recordings; one is for diagnose")
+    for r in recordings:
+        if r.metadata.mode == "dynamic" and not r.has_wrench:
+            raise DiagnosisError(
+                f"{r.name}: motions without a wrench are diagnosed one at a time; of a load that "
+                "was added, calibrate tells tool.mass before and after"
+            )
     first, *others = recordings
     for k, other in enumerate(others, start=1):
         for field in MUST_AGREE:
