@@ -85,6 +85,17 @@ def test_calibration_error_and_log_score_by_hand():
     assert value("log_score") == pytest.approx(-sum(map(math.log, told)) / 8)
 
 
+@pytest.mark.parametrize(("joint", "expected"), [(2, 0.95), (3, 0.0)])
+def test_probabilities_and_sets_name_effects_without_their_joints(joint, expected):
+    odds = {"drive.coulomb": 0.95, "none": 0.05}
+    claim = replace(
+        named((f"drive.coulomb.{joint}",)), probabilities=odds, set90=("drive.coulomb",)
+    )
+    case = row("single", claim, "drive.coulomb.2")
+    assert probability(case.truth, claim) == expected
+    assert value("sets", [case]) == 1.0
+
+
 def test_two_effects_coverage_and_closure_by_hand():
     assert matched(ROWS[-1].truth, TWO) == (1, 1, 1)
     assert value("pairs") == pytest.approx(0.5)

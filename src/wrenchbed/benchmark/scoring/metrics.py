@@ -156,8 +156,16 @@ def probability(truth: Answer, claim: Claim) -> float:
     """Probability that a claim gives the right first answer."""
     if truth.kind in ("none", "outside"):
         return claim.probabilities.get(NONE if truth.kind == "none" else UNKNOWN, 0.0)
-    odds = claim.probabilities.items()
-    return float(sum(p for k, p in odds if set(k.split("|")) & set(truth.effects)))
+    lead = {_without_joint(n) for n in (*claim.causes, ())[0]}
+    members = [(set(k.split("|")), p) for k, p in claim.probabilities.items()]
+    return float(
+        sum(p for of, p in members if of & _named(truth) and (of != lead or right(truth, claim)))
+    )
+
+
+def _named(truth: Answer) -> set[str]:
+    """True effects as sets and probabilities name them: with their joints or without."""
+    return {*truth.effects, *map(_without_joint, truth.effects)}
 
 
 def matched(truth: Answer, claim: Claim) -> tuple[int, int, int]:
@@ -304,7 +312,7 @@ METRICS = {
     "sets": share(
         "90 % sets of answers hold the truth", "87–93 %", lambda truth, claim: bool(claim.set90),
         lambda truth, claim: bool(
-            {*claim.set90} & ({*truth.effects} or {UNKNOWN if truth.causes else NONE})
+            {*claim.set90} & (_named(truth) or {UNKNOWN if truth.causes else NONE})
         ),
         ours=True,
     ),
