@@ -145,6 +145,16 @@ def test_what_leaves_too_much_competes_with_something_unknown():
 def test_more_than_four_rivals_are_no_answer(rivals, verdict):
     told = [explanation(0.5, TILT), *(explanation(0.05, f"a.{k}") for k in range(rivals))]
     assert decided(*told).word == verdict
+    for weight in (0.01, 5.0):  # of none
+        odds = decided(explanation(weight), *told).probabilities
+        assert max(len(key.split("|")) for key in odds) == 5
+        assert sum(odds.values()) == pytest.approx(1.0)
+
+
+def test_a_cause_beside_the_first_that_has_more_rivals_is_none():
+    told = [explanation(0.1, TILT, f"a.{k}") for k in range(6)]
+    assert names(decided(*told[:5])) == [(TILT,), tuple(f"a.{k}" for k in range(5))]
+    assert names(decided(*told)) == [(TILT,)]
 
 
 def test_the_most_probable_of_none_unknown_and_claims_is_the_verdict():

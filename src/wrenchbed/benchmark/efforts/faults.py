@@ -216,9 +216,7 @@ def tool_mass(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     stated = float(setting.robot.tool(setting.theta).mass)
     off = log_uniform(rng, 0.1, 2.0)
     off = -min(off, 0.7 * stated) if rng.random() < 0.4 else off
-    return EffortFault(
-        {"mass": stated + off}, theta=lambda theta: _tool(setting, theta, off, np.zeros(3))
-    )
+    return EffortFault({"mass": off}, theta=lambda theta: _tool(setting, theta, off, np.zeros(3)))
 
 
 def tool_cog(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:

@@ -83,10 +83,12 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
         word = max(others, key=lambda n: others[n])
         return Verdict(word, (), facts.options[0].explanation, others)
     claim = first[max(mass, key=lambda keys: mass[keys])]
-    causes = tuple(_cause(mass, claim, part, without) for part in claim.parts)
-    names = causes[0].names
-    probability = {"|".join(names): sum(leads.get(n, 0.0) for n in names)}
-    probability |= {n: p for n, p in leads.items() if n not in names} | others
+    main, *beside = (_cause(mass, claim, part, without) for part in claim.parts)
+    causes = (main, *(c for c in beside if len(c.names) <= 1 + MOST_RIVALS))
+    names = main.names
+    members = names[: 1 + MOST_RIVALS]
+    probability = {"|".join(members): sum(leads.get(n, 0.0) for n in members)}
+    probability |= {n: p for n, p in leads.items() if n not in members} | others
     lead = causes[0].probability
     if others[NONE] >= max(others[UNKNOWN], lead):
         return Verdict(NONE, (), facts.options[0].explanation, probability)
