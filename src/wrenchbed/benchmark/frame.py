@@ -144,8 +144,7 @@ def between(name: str) -> bool:
 
 
 def possible(shown: Iterable[str]) -> list[str]:
-    """Names of the effects that can be causes in a recording that meets these needs
-    (`CaseEffect.needs`) are met."""
+    """Names of the effects that can be causes where these needs (`CaseEffect.needs`) are met."""
     met = set(shown)
     return [name for name, effect in EFFECTS.items() if met.issuperset(effect.needs)]
 
@@ -266,8 +265,7 @@ class Shown:
 
     @property
     def amount(self) -> float:
-        """Size in which causes are compared: the gap, or between rows the largest rise of
-        variance."""
+        """Size by which causes are compared: the gap, between rows the largest rise of variance."""
         return self.rows or self.gap
 
     def needed(self, kind: str) -> float:
@@ -350,13 +348,11 @@ class Usual:
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """Difference (n, 6) in noises of a row (6 n,), less what bias, mass and CoG explain unless
-        ``configured``."""
+        """Difference (n, 6) in noises of a row (6 n,), after the fit unless ``configured``."""
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 
     def gap(self, signal: np.ndarray, configured: bool = False) -> float:
-        """Mean square of a difference (n, 6) in noises of a row, after the same fit unless
-        ``configured``."""
+        """Mean square of `white` of a difference (n, 6)."""
         x = self.white(signal, configured)
         return float(x @ x) / len(x)

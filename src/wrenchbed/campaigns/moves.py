@@ -82,8 +82,7 @@ def itinerary(
     *,
     clear: bool,
 ) -> tuple[Leg, ...]:
-    """Plan the moves that visit rows of a static plan in this order, from joint values ``start``
-    (J,) on.
+    """Plan moves that visit rows of a static plan in this order, from ``start`` (J,) on.
 
     If ``clear`` they touch neither the robot itself nor its surroundings: a straight move that is
     blocked is replaced by one around the obstacle.

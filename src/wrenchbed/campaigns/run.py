@@ -234,7 +234,7 @@ class _Run:
     def _failed(
         self, what: str, error: DriverError, failed: Counter[Retries], most: int, remedy: str
     ) -> None:
-        """Count a failure and wait a little; raise it where a person must look, or at the last
+        """Count a failure and wait; raise it where a person must look, or at the last
         repetition."""
         if not self.driver.live:
             raise error
@@ -281,8 +281,7 @@ class _Run:
     def _hold(
         self, row: int, segment: int, writer: RecordingWriter, taken: list[np.ndarray]
     ) -> Hold:
-        """Record the rows that a pose still needs; return the time and the readings (n, 6) of the
-        hold."""
+        """Record the rows that a pose still needs; return time and readings (n, 6) of the hold."""
         at_once = max(1, int(_BLOCK_S * self.rate))
         while (missing := int(self.needed[row]) - sum(map(len, taken))) > 0:
             block = dict(self.driver.sample(min(at_once, missing), self.rate))

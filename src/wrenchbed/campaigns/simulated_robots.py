@@ -129,8 +129,7 @@ class Fleet:
 
 
 def varied(model: Model) -> tuple[int, ...]:
-    """Indices of the parameters that differ from robot to robot: those that `calibrate`
-    identifies."""
+    """Indices of parameters that differ between robots: those that `calibrate` identifies."""
     return model.parameters.select(model.robot.free)
 
 
@@ -279,8 +278,7 @@ def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
 
 @cache
 def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Poses (100, J) at which errors of readings are evaluated, and those (G, J) for positions, if
-    any."""
+    """Poses (100, J) for errors of readings, and those (G, J) for errors of positions, if any."""
     robot: SimulatedRobot = Fleet(name, 1).model_robot()
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
 

@@ -130,8 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _usage() -> str:
-    """Help text of the program: every verb with the first paragraph of its docstring, in 80
-    columns."""
+    """Help of the program: every verb with the first paragraph of its docstring, in 80 columns."""
     indent = max(map(len, _VERBS)) + 4
     lines = [
         "usage: wrenchbed VERB …", "",
@@ -243,8 +242,7 @@ def _check_interrupt(error: BaseException | None) -> None:
 
 
 def _in_words(error: OSError | MemoryError | ImportError) -> str:
-    """Text on the file, or the resource of this machine, that was missing; empty where a library is
-    broken."""
+    """Text on the file or resource that was missing; empty where a library is broken."""
     if isinstance(error, OSError):
         short = shortage(error, error.filename or "")
         reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
@@ -278,8 +276,7 @@ def _call(verb: str, arguments: Sequence[str]) -> int:
 
 
 def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
-    """Wrap a function: a call of the result returns another one, without arguments, that makes the
-    call."""
+    """Wrap a function so that a call returns a function without arguments that does it."""
 
     @wraps(function)
     def bound(*args: Any, **kwargs: Any) -> Callable[[], Any]:
@@ -290,8 +287,7 @@ def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
 
 @contextmanager
 def _cleaned(arguments: Sequence[str]) -> Iterator[None]:
-    """Spell out control characters of arguments (such as names of files) in what a parser
-    prints."""
+    """Spell out control characters of arguments, such as file names, in a parser's output."""
     if not any(map(OBEYED.search, arguments)):
         yield
         return

@@ -33,8 +33,7 @@ class FamilyArguments:
     world: Literal["referee", "look-alikes", "efforts", "both"] = "referee"
 
     def family(self, seed: int) -> "Family":
-        """The family of sealed cases (robots, kinds, number) that these arguments and a seed
-        determine."""
+        """The family of sealed cases that these arguments and a seed determine."""
         from wrenchbed.benchmark.sealed.make import EffortFamily, Family, LookalikeFamily
 
         if self.world in ("efforts", "both"):

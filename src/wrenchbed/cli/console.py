@@ -103,8 +103,7 @@ def _simple_type(hint: Any) -> tuple[type, bool, bool] | None:
 
 
 class Console(RichConsole):
-    """A console that prints text of foreign files as text only: control characters are spelled
-    out."""
+    """A console on which foreign text is only text: control characters are spelled out."""
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -184,8 +183,7 @@ def say(text: str) -> None:
 
 
 def note(display: RenderableType) -> None:
-    """Print on stderr a display that people read before a verb goes on; stdout has the result
-    alone."""
+    """Print on stderr what people read before a verb goes on; stdout has the result alone."""
     _NOTES.print(display, markup=False, highlight=False)
 
 

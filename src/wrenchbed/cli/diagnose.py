@@ -227,8 +227,7 @@ def _tried(name: str, write: Callable[[], object]) -> None:
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
-    """Learn how often claims are right at this recording's design too, from ``count``
-    look-alikes."""
+    """Learn how often claims are right at this design too, from ``count`` look-alikes."""
     from wrenchbed.benchmark.scoring.at_design import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
@@ -260,8 +259,8 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
 
 
 def answer_display(a: Answer) -> Group:
-    """Display of an answer: the three answers, then what the data cannot tell and what to do next,
-    as on the page."""
+    """Display of the three answers, what the data cannot tell and what to do next, as on the
+    page."""
     d = a.d
     head = Text.assemble(("diagnosis ", "bold"), a.about)
     verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {a.headline}")

@@ -125,8 +125,7 @@ def _doubt(recording: Recording) -> str | None:
 
 
 def _changed(column_map: ColumnMap, options: RowOptions) -> ColumnMap:
-    """The column map with the mode and the handling of incomplete rows that the command line
-    states."""
+    """The column map with the mode and incomplete rows that the command line states."""
     mode = options.mode
     if options.skip_incomplete:
         files = tuple(replace(f, skip_incomplete=True) for f in column_map.files)

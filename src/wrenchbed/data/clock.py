@@ -169,8 +169,8 @@ def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
 def unwrapped(
     data: dict[str, np.ndarray], angles: Collection[str]
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Make joint angles continuous where their reports jump from π to −π; return the columns, and
-    the names of the joints that were changed."""
+    """Make joint angles continuous where reports jump from π to −π; return the columns and the
+    names of joints that changed."""
     turned_on = dict[str, np.ndarray]()
     for name in set(data) & set(angles):
         steps = np.diff(data[name])
@@ -237,8 +237,8 @@ def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _frames(t: np.ndarray) -> tuple[np.ndarray, float, float] | None:
-    """Number, for each stamp (N,), of the frame of an even clock that it is late of; the time of
-    frame 0 and the length of a frame [s]; None if steps differ too much.
+    """Frame (N,) of an even clock that each stamp is late of, time of frame 0 and length of a frame
+    [s]; None if steps differ too much.
 
     The clock's rate is the strongest line in the stamps' spectrum; a frame begins where stamps set
     in.

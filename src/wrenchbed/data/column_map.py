@@ -179,8 +179,7 @@ def read(path: str | Path) -> ColumnMap:
 
 
 def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
-    """Make a checked map from its fields; paths of a robot's or sensor's file are relative to
-    ``folder``.
+    """Make a checked map from its fields; paths of robots and sensors are relative to ``folder``.
 
     Raises:
         MapError: names the entry and what it should say.

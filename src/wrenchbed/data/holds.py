@@ -162,8 +162,7 @@ def _noise_of(values: np.ndarray) -> np.ndarray:
 def _stays_away(
     values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
-    """Which jumps of values (N,) last: the value behind differs from that before, while noise
-    returns.
+    """Which jumps of values (N,) last: those of noise return.
 
     Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
     """
@@ -196,8 +195,8 @@ def about_means(
 
 
 def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
-    """Yield slices (holds, rows) of some complete holds at a time; ``count`` (H,) are the rows of
-    each."""
+    """Yield slices (holds, rows) of some complete holds at a time; ``count`` (H,) are their
+    rows."""
     ends = np.cumsum(count)
     first = row = 0
     while first < len(count):
@@ -350,8 +349,8 @@ class _Path:
         return bool((way > _DRIFT + _SIGMAS * self.noise * np.sqrt(2.0 / third)).any())
 
     def without_creep(self, run: tuple[int, int], window: int) -> list[tuple[int, int]]:
-        """Split a run that creeps into those parts that rest for longer windows too; any other run
-        as it is."""
+        """Split a run that creeps into parts that rest for longer windows too; else the run
+        itself."""
         path = self.part(run)
         if not path.creeps:
             return [run]
@@ -375,8 +374,7 @@ class _Path:
         return done
 
     def without_ends(self, run: tuple[int, int]) -> tuple[int, int]:
-        """Cut off both ends of a run, in which a move begins or ends with little way but full
-        force."""
+        """Cut off both ends of a run, where moves begin or end with little way but full force."""
         begin, end = self.t[run[0]], self.t[run[1] - 1]
         edge = min(_EDGE_S, _EDGE_SHARE * (end - begin))
         first = int(np.searchsorted(self.t, begin + edge))

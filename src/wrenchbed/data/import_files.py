@@ -110,9 +110,8 @@ def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) ->
 def merged(
     files: Sequence[str | Path], column_map: ColumnMap
 ) -> tuple[dict[str, np.ndarray], int, str, tuple[str, ...]]:
-    """Read files and merge them: columns of a recording (t, wrench in sensor axes, joints or
-    quaternion), rows outside the other files' times, the first file's name, and notes on rows
-    without a value.
+    """Merge files: columns of a recording (t, wrench in sensor axes, joints or quaternion), rows
+    outside the other files' times, the first file's name, and notes on rows without a value.
 
     Raises:
         MapError: see `import_files`.
@@ -217,8 +216,7 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
 
 
 def _table(path: Path, file_map: FileMap) -> tuple[Columns, int]:
-    """Columns of a file, and the number of its rows that were left out because they lack a
-    value."""
+    """Columns of a file, and the number of its rows left out because they lack a value."""
     if is_log(path):
         wanted = [c.column for c in file_map.columns]
         table = Columns(log_table(path, file_map.topic, wanted), str(path))

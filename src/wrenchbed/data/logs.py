@@ -324,8 +324,7 @@ def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
 
 
 def _left_to_mcap(path: Path) -> SimpleNamespace:
-    """A reader of nothing in the place of rosbags' own for MCAP files, which unpacks without a
-    limit."""
+    """Replace rosbags' reader of MCAP, which unpacks without a limit, by one of nothing."""
     return SimpleNamespace(path=path, connections=(), open=lambda: None, close=lambda: None)
 
 
@@ -378,8 +377,7 @@ def _decoder(channel: Channel) -> Callable[[bytes], Any]:
 
 
 def write_mcap(recording: Recording, path: str | Path) -> None:
-    """Write wrench, joints and temperature of a recording as messages of `geometry_msgs` and
-    `sensor_msgs` in CDR.
+    """Write wrench, joints and temperature as `geometry_msgs` and `sensor_msgs` in CDR.
 
     Raises:
         MissingExtraError: mcap or rosbags is not installed.
@@ -412,8 +410,7 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
 def _topics(
     recording: Recording, known: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Callable[[int], dict[str, Any]]]]:
-    """Yield topic, type, and a function from a row to a message's fields, for all that a recording
-    has."""
+    """Yield topic, type, and a function from row to message fields, for all that is recorded."""
     vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
     load = recording.wrench.astype(float)
 

@@ -73,8 +73,7 @@ class Metadata:
 
 
 def carried_robot(name: str) -> dict[str, Any]:
-    """Field of a file that carries a described robot; empty for a robot that ships with
-    wrenchbed."""
+    """Field of a file that carries a described robot; empty for a robot that ships."""
     return _carried("robots", name)
 
 

@@ -76,8 +76,7 @@ def _source(path: Path) -> pa.NativeFile:
 
 
 def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
-    """Open a file and check that its columns may be read: few enough, of numbers or text, not
-    larger than plausible.
+    """Open a file and check its columns: few enough, of numbers or text, not larger than plausible.
 
     Text is kept as a dictionary, so that a long one that is repeated does not fill the memory.
 

@@ -85,8 +85,7 @@ class Recording:
 
     @property
     def only_commanded(self) -> bool:
-        """Whether the recording holds joint targets and joint values, and no readings of a
-        sensor."""
+        """Whether the recording holds joint targets and values but no sensor's readings."""
         columns = self.columns
         other = self.has_wrench or self.effort is not None or TARGET[0] in columns
         return not other and commanded(columns)

@@ -198,7 +198,7 @@ def _check_cut(path: Path, layout: Layout, cells: int) -> None:
 
 
 def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
-    """Yield line number, counted from 1, and text of each row of a table, without empty lines and
+    """Yield line number, from 1, and text of each row of a table, without empty lines and
     comments."""
     with path.open(encoding=_head(path)[1], errors="replace") as stream:
         for line, text in enumerate(stream, start=1):
@@ -264,8 +264,7 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
 def _table_at(
     lines: Sequence[str], some: Sequence[int], plain: Sequence[int], separator: str, decimal: str
 ) -> tuple[float, Layout] | None:
-    """Layout of the table that one separator gives, and a score of how plausible it is; None if
-    there is no table."""
+    """Layout of the table that one separator gives, and how plausible it is; None without one."""
     cells = {k: split(lines[k], separator) for k in plain}
     widths = Counter(len(c) for c in cells.values() if _numeric(c, decimal) > 0)
     if not widths:

@@ -67,8 +67,7 @@ def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
 
 
 def orientations(read: np.ndarray, where: str) -> tuple[Rotation, str]:
-    """Orientations (G,) that `upright` finds from means at rest (G, 3) [m/s²], and a sentence on
-    them.
+    """Orientations (G,) by `upright` from means at rest (G, 3) [m/s²], and a sentence on them.
 
     Raises:
         MapError: the readings have not the length of gravity, so the sensor was not at rest.

@@ -30,8 +30,7 @@ _TRIES = 50
 
 
 def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
-    """Knowledge before any pose of a pool (N, J) is read with ``std`` (6,) [N, N·m] of a
-    reading."""
+    """Knowledge before any pose of a pool (N, J) is read with a ``std`` (6,) [N, N·m]."""
     robot, nominal = model.robot, model.parameters.nominal
     columns = model.parameters.select(robot.free)
     scale = model.parameters.tolerance[list(columns)]
@@ -178,8 +177,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return move + SETTLE_S + self.samples / RATE_HZ
 
     def render(self) -> np.ndarray | None:
-        """Picture (H, W, 3) of the robot at its pose, None unless the render mode is
-        ``rgb_array``."""
+        """Picture (H, W, 3) of the robot, None unless the render mode is ``rgb_array``."""
         return None if self.render_mode is None else self.picture(self.simulation, self.q)
 
     def _random_parameters(self) -> np.ndarray:
@@ -201,8 +199,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return np.sqrt(white**2 / self.samples + slow**2 * octaves)
 
     def _read(self) -> np.ndarray:
-        """Simulate a reading: mean of its rows (6,) [N, N·m], by MuJoCo, with the sensor's
-        noise."""
+        """Simulate a reading with noise by MuJoCo: the mean of its rows (6,) [N, N·m]."""
         load = self.model.read(self.simulation.wrench(self.q[None]), self.theta)
         t = self._time + self._ticks
         rows, _ = self._stream.corrupt(t, np.repeat(load, self.samples, axis=0))

@@ -43,8 +43,7 @@ class Rendered:
     def picture(
         self, simulation: Simulation, q: np.ndarray, limb: Limb | None = None
     ) -> np.ndarray:
-        """Picture (H, W, 3) of the robot at joint values (J,), and of the limb that it presses
-        on."""
+        """Picture (H, W, 3) of the robot at joint values (J,), and of the limb if any."""
         data = mujoco.MjData(simulation.model)
         data.qpos[:] = simulation.robot.qpos(q[None], simulation.theta)[0]
         mujoco.mj_forward(simulation.model, data)

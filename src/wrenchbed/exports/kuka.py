@@ -14,8 +14,7 @@ _MM = 1000.0
 
 
 class Kuka(Export):
-    """Export format of KUKA load data: M [kg], CM [mm, °] with the principal axes of inertia, J
-    about them [kg·m²]."""
+    """Export format of KUKA: M [kg], CM [mm, °] with the principal axes of inertia, J [kg·m²]."""
 
     name = "kuka"
     title = "KUKA load data (KRL)"

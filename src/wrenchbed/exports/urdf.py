@@ -23,8 +23,7 @@ _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 class Urdf(Export):
-    """Export format of URDF: edits elements of the user's file; the notes are comments in its
-    inertial."""
+    """Export format of URDF: edits the user's elements; notes are comments in the inertial."""
 
     name = "urdf"
     title = "the user's URDF with the load and the sensor's frame"

@@ -298,8 +298,7 @@ def _unmake(made: list[Path]) -> None:
 
 
 def _sync(folder: Path, named: Path) -> None:
-    """Flush the names in a folder to the disk, where the file system can; errors name the
-    output."""
+    """Flush the names in a folder to the disk, where possible; errors name the output."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(handle)

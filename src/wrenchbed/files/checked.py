@@ -189,8 +189,7 @@ class Fields:
         return float(self.raw[key])
 
     def amount(self, key: str, unit: str, most: float = inf, not_in: str = "") -> float:
-        """Number of a field from 0 to ``most`` in a unit; a larger one may be ``not_in`` another
-        unit."""
+        """Number from 0 to ``most`` in a unit; a larger one may be ``not_in`` another unit."""
         value = self.stated_number(key, f"must be a number in {unit}, without its unit")
         if not 0.0 <= value <= most:
             hint = f" (is it in {not_in}?)" if not_in and value > most else ""

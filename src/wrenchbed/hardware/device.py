@@ -120,21 +120,19 @@ class ClockFit:
                 self._slope, self._offset = float(line[0]), float(line[1])
 
     def host(self, device: float) -> float:
-        """Time on this machine's clock [s] at which a reading of a device's time [s] arrives
-        without extra delay."""
+        """Time on this machine's clock [s] at which a reading of a device's time arrives
+        undelayed."""
         return device + self._offset + self._slope * (device - self._from)
 
     @property
     def ppm(self) -> float | None:
-        """How much faster the device's clock runs than this machine's [1e-6]; None until
-        `LEAST_S`."""
+        """How much faster the device's clock runs than this one [1e-6]; None until `LEAST_S`."""
         long = len(self._marks) >= _FEW and self._marks[-1][0] - self._marks[0][0] >= LEAST_S
         return -1e6 * self._slope if long else None
 
 
 class Device:
-    """Hardware that is connected, used and closed: base of drivers and transducers, a context
-    manager."""
+    """Hardware that is connected, used and closed: base of drivers and transducers."""
 
     name: ClassVar[str]
     title: ClassVar[str]

@@ -70,8 +70,7 @@ def with_group(group: int) -> Iterator[None]:
 
 @contextmanager
 def without_orphans() -> Iterator[None]:
-    """Kill, at the end of the block, the processes that were started in it and still run, daemons
-    too, on Linux."""
+    """Kill, at the block's end, what was started in it and still runs, daemons too, on Linux."""
     if not sys.platform.startswith("linux"):
         yield
         return

@@ -50,8 +50,7 @@ def in_workers(
     setup: Callable[..., None] | None = None,
     *shared: Any,
 ) -> None:
-    """Call ``work`` on each item in worker processes; an error or an interrupt here ends all of
-    them.
+    """Call ``work`` on items in worker processes; an error or an interrupt here ends them.
 
     Args:
         work: a module-level function of one item.
@@ -140,8 +139,7 @@ def _initialise(parent: int, setup: Callable[..., None] | None, shared: tuple[An
 
 
 def _how(processes: Sequence[BaseProcess]) -> str:
-    """Text on how the first worker died; those that the pool itself ended afterwards do not
-    count."""
+    """Text on how the first worker died, not those that the pool itself ended afterwards."""
     codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
     code = codes[0] if codes else None
     if code == -signal.SIGKILL:

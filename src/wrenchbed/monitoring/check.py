@@ -107,8 +107,7 @@ def plan_of(robot: Robot, folder: str | Path) -> Plan:
 
 
 def choose(robot: Robot) -> Plan:
-    """Choose the poses of a robot's checks: informative ones that touch nothing, on a short way
-    from home.
+    """Choose a robot's poses of checks: informative ones that touch nothing, near home.
 
     The information on the typical changes of numbers and joints, beside their sizes as a prior, is
     largest (Bayesian D-optimality: Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939).

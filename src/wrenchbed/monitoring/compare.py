@@ -185,8 +185,7 @@ def _covariance(fields: checked.Fields, names: Sequence[str]) -> np.ndarray:
 
 
 def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
-    """χ² test of a difference (K,) over the combinations that both results determine: χ², degrees
-    of freedom, p."""
+    """χ², degrees of freedom and p of a difference (K,), over combinations that both determine."""
     scale = np.sqrt(np.diagonal(covariance))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

@@ -137,8 +137,7 @@ class Compensator:
         return expected, _transform(flange.T @ turn, flange.T @ (at - origin))
 
     def _judge(self, t: float, residual: np.ndarray) -> None:
-        """Move the sensor's zero towards a small residual (6,) at rest; raise the alarm for a large
-        one."""
+        """Move the zero towards a small residual (6,) at rest; raise the alarm for a large one."""
         self._recent.append((t, residual))
         self._sum = self._sum + residual
         while t - self._recent[0][0] > WINDOW_S:
@@ -158,8 +157,7 @@ class Compensator:
 
 
 def _transform(turn: np.ndarray, lever: np.ndarray) -> np.ndarray:
-    """Matrix (6, 6) that turns a wrench by (3, 3) and moves its origin, which lay at a lever (3,)
-    [m]."""
+    """Matrix (6, 6) that turns a wrench by (3, 3) whose old origin lies at a lever (3,) [m]."""
     about = np.cross(lever, turn, axisb=0, axisc=0)
     return np.block([[turn, np.zeros((3, 3))], [about, turn]])
 

@@ -127,8 +127,7 @@ def _reference(robot: Robot, first: Check) -> _Reference:
 
 
 def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the readings (P, 6, K) by parameters, named by effect, of typical size, and
-    those sizes (K,)."""
+    """Derivatives of readings (P, 6, K) by parameters of typical size, and those sizes (K,)."""
     response, known, columns, typical = Response(scene, (WRENCH,)), effects(), [], []
     for name, wanted in fitted.items():
         parameters = known[name].parameters(scene.robot)
@@ -141,8 +140,7 @@ def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndar
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Checks of one robot since its last baseline, the oldest first, with the numbers fitted to
-    each."""
+    """Checks of one robot since its last baseline, the oldest first, and their numbers."""
 
     robot: Robot
     checks: Sequence[Check]
@@ -172,8 +170,7 @@ class History:
 
     @cached_property
     def _turn(self) -> np.ndarray:
-        """Inverse square root (6 P, 6 P) of the covariance of the holds' means: rows and 1/f
-        noise."""
+        """Inverse square root (6 P, 6 P) of the covariance of the holds' means: rows and 1/f."""
         first, noise = self.checks[0], self._sensor.noise
         flicker = noise.correlation * np.outer(noise.flicker, noise.flicker)
         rows = np.kron(np.eye(len(first.t)), np.diag(self._row_std**2 / np.median(first.count)))
@@ -242,8 +239,7 @@ class History:
 
     @cached_property
     def _root(self) -> np.ndarray:
-        """Inverse square root (n, n) of the covariance of the checks: white scatter and a random
-        walk."""
+        """Inverse square root (n, n) of the covariance of white scatter and a random walk."""
         months = 12.0 * self.years
         covariance = np.eye(len(months)) + _WALK * np.minimum(months[:, None], months)
         return np.linalg.inv(np.linalg.cholesky(covariance))

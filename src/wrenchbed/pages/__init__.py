@@ -91,8 +91,7 @@ def _code(text: str) -> Any:
 
 
 def _cleaned(value: Any) -> Any:
-    """Spell out control characters of texts, unless they are HTML, before a template prints
-    them."""
+    """Spell out control characters of texts, unless they are HTML, for a template."""
     return printable(value) if type(value) is str else value
 
 

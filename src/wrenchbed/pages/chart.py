@@ -231,8 +231,7 @@ def extremes(y: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
 def thinned(
     series: Sequence[Series], most: int = MOST_POINTS, what: str = "rows"
 ) -> tuple[tuple[Series, ...], str]:
-    """Thin series to at most ``most`` points each; also return a note on that, "" if all are
-    drawn."""
+    """Thin series to at most ``most`` points each; also return a note if points were left out."""
     longest = max((len(s.x) for s in series), default=0)
     if longest <= most:
         return tuple(series), ""
@@ -242,8 +241,8 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Indices of the points that are drawn: extremes, and evenly spaced points, for extremes alone
-    look like two branches."""
+    """Indices of drawn points: extremes, and even ones, for extremes alone look like two
+    branches."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)
     even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)
@@ -264,8 +263,7 @@ def luminance(colour: str) -> float:
 
 
 def _json(value: Any) -> Any:
-    """Convert parts of a chart to JSON: fields by name, numbers with `DIGITS` digits, NaN as
-    null."""
+    """Convert parts of a chart to JSON: fields by name, numbers with `DIGITS` digits or null."""
     if isinstance(value, np.ndarray):
         return _json(value.tolist())
     if isinstance(value, float):

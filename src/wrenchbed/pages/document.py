@@ -201,8 +201,7 @@ class Document:
         return ReportPage(context, "study", [figure.drawn for figure in self.figures]).html()
 
     def write(self, folder: Path, name: str, numbers: Any = None) -> None:
-        """Write ``name``.md, ``name``.html and the figures to a folder; ``name``.json if there are
-        numbers."""
+        """Write ``name``.md, .html and the figures to a folder; .json if there are numbers."""
         texts = {f"{figure.name}.svg": figure.svg for figure in self.figures}
         texts |= {f"{name}.html": self.html(), f"{name}.md": self.markdown()}
         with atomic_folder(folder) as new:

@@ -210,8 +210,7 @@ def _legend(figure: Any, axes: list[Any]) -> None:
 
 
 def _own(text: str, name: str, *, themed: bool) -> str:
-    """Make an SVG fit for embedding: with ids of its own, without addresses, and with the page's
-    colours if ``themed``."""
+    """Give an SVG ids of its own, no addresses, and the page's colours if ``themed``."""
     if not themed:
         return text
     for colour, variable in _THEME.items():

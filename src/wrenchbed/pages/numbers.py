@@ -73,8 +73,7 @@ def rough(name: str, value: float, unit: str) -> str:
 
 
 def measured(value: float, std: float | None, *, signed: bool = False) -> str:
-    """Text of a number with as many digits as its uncertainty allows, four without one: ``(1.40 ±
-    0.05)·10⁴``."""
+    """Text of a number with the digits that its uncertainty allows: ``(1.40 ± 0.05)·10⁴``."""
     if not math.isfinite(value):
         return "–"
     plus = "+" if signed and value > 0 else ""

@@ -64,7 +64,7 @@ def _steps(edges: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> Chart:
-    """Chart of positions (N, 3) [m] seen from above and from the front; ``targets`` in another
+    """Chart of positions (N, 3) [m] from above and from the front; ``targets`` in another
     colour."""
     named: tuple[tuple[Role, Mapping[str, np.ndarray]], ...] = (
         ("measured", sets), ("before", targets)
@@ -101,8 +101,7 @@ def decades(values: np.ndarray) -> tuple[float, ...]:
 def groups(
     panels: Mapping[str, tuple[str, Mapping[str, Sequence[float]]]], labels: Sequence[str]
 ) -> Chart:
-    """Chart of panels by title, each with its unit and one horizontal bar for each label and
-    name."""
+    """Chart of panels by title, each with its unit and a horizontal bar for each label and name."""
     roles: tuple[Role, ...] = ("measured", "before", "after", "box")
     drawn = []
     for title, (x, data) in panels.items():
@@ -118,8 +117,7 @@ def groups(
 
 
 def components(left: Mapping[str, np.ndarray]) -> Chart:
-    """Chart of residual wrenches (N, 6) by method: force above, torque below, one column a
-    method."""
+    """Chart of residual wrenches (N, 6): force above, torque below, one column a method."""
     roles: tuple[Role, ...] = ("measured", "before", "after")
     panels = []
     for first, label, unit in ((0, "force", "N"), (3, "torque", "N·m")):

@@ -68,8 +68,8 @@ class BufferedNoise:
         self._last = 0.0
 
     def corrupt(self, t: np.ndarray, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Add noise to true loads (n, 6) at t (n,) [s]; return readings (n, 6) and saturated
-        channels (n,)."""
+        """Add noise to loads (n, 6) at t (n,) [s]; return readings (n, 6), saturated channels
+        (n,)."""
         n = len(t)
         if len(self._rows) < n:
             self._draw(n, float(t[-1]))

@@ -163,8 +163,7 @@ class Answer(ABC):
 
     @property
     def black_box(self) -> str:
-        """Sentence on how much of the gap a flexible model closes; empty if there is hardly a
-        gap."""
+        """Sentence on what share of the gap a flexible model closes; empty without a gap."""
         return ""
 
     @property
@@ -240,8 +239,7 @@ class Answer(ABC):
 
     @property
     def nearest(self) -> tuple[str, float]:
-        """Key of the likeliest class of known effects and its probability; empty if there is
-        none."""
+        """Key and probability of the likeliest class of known effects; empty if there is none."""
         known = {k: p for k, p in self.d.probabilities.items() if k not in _MEANING}
         return max(known.items(), key=lambda kv: kv[1], default=("", 0.0))
 

@@ -1,5 +1,4 @@
-"""Figures that show a cause over the variable that an engineer would plot it against, and the
-residual where no cause is claimed.
+"""Figures of a cause over its own variable, and of the residual where no cause is claimed.
 
 An effect states what it is drawn over (`Effect.shown`): a loop, a spring line, a wave. Of other
 effects `figures.of_cause` draws measured and simulated over the rows, sorted by the effect's
@@ -233,8 +232,7 @@ def everywhere(e: Evidence, name: str) -> Chart:
 
 
 def _variables(e: Evidence, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
-    """Yield axis and values (H,) of each variable that was recorded or follows from the
-    recording."""
+    """Yield axis and values (H,) of each variable that was recorded or is derived."""
     scene, held = e.prepared.scene, e.prepared.scene.held
     for k, joint in enumerate(scene.robot.joints if scene.jointed else ()):
         axis, factor = joint_axis(joint, k + 1)

@@ -121,8 +121,7 @@ class WrenchAnswer(Answer):
 
     @property
     def hinted(self) -> list[str]:
-        """Subsystems that ``where`` states without enough evidence; empty where a cause is
-        claimed."""
+        """Subsystems of ``where`` without enough evidence; empty where a cause is claimed."""
         hints = (str(w["subsystem"]) for w in self.d.where if float(w["share"]) > 0.0)
         return [] if self.d.which else list(dict.fromkeys(hints))
 

@@ -174,8 +174,7 @@ class ArmModel:
 
 
 def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
-    """Make a dataclass from its fields as JSON has them, and from ``parts`` that were made
-    already."""
+    """Make a dataclass of its fields as JSON has them, and of ``parts`` that are made already."""
     arrays = {f.name for f in fields(kind) if f.type is np.ndarray}
     values: dict[str, Any] = {
         k: np.array(v, dtype=float) if k in arrays else _tuples(v) for k, v in raw.items()

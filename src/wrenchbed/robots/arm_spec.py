@@ -64,8 +64,7 @@ _HEAD = """
 
 
 def spec_of(arm: ArmModel, load: Load, zeros: np.ndarray) -> mujoco.MjSpec:
-    """MJCF of an arm with a load as it stands at home; ``zeros`` (L,) are added to its joints'
-    values."""
+    """MJCF of an arm with a load, at home; ``zeros`` (L,) are added to its joints' values."""
     spec = mujoco.MjSpec.from_string(_HEAD)
     spec.modelname, spec.option.gravity = arm.name, arm.gravity
     stretch = max(arm.reach, 0.1)

@@ -104,8 +104,7 @@ class ArmTree:
         mujoco.mj_kinematics(model, self.data)
 
     def arm(self, actuators: Iterable[str]) -> ArmModel:
-        """Read the arm as numbers; ``actuators`` are the joints that are driven where loops
-        close."""
+        """Read the arm as numbers; ``actuators`` are the driven joints where loops close."""
         model, data, chain = self.model, self.data, self.chain
         driven = self._driven(actuators) if self.equalities else tuple(range(len(chain)))
         segment = self._segments()
@@ -314,8 +313,7 @@ class ArmTree:
     def _together(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Mass, CoG (3,) and inertia about it (3, 3) of some bodies taken together, in a frame of
-        the world."""
+        """Mass, CoG (3,) and inertia about it (3, 3) of some bodies in all, in a world frame."""
         model, data = self.model, self.data
         some = [b for b in bodies if b and model.body_mass[b] > _NOTHING]
         mass = float(sum(model.body_mass[b] for b in some))

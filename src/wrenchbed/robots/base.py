@@ -76,8 +76,7 @@ class GoalSets(NamedTuple):
 
 
 class Robot(ArmBodies):
-    """A robot that carries a six-axis force/torque sensor; `ArmBodies` has what its own weight
-    does.
+    """A robot that carries a six-axis force/torque sensor; `ArmBodies` weighs its links.
 
     Every formula accepts joint values ``q`` of shape (N, J) as an array or as a `Jet` (then the
     result carries velocity and acceleration), and parameters ``theta`` of shape (P,) or (K, 1, P),
@@ -124,8 +123,7 @@ class Robot(ArmBodies):
         raise NotFoundError(f"robot {self.name!r} has no tool tip in its model")
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Gravity in sensor axes (…, N, 3) [m/s²] at joint values q (N, J), from gravity in world
-        axes (3,)."""
+        """Gravity in sensor axes (…, N, 3) [m/s²] at q (N, J), from gravity in world axes (3,)."""
         return np.asarray(np.swapaxes(self.sensor_pose(q, theta)[0], -1, -2) @ gravity)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
@@ -263,8 +261,7 @@ class SimulatedRobot(Robot):
 
 
 def complex_steps(theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-    """Copies of parameters (K, 1, P), the k-th with an imaginary `STEP` in its column
-    ``columns[k]``."""
+    """Copies of parameters (K, 1, P), the k-th with an imaginary `STEP` in ``columns[k]``."""
     shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
     shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
     return shifted
@@ -414,8 +411,7 @@ def mount_turn(vector: np.ndarray) -> np.ndarray:
 
 
 def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Parameters (P,) of the robot with its base turned: gravity, in base axes, by a rotation
-    vector (3,) [rad].
+    """Parameters (P,) after gravity, in base axes, was turned by a rotation vector (3,) [rad].
 
     A turn about the vertical is lost on robots whose base has a tilt only; no wrench shows it.
     """
@@ -431,8 +427,7 @@ def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarr
 
 
 def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Parameters (P,) of the robot with its sensor turned on its flange by a rotation vector (3,)
-    [rad] in sensor axes."""
+    """Parameters (P,) with the sensor turned on its flange by a vector (3,) [rad] in its axes."""
     names, turned = robot.parameters.names, np.array(theta, dtype=float)
     if "mount.rotation.x" in names:
         at = [names.index(f"mount.rotation.{a}") for a in "xyz"]

@@ -100,8 +100,7 @@ class SerialChain(MountedArm):
         return [(stack_jets(axes), origin) for *axes, origin in frames]
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Gravity in sensor axes (…, N, 3), turned from joint to joint: less than half the work of
-        a pose."""
+        """Gravity in sensor axes (…, N, 3), turned joint by joint: half the work of a pose."""
         turns, _ = self._mounted(theta)
         angle = np.ascontiguousarray(np.moveaxis(q + self.zeros(theta), -1, 0))
         seen: Vector = np.moveaxis(gravity @ turns[0], -1, 0)
@@ -115,8 +114,7 @@ class SerialChain(MountedArm):
         return np.moveaxis(np.stack([np.broadcast_to(x, shape) for x in seen]), 0, -1)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """Input of `compiled.statics`: of each hinge its column, zero, cosine and sine of the
-        twist.
+        """Input of `compiled.statics`: column, zero, cosine and sine of the twist of each hinge.
 
         The twist behind the last hinge is zero: the last turn holds it.
         """

@@ -136,8 +136,7 @@ class ClosedLoops:
             return np.linalg.inv(slopes + 1e-13 * np.eye(slopes.shape[-1]))
 
     def _at_home(self, at: np.ndarray) -> np.ndarray:
-        """Close the loops at home: values of all joints (L,); also choose the equations that are
-        kept.
+        """Close the loops at home and choose the equations to keep; values of all joints (L,).
 
         Raises:
             ParameterError: the loops do not close, leave a joint free, or couple driven joints.
@@ -230,8 +229,7 @@ class ClosedLoops:
         return np.asarray(self.residual(_split(at), arm) @ self._kept.T)
 
     def _reached(self, q: np.ndarray) -> np.ndarray:
-        """Nominal solutions (N, L) at driven values, each followed from a near seed, else from
-        home."""
+        """Nominal solutions (N, L) at driven values, followed from a near seed, else from home."""
         goal, seeds = q, self._seeds
         at = np.full((len(q), len(self.arm.links)), np.nan)
         finite = np.flatnonzero(np.isfinite(goal).all(axis=1))
@@ -312,8 +310,7 @@ class ClosedLoops:
         return values
 
     def failures(self, at: np.ndarray) -> dict[int, str]:
-        """Reasons by row of ``at`` (N, L) that has no solution or lies beyond a passive joint's
-        limits."""
+        """Reason by row of ``at`` (N, L) without a solution or beyond a passive joint's limits."""
         bad = {int(row): _BARRED for row in np.flatnonzero(np.isnan(at).any(axis=1))}
         for k in self.passive:
             link = self.arm.links[k]

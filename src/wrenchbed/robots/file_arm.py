@@ -192,8 +192,7 @@ class FileArm(DescribedArm, SerialChain):
             return rng.uniform(low, high, (n, len(low)))
 
     def clear(self, q: np.ndarray) -> np.ndarray:
-        """Which poses (N, J) keep moving parts above the floor and the tool off the limbs (N,),
-        boolean."""
+        """Which poses (N, J) keep moving parts above the floor and the tool off the limbs (N,)."""
         theta, floor = self.parameters.nominal, self.arm_model.floor
         origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in self.frames(q, theta)]
         rotation, sensor = self.sensor_pose(q, theta)

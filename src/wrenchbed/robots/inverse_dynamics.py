@@ -57,8 +57,7 @@ def rotor_torque(
 
 
 def _unit_speeds(q: np.ndarray) -> Jet:
-    """Jet (N J, J) that repeats each row (N, J) once for each joint, which alone has a speed of
-    1."""
+    """Jet (N J, J): each row (N, J) once for each joint, which alone moves, at a speed of 1."""
     still = np.repeat(q, q.shape[1], axis=0)
     return Jet(still, np.tile(np.eye(q.shape[1]), (len(q), 1)), 0.0 * still)
 

@@ -152,6 +152,5 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
 
 
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (3, 3) and origin (3,) of a link in the world, from arrays that may have a leading
-    row."""
+    """Axes (3, 3) and origin (3,) of a link in the world, without the leading row if any."""
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]

@@ -22,8 +22,7 @@ def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Poses (M, J) of q (N, J) without those to which the straight way from the one before leaves
-    the robot's limits."""
+    """Poses of q (N, J) that are reached from the one before on a straight way within limits."""
     kept: list[np.ndarray] = []
     for pose in q:
         if kept and robot.infeasible(straight(kept[-1], pose), robot.parameters.nominal):

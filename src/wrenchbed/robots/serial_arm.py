@@ -175,8 +175,7 @@ class SerialArm(SerialChain):
         return np.asarray(above & column & (apart > arm.clearance))
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        """MJCF of the arm with parameters (P,): its file, or made from its data if there is no
-        file."""
+        """MJCF of the arm with parameters (P,): its file, or made from its data if it has none."""
         from wrenchbed.robots.mjcf import bare, place, write_load
 
         spec = bare(self.mjcf) if self.mjcf.is_file() else self.drawn()

@@ -94,7 +94,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
 
 
 def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, dict[str, int]]:
-    """Observability of all 49 parameters by 100 configurations, and the rank by parameters and
+    """Observability of all 49 parameters by 100 configurations, and ranks by parameters and
     data."""
     model = setting.model
     columns = model.parameters.select(setting.robot.candidates)
@@ -400,8 +400,7 @@ def _p(p: float) -> str:
 
 
 def limit_section(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Section:
-    """Section on the bound of two noises from O1's configurations, beside attained and published
-    errors."""
+    """Section on the bound of two noises at O1's configurations, beside attained errors."""
     rows: list[tuple[object, ...]] = [("published", *published.AFTER.values())]
     means = []
     for noise in (MINI40, PAPER):

@@ -42,8 +42,7 @@ class IdentifiedRobot:
 def as_the_paper(
     setting: StudySetting, q: np.ndarray, wrench: np.ndarray, stop: float = _STOP
 ) -> IdentifiedRobot:
-    """Identify by unweighted normal equations with scaled columns: its Section 4.2, Equations
-    24–30.
+    """Identify by unweighted normal equations with scaled columns: Section 4.2, Eqs. 24–30.
 
     NaN where the iteration left the region in which the five-bars close.
 
@@ -126,8 +125,7 @@ class PaperRobot:
 
 
 def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: int) -> PaperRobot:
-    """Identify the robot of Table 1 without noise, with the certificate's, and with ±1 N by each
-    design."""
+    """Identify Table 1's robot without noise, with the certificate's, and ±1 N by each design."""
     theta = of_table_1(setting, published.ACTUAL)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}
@@ -202,8 +200,7 @@ class Judge:
         self._target = simulation.wrench(setting.target), simulation.tip(setting.target)
 
     def rows(self, theta: np.ndarray, *, whole: bool = True, **labels: object) -> list[Row]:
-        """Error rows of identified parameters, one for each workspace and quantity, SI, with
-        ``labels``."""
+        """Errors as rows with ``labels``, one for each workspace and quantity, SI."""
         places = {"target": (self.setting.target, self._target)}
         if whole:
             places["whole"] = (self.setting.q, self._whole)

@@ -143,8 +143,7 @@ class StudySetting:
 
 
 def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> StudySetting:
-    """Make the setting with a pool of n configurations, with tool orientations in
-    `workspace.pool`'s ranges."""
+    """Make the setting with a pool of n configurations, oriented as in `workspace.pool`."""
     robot: MedRUE = registry.load("robots", "medrue")
     model = Model.of(robot)
     columns = model.parameters.select(IDENTIFIED)

@@ -157,8 +157,7 @@ class StudyScene:
         return cls(scenario, model, theta, metadata, noise, seed)
 
     def measure(self, q: np.ndarray) -> tuple[Recording, np.ndarray]:
-        """Simulate holds at q (N, 6); return the recording, and the exact load and bias at each (N,
-        6) before noise and drift."""
+        """Simulate holds at q (N, 6): the recording, and exact load and bias at each (N, 6)."""
         count = len(self.model.robot.parameters)
         simulation = Simulation(self.model.robot, self.theta[:count], self.model.gravity)  # type: ignore[arg-type]
         exact = self.model.read(simulation.wrench(q), self.theta)
@@ -243,8 +242,7 @@ def geometric_mean(values: np.ndarray) -> float:
 
 
 def trial(scenario: Scenario, seed: int) -> Trial:
-    """Simulate a campaign: the reference pose, the calibrating poses in random order, the judging
-    poses."""
+    """Simulate a campaign: reference pose, calibrating poses in random order, judging poses."""
     scene = StudyScene.of(scenario, seed)
     robot = cast(URArm, scene.model.robot)
     rng = np.random.default_rng([seed, 1])
@@ -287,8 +285,7 @@ def steps(quick: bool, robots: int | None) -> int:
 
 
 def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
-    """Run every scenario, repeated with other poses and noise; return the page, whose Tables 2 to 6
-    are of the first.
+    """Run every scenario, repeated with other poses and noise; Tables 2 to 6 are of the first.
 
     Finished repetitions are kept in ``folder``/parts, so that a stopped run goes on.
     """
@@ -419,8 +416,7 @@ def _summary(first: Trial, table: pa.Table) -> dict[str, Any]:
 
 
 def _bound(one: Trial) -> float:
-    """Cramér–Rao bound of the rms error of the centre of gravity [m], by white noise alone,
-    averaged over the samples of a hold."""
+    """Cramér–Rao bound of the error of the centre of gravity [m], by averaged white noise alone."""
     scene, q = one.scene, one.calibrating
     columns = scene.model.parameters.select(FREE)
     std = scene.noise.white / np.sqrt(SAMPLES)
@@ -434,8 +430,7 @@ def _bound(one: Trial) -> float:
 
 
 def _lead(summary: dict[str, Any]) -> str:
-    """Sentences on the forces that the methods leave in their worst direction, and with a wrong
-    stated mass."""
+    """Sentences on what force each method leaves at worst, and with a wrong stated mass."""
     worst = {m: max(summary["force"][d][m] for d in DIRECTIONS) for m in ORDER}
     wrong = summary["scenarios"][SCENARIOS[2].name]
     return (

@@ -183,8 +183,7 @@ def motion(simulation: Simulation, q: np.ndarray) -> BodyMotion:
 
 
 def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-    """Numbers (K,) of the rows of joint values (N, J) to show: each that differs from the last
-    shown, and the end.
+    """Numbers (K,) of the rows of joint values (N, J) to show: those that differ, and the end.
 
     Args:
         t: times (N,) [s] of a motion, of which at most `FRAMES_HZ` rows a second are shown.

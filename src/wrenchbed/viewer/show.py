@@ -115,8 +115,7 @@ def view(
 
 
 def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder: Path) -> Path:
-    """Path of the picture of a file: an ``.rrd`` itself, else one drawn at ``rrd`` or in the
-    folder."""
+    """Path of the picture of a file: an ``.rrd`` itself, else drawn at ``rrd`` or in the folder."""
     made = file / PICTURE if file.is_dir() else file
     if made.suffix == ".rrd":
         if against or rrd is not None:

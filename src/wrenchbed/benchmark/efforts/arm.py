@@ -120,8 +120,7 @@ def _points(
     top: np.ndarray,
     order: Callable[[np.ndarray], np.ndarray] = lambda x: x,
 ) -> np.ndarray:
-    """Minimum-jerk moves between random poses, with pauses (T, J); ``order`` sorts the drawn
-    poses."""
+    """Minimum-jerk moves between random poses, sorted by ``order``, with pauses (T, J)."""
     middle, reach = room
     poses = order(middle + reach * rng.uniform(-1.0, 1.0, (max(4, int(t[-1] / 2.0)), len(middle))))
     q, now, here = np.empty((len(t), len(middle))), 0, poses[0]
@@ -196,8 +195,8 @@ class TrueArm:
 
 
 def manufactured(rng: Rng) -> Edit:
-    """Edit that moves the masses and CoGs of links off the stated ones, as in castings; the tool
-    and bodies without weight keep theirs."""
+    """Edit of links that are off the stated ones as castings are; the tool and what weighs nothing
+    stay."""
     seed = int(rng.integers(2**31))  # of a generator, by definition
 
     def edit(model: mujoco.MjModel) -> None:

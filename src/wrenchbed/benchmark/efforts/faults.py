@@ -39,8 +39,7 @@ def drive_inertia(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_stribeck(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: the Stribeck dip of Hess and Soom 1990 (doi 10.1115/1.2920240), 1/(1 +
-    (v/vₛ)²)."""
+    """Draw a fault: the Stribeck dip 1/(1 + (v/vₛ)²) of Hess and Soom 1990 (10.1115/1.2920240)."""
     rise = log_uniform(rng, 0.4, 2.0) * setting.drives.coulomb[joint]
     speed = log_uniform(rng, 0.03, 0.2)
     true = {"rise": rise, "speed": speed}
@@ -189,8 +188,7 @@ def link_cable(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def link_spring(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a coil spring that balances gravity, from beside the joint to a lever on the
-    link.
+    """Draw a fault: a coil spring that balances gravity, beside the joint to a lever on the link.
 
     Of length L² = a² + b² + 2 a b cos(q − q₀) it makes k (1 − L₀/L) a b sin(q − q₀).
     """

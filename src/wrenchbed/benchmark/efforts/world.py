@@ -180,8 +180,8 @@ class EffortFault(Fault):
         return self.name if self.joint is None else f"{self.name}.{self.joint + 1}"
 
     def changed(self, matrix: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Apply a change to the column of the fault's joint in a matrix (T, J), to all columns if
-        the fault has no joint."""
+        """Change the column of the fault's joint in a matrix (T, J), all columns without a
+        joint."""
         if self.joint is None:
             return change(matrix)
         result = matrix.copy()
@@ -374,8 +374,7 @@ def _stated(robot: SimulatedRobot, rng: Rng) -> np.ndarray:
 
 
 def rated_torques(robot: SimulatedRobot, theta: np.ndarray, rng: Rng) -> np.ndarray:
-    """Torques (J,) [N·m] that drives are rated for: what joints hold at random poses, and a
-    margin."""
+    """Torques (J,) [N·m] that drives are rated for: of joints at random poses, and a margin."""
     poses = robot.sample(40, rng)
     still = Path(1.0, np.arange(40.0), poses, 0.0 * poses, 0.0 * poses)
     peak = 1.7 * np.abs(TrueArm(robot, theta).inverse(still)[0]).max(axis=0)

@@ -198,8 +198,7 @@ def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
-    """Side ±1 (N,) on which a joint with clearance lies; in motion it needs time to change
-    sides."""
+    """Side ±1 (N,) on which a joint with clearance lies; in motion a change takes time."""
     if not design.moving:
         return state
     return np.asarray(gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate)))
@@ -214,8 +213,7 @@ def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.nda
 
 @lru_cache(maxsize=8)
 def _visibility(design: ExperimentDesign) -> np.ndarray:
-    """Rms change of the reading by 0.2° at each joint (J,) after the usual fit, relative to the
-    largest."""
+    """Change of the reading by 0.2° at each joint (J,) after the usual fit, relative."""
     robot, seen = ImperfectRobot(design), np.empty(design.q.shape[1])
     for j in range(len(seen)):
         item = Imperfection(joint=_off(design, j, np.deg2rad(0.2)))
@@ -226,8 +224,7 @@ def _visibility(design: ExperimentDesign) -> np.ndarray:
 def _joints(
     design: ExperimentDesign, rng: Rng, *, rotating: bool = False, several: float = 0.2
 ) -> list[int]:
-    """Draw the 0-based numbers of one joint, sometimes of two or three, more often those that
-    change the reading most."""
+    """Draw one joint, sometimes two or three (numbers from 0), visible ones more often."""
     visibility = _visibility(design)
     weight = 0.03 + visibility
     weight[visibility < 1e-3] = 1e-6

@@ -278,8 +278,8 @@ class _Drawing:
         raise ParameterError("no two causes show together in this design")
 
     def outside(self, family: str | None) -> LookalikeCase:
-        """Draw a case of a fault outside the library, of the given or a random family, scaled to a
-        random gap."""
+        """Draw a case of a fault outside the library, of a given family or any, with a random
+        gap."""
         known = families(self.design)
         if family is not None and family not in known:
             raise ParameterError(f"there is no family {family!r}. Known: {', '.join(known)}")
@@ -297,8 +297,7 @@ class _Drawing:
         raise ParameterError(f"{family or 'no family'} shows enough in this design")
 
     def case(self, causes: Sequence[_Measured], amount: float = 1.0) -> LookalikeCase:
-        """Put a case together from its causes; the first one was measured in the presence of the
-        others."""
+        """Make the case of causes, of which the first was measured with all others present."""
         return LookalikeCase(
             self.seed,
             self.kind,
@@ -330,8 +329,7 @@ class _Drawing:
         return None
 
     def _measure(self, item: Imperfection) -> _Measured:
-        """Size of an imperfection beside all that the robot has already; a gap of NaN if no reading
-        is possible with it."""
+        """Size of an imperfection beside all that is there; a gap of NaN if no reading exists."""
         if between(item.name) and item.rows is not None:
             noise, held = self.design.noise_std, imperfection.held_rows
             rise = item.rows.rise(noise, self.base, lambda shake: shake.wrench, held)
@@ -427,8 +425,7 @@ def row_noise(design: ExperimentDesign, rng: Rng, samples: int) -> tuple[np.ndar
 
 
 def _shaking(t: np.ndarray, frequency: float, rng: Rng) -> np.ndarray:
-    """A signal of unit rms at times (N, n) [s]: one frequency with a varying amplitude, or a broad
-    spectrum if ``frequency`` is 0."""
+    """Unit signal at times (N, n) [s]: a tone of varying amplitude, broadband at frequency 0."""
     if frequency <= 0.0:
         return rng.standard_normal(t.shape)
     breath = 0.3 * np.sin(0.11 * frequency * t + rng.uniform(0.0, 6.28))

@@ -58,8 +58,7 @@ def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Draw a fault: a force reads the product of two channels (a torque would be a flexing
-    tool)."""
+    """Draw a fault: a force reads a product of two channels (a torque would be a flexing tool)."""
     into = int(rng.integers(3))
     a, b = (int(k) for k in rng.choice(np.delete(np.arange(6), into), 2, replace=False))
     factor = 6.0 * design.noise_std[into] / (design.swing[a] * design.swing[b])

@@ -247,8 +247,8 @@ class FaultyRobot:
         return [first] if kind == "single" else self._two(first, rng)
 
     def _one(self, kind: str, names: list[str], rng: Rng) -> TrueCause:
-        """Draw a cause that is large enough: one that is too small once more and larger, then
-        another one."""
+        """Draw a cause that is large enough; one that is too small is enlarged once, then
+        another."""
         for _ in range(_DRAWS):
             name = str(rng.choice(names))
             size = frame.log_uniform(rng, *frame.SIZES)

@@ -33,8 +33,7 @@ def direction(rng: Rng) -> np.ndarray:
 
 
 def touched(rng: Rng) -> np.ndarray:
-    """Draw signed weights (6,) of channels: one, two, the three forces or torques, or all; the
-    largest is ±1."""
+    """Draw weights (6,) of channels: one, two, three of a kind or all; the largest is ±1."""
     few = int(rng.choice([1, 2, 3, 6], p=[0.45, 0.2, 0.15, 0.2]))
     chosen = np.zeros(6, dtype=bool)
     if few == 3:

@@ -195,8 +195,7 @@ def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> mujoco.MjMode
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
-    """Delete all but bodies, joints, loops, sites and the wrench: pictures, servos,
-    compensation."""
+    """Delete all but bodies, joints, loops, sites and wrench, such as pictures and servos."""
     for kind in (spec.actuators, spec.keys, spec.geoms, spec.cameras, spec.lights):
         for element in list(kind):
             spec.delete(element)
@@ -233,8 +232,7 @@ def _spring(joint: "mujoco.MjsJoint", stiffness: float, step: float) -> None:
 
 
 def _pin(spec: mujoco.MjSpec, name: str, radius: float) -> None:
-    """Give a pin that closes a loop clearance: a hole on one side that is larger by ``radius``
-    [m]."""
+    """Give a pin that closes a loop a clearance: a hole larger by ``radius`` [m] on one side."""
     loop = spec.equality(name)
     end = spec.site(loop.name2)
     seat = end.parent.add_body(name=f"hidden_seat_{name}", pos=end.pos)
@@ -260,8 +258,7 @@ def _base(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
 
 
 def _tool(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
-    """Hang the load on the sensor's body as a body of its own, by compliant hinges
-    (``truth.bend``)."""
+    """Hang the load on the sensor's body by compliant hinges (``truth.bend``)."""
     tool = spec.body("tool")
     rotation = Rotation.from_quat(tool.quat, scalar_first=True) * Rotation.from_rotvec(truth.mount)
     tool.quat = rotation.as_quat(scalar_first=True)
@@ -353,8 +350,7 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
 
 
 def _driven(truth: Mechanics, path: DrivePath) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """True positions, speeds and accelerations of the drives (T, J), whose errors vary along the
-    path."""
+    """True positions, speeds and accelerations of the drives (T, J); errors vary on the path."""
     eps = 1e-4
     q0 = truth.driven(path.q)
     if not truth.drive:

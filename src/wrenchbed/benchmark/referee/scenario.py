@@ -119,8 +119,7 @@ def along(motion: CubicSpline, seconds: float, rate: float) -> DrivePath:
 def _legs(
     robot: SimulatedRobot, start: np.ndarray, end: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Straight moves from start to end, by way of home if need be, as (start, end); none if either
-    leaves the workspace."""
+    """Straight moves (start, end), by way of home if need be; none if they leave the workspace."""
     home = robot.home
     for legs in ([(start, end)], [(start, home), (home, end)]):
         fraction = np.linspace(0.0, 1.0, _CHECKS)[:, None]

@@ -60,8 +60,8 @@ def reliability_at_design(
 
 
 def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
-    """Diagnose one random look-alike; return its lesson (what was claimed, what was true), or None
-    if none can be drawn or diagnosed."""
+    """Diagnose one random look-alike: what was claimed, what was true; None if it cannot be
+    drawn."""
     kind = TEN_KINDS[index % len(TEN_KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
     try:

@@ -169,8 +169,8 @@ def _named(truth: Answer) -> set[str]:
 
 
 def matched(truth: Answer, claim: Claim) -> tuple[int, int, int]:
-    """Number of true effects that are claimed, of claims of nothing true, and of true effects that
-    are missed."""
+    """Numbers of true effects that are claimed, of claims of nothing true, of true effects
+    missed."""
     hits = sum(any(t in c for c in claim.causes) for t in truth.effects)
     wrong = sum(not set(c) & set(truth.effects) for c in claim.causes)
     return hits, wrong, len(truth.effects) - hits
@@ -224,8 +224,8 @@ def _f1(s: np.ndarray) -> np.ndarray:
 
 
 def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """1 if the first subsystem named is that of a true effect or of one alike, else 0; None where
-    it does not count."""
+    """Whether the first subsystem named is that of a true effect or one alike; None: not
+    counted."""
     if not truth.effects:
         return None
     allowed = {subsystem(t) for t in truth.effects}
@@ -236,8 +236,7 @@ def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 
 def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Counts for coverage: published numbers of true effects that are named first, against the true
-    ones.
+    """Coverage: published numbers of true effects named first, and whether they hold the true ones.
 
     Of the referee's robots every number is known, 0 where none is listed.
     """
@@ -346,8 +345,7 @@ def figures(rows: Sequence[CaseRow], methods: Sequence[str]) -> Figures:
 
 
 def effect_cells(rows: Sequence[CaseRow]) -> Cells:
-    """Heading and rows of a table: answers to each single effect, at any joint, and to each outside
-    family."""
+    """Heading and rows of a table: answers to each single effect and to each outside family."""
     head = ["effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named"]
     alone = [(r.truth, r.claims[OURS]) for r in rows if r.truth.kind in ("single", "outside")]
     groups: dict[tuple[bool, str], list[tuple[Answer, Claim]]] = {}

@@ -78,8 +78,8 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> Claim:
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Effects that an entry of ``which`` names; effects of drives and links with each joint that it
-    allows."""
+    """Effects that an entry of ``which`` names, those of drives and links with each possible
+    joint."""
     joint = dict(_items(entry.get("parameters"))).get("joint")
     joints = [""]
     if joint is not None:

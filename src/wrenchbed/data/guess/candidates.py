@@ -121,8 +121,7 @@ def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
 
 
 def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
-    """Row of a table ``sheet`` at each row of the wrench's (N,); None if they do not belong
-    together."""
+    """Row of ``sheet`` at each row of the wrench's table (N,); None if they do not match."""
     rows = len(load)
     if sheet is load:
         return np.arange(rows)
@@ -165,8 +164,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
-    """Yield a fitted convention for each direction of the orientation, axes of the wrench and
-    mount."""
+    """Yield a fitted convention for each direction of the orientation, wrench axes and mount."""
     poses = pairing.poses(reading)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:

@@ -282,8 +282,7 @@ class Convention:
         )
 
     def words(self, down: str = "") -> str:
-        """Text on what the columns mean and in which axes; ``down`` is the sign of gravity's axis,
-        if known."""
+        """Text on the columns' meanings and axes; ``down``: sign of gravity's axis, if known."""
         what = self.reading.kind + (" of the base in the sensor" if self.inverse else "")
         parts = [what, f"wrench in {'base' if self.in_base else 'sensor'} axes"]
         parts.append(f"gravity along {down}{'xyz'[self.fit.axis]}")

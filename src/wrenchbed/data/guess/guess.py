@@ -103,8 +103,7 @@ class Guess:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Lines for people on the best convention, on others that fit alike and on excluded
-        ones."""
+        """Lines for people on the best convention, those that fit alike and excluded ones."""
         if self.by_names:
             return (f"found: {self.by_names}",)
         first = self.conventions[0]

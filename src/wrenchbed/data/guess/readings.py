@@ -52,8 +52,7 @@ class Reading:
 
     @property
     def is_tilt(self) -> bool:
-        """Whether the columns are an accelerometer, which at rest shows where up is, and no
-        more."""
+        """Whether the columns are an accelerometer, which at rest shows only where up is."""
         return ACCELERATION[0] in self.targets
 
     @cached_property
@@ -63,8 +62,8 @@ class Reading:
 
 
 def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
-    """Yield each possible wrench as channel → column: by name, else every six columns in a row that
-    nothing else claims."""
+    """Yield possible wrenches, channel → column: by name, else every six unclaimed columns in a
+    row."""
     yield from sheet.loads
     for names in () if sheet.loads else sheet.windows(6, "force", "torque"):
         for order in (names, [*names[3:], *names[:3]]):  # torques may stand first

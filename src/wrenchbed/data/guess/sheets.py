@@ -154,8 +154,8 @@ class Sheet:
         return all(unit is None or UNITS[unit][0] in quantities for unit in units)
 
     def windows(self, width: int, *quantities: str) -> Iterator[list[str]]:
-        """Yield each group of ``width`` adjacent columns without a role that may be some
-        quantities."""
+        """Yield each group of ``width`` adjacent columns without a role that may be
+        ``quantities``."""
         free = {name for name in self.free if self.may_be([name], *quantities)}
         names = list(self.values)
         for k in range(len(names) - width + 1):
@@ -164,8 +164,7 @@ class Sheet:
 
 
 def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
-    """Read the table of a text file; several where its columns have their values in rows of their
-    own.
+    """Read the table of a text file; several where columns have values in rows of their own.
 
     With ``skip_incomplete`` rows are left out that lack a value of a column that is seldom without.
 
@@ -239,8 +238,7 @@ def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
 
 
 def _accelerometer(sheet: Sheet) -> dict[str, str]:
-    """Roles ax, ay, az of three unnamed columns whose length is nearly always that of gravity;
-    empty without any."""
+    """Roles ax, ay, az of three unnamed columns whose length is nearly always gravity's, if any."""
     for names in sheet.windows(3, "acceleration"):
         length = np.linalg.norm(sheet.block(names), axis=1)
         if (np.abs(length / _EARTH - 1.0) < _NEAR_G).mean() > _STEADY:
@@ -316,8 +314,7 @@ def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, l
 
 
 def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
-    """Yield the wrenches of numbered columns, of which a robot may log several: six, or three
-    forces and torques."""
+    """Yield the wrenches of numbered columns, of which a robot may log several."""
     stems = _numbered(values)
     sixes = [names for stem, names in stems.items() if _WRENCH_STEM.search(stem)]
     for names in [*sixes, [*stems.get("force", ()), *stems.get("torque", ())]]:

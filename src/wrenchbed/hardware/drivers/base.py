@@ -53,8 +53,7 @@ class ArmSample:
 
 @dataclass(frozen=True, eq=False)
 class Applied:
-    """Result of streaming a target: joint values (J,) as sent, or None and why they were
-    refused."""
+    """Result of streaming a target: joint values (J,) as sent, or None and why it was refused."""
 
     sent: np.ndarray | None
     reason: str = ""

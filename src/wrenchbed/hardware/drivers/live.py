@@ -70,8 +70,8 @@ _WAIT_POLL_S = 0.005
 
 
 def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
-    """Stop the robot after an error: hard after a limit was exceeded, else soft; if the stop fails,
-    note that in the error."""
+    """Stop the robot after an error, hard after a limit, else soft; note in it if the stop
+    fails."""
     try:
         stop("hard" if isinstance(error, LimitError) else "soft")
     except DriverError as failed:
@@ -135,8 +135,8 @@ class WatchedMove(Move):
 
 
 def pace(due: float, period: float) -> float:
-    """Sleep until ``due`` [s]; return the next due time, later where this one was missed by a
-    period."""
+    """Sleep until ``due`` [s]; return the next due time, a period later or more if it was
+    missed."""
     now = time.monotonic()
     if now < due:
         time.sleep(due - now)

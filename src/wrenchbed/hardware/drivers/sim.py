@@ -271,12 +271,7 @@ class SimDriver(Driver):
 
     def _touch(self, point: np.ndarray) -> Reached:
         """Move the tip to a point of the world [m], off by a random error of standard deviation
-        `TOUCH_STD` an axis, and return where the joints stand. An unknown force then pushes the tip
-        until it moves.
-
-        Raises:
-            DriverError: the tip cannot reach the point.
-        """
+        `TOUCH_STD` an axis, and return where the joints stand; an unknown force pushes it."""
         seat = point + self._touch_rng.normal(0.0, TOUCH_STD, 3)
         start = self._plant.q
         target = self._simulation.seated(start, seat)
@@ -335,8 +330,7 @@ class SimDriver(Driver):
         return columns
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Yield the rows of a motion block by block; effects and efforts need the complete motion
-        first."""
+        """Yield rows of a motion by blocks; effects and efforts need the complete motion first."""
         moved: Iterable[Samples] = self._moved(targets, rate)
         readings: np.ndarray | None = None
         efforts: dict[str, np.ndarray] = {}

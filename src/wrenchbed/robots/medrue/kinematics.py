@@ -76,8 +76,8 @@ PARAMETERS = PAPER + load_parameters(PROBE_INERTIA)
 
 
 class FiveBar(NamedTuple):
-    """Places of one five-bar's joints in the base's y, z plane (…, N, 2) [m]; ``direction`` of A
-    from C."""
+    """Places of a five-bar's joints in the base's y, z plane (…, N, 2) [m]; ``direction`` C to
+    A."""
 
     B: Value
     D: Value
@@ -119,8 +119,8 @@ class Solved(NamedTuple):
 
 
 def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
-    """Places of all joints of five-bar i (1, 2) at its two joint values [rad] (Equations 2–11),
-    elbows up."""
+    """Places of the joints of five-bar i (1, 2) at two joint values [rad] (Eqs. 2–11), elbows
+    up."""
     ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
     l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
     a = first + p[f"dq{2 * i}"]

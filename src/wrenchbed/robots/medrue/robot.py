@@ -290,8 +290,8 @@ def _place(p: Values, of: str) -> Value:
 
 
 def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]]:
-    """Frames of the links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, its
-    plane at x."""
+    """Frames of links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, plane at
+    x."""
     bars = []
     for k, (anchor, middle) in enumerate((("A", bar.B), ("C", bar.D))):
         start = stack_jets([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]])

@@ -30,9 +30,9 @@ _TRIES = 200
 
 
 def joints(p: Values, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Inverse kinematics: joint values (N, 6) that bring the tool to poses in the world,
-    R_world_tool (N, 3, 3) and (N, 3) [m], elbows up as in the paper; NaN rows where there are none.
-    Parameters are scalars."""
+    """Inverse kinematics: joint values (N, 6) for tool poses in the world, R_world_tool (N, 3, 3)
+    and (N, 3) [m], elbows up as in the paper; NaN rows where there are none. Parameters are
+    scalars."""
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
     tip = euler(p["alphaT"], p["betaT"], p["gammaT"])
@@ -134,8 +134,7 @@ def _at_a_place(
 def reachable(
     robot: Robot, rotation: np.ndarray, position: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (K, 6) of the tool poses (N) that the nominal robot reaches, and their rows
-    (K,)."""
+    """Joint values (K, 6) of the tool poses that the nominal robot reaches, and their rows."""
     theta = robot.parameters.nominal
     q = joints(robot.values(theta), rotation, position)
     which = np.flatnonzero(np.isfinite(q).all(axis=1))
@@ -144,8 +143,7 @@ def reachable(
 
 
 def touch_poses(robot: Robot, points: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (T, 6) with the tip at ``points`` (K, 3) in up to 30 orientations, and each
-    one's point (T,).
+    """Joint values (T, 6) at ``points`` (K, 3) in up to 30 orientations, and their points (T,).
 
     Raises:
         WrenchbedError: no point is in reach.

@@ -45,8 +45,7 @@ class GaugeCalibration(NamedTuple):
 
 
 class BoardQueries:
-    """Sends queries to one board on a bus, one at a time; ``base`` is the upper seven bits of its
-    ids."""
+    """Sends queries to one board, one at a time; ``base`` is the upper seven bits of its ids."""
 
     def __init__(self, link: CanLink, base: int) -> None:
         self._link, self._base = link, base
@@ -113,8 +112,7 @@ class BoardQueries:
         )
 
     def _wait(self, opcode: int, each: int, n: int) -> list[Reply]:
-        """Wait for n answers to an opcode, which come in ``each`` frames; return fewer when time is
-        up."""
+        """Wait for n answers to an opcode, in ``each`` frames; return fewer when time is up."""
 
         def answers() -> list[Reply]:
             return [a for a in self._answers if 0 <= a.opcode - opcode < each]

@@ -142,8 +142,7 @@ def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -
 
 
 def _check_server(host: str, port: int, channel: str) -> None:
-    """Connect to a socketcand server once with a deadline: python-can has none, and keeps its
-    socket on failure."""
+    """Connect to a socketcand server with a deadline: python-can has none, and leaks its socket."""
     where = f"CAN server at {host}:{port}"
     try:
         with socket.create_connection((host, port), OPENING_S) as trial:

@@ -95,8 +95,7 @@ class Pairs:
         return True
 
     def take(self, t: float, reply: Reply) -> GaugeReading | None:
-        """Add a gauge frame that arrived at a time [s]; return the reading that it completes, else
-        None."""
+        """Add a gauge frame that arrived at a time [s]; return the reading that it completes."""
         if reply.opcode == GAUGES:
             self._count(t)
             if not self._waiting or self._first is not None:

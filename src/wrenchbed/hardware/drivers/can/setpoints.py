@@ -56,8 +56,7 @@ class TimedTargets:
         """Time that the last step took [s]."""
 
     def add(self, q: np.ndarray, at: float) -> None:
-        """Append a target: joint values q (J,) at a time [s]; one that is not after the last is
-        left out."""
+        """Append a target q (J,) at a time [s]; one that is not after the last is left out."""
         if at > self._last:
             self._coming.append((at, np.array(q)))
 

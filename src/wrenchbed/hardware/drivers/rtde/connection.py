@@ -231,8 +231,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class Links:
-    """Holds shared memory, heartbeat and stream of states of one robot; starts control
-    processes."""
+    """Holds shared memory, heartbeat and stream of one robot; starts control processes."""
 
     def __init__(self, options: RtdeOptions) -> None:
         self.shared = SharedNumbers.create()

@@ -159,8 +159,8 @@ class SharedNumbers:
 
 
 def printed(lost: Callable[[str], None]) -> deque[str]:
-    """Collect the last lines that the library prints in this process; call ``lost`` with one that
-    reports a lost connection."""
+    """Collect the last lines that the library prints; call ``lost`` with one that reports a
+    loss."""
     last: deque[str] = deque(maxlen=8)
     out, into = os.pipe()
     for standard in (1, 2):
@@ -238,8 +238,7 @@ class Control:
         self._began, self._hard = 0.0, False
 
     def serve(self) -> None:
-        """Execute commands and kick the watchdog until ``quit``; stop the robot when the driver is
-        gone."""
+        """Execute commands and kick the watchdog until ``quit``; stop without a driver."""
         try:
             while self._alive():
                 self._kick()
@@ -254,8 +253,8 @@ class Control:
         os._exit(0)
 
     def mind(self) -> None:
-        """Watch the driver in a thread; end this process if the driver is gone while `serve` hangs
-        in a call."""
+        """End this process if the driver is gone while `serve` hangs in a call; runs in a
+        thread."""
         while self._shared.silence("driver") < DRIVER_SILENT_S:
             time.sleep(_MIND_S)
         time.sleep(_STUCK_S)
@@ -329,8 +328,8 @@ class Control:
         return ""
 
     def _move(self, message: Message) -> str:
-        """Start a move once any other motion has come to rest; return the reason if it is refused,
-        else ""."""
+        """Start a move once any other motion is over; return the reason if it is refused, else
+        ""."""
         q, speed, acceleration = message["q"], message["speed"], message["acceleration"]
         if not sound(q) or not math.isfinite(speed + acceleration):
             return "a goal must be 6 finite angles"
@@ -373,8 +372,7 @@ class Control:
         return self._moving
 
     def _rest(self, within: float = _REST_S) -> bool:
-        """Kick the watchdog until the joints rest and no operation runs; False if they do not in
-        time [s]."""
+        """Kick the watchdog until all is at rest; return False if it is not in time [s]."""
         end = time.monotonic() + within
         while time.monotonic() < end and self._alive() and self._playing:
             self._kick()
@@ -394,8 +392,7 @@ def sound(q: object) -> bool:
 
 
 def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) -> None:
-    """Take control of the robot, report that to the driver, and obey until ``quit`` or until the
-    driver is gone."""
+    """Take control of the robot, report that, and obey until ``quit`` or the driver is gone."""
 
     def end(event: str, why: str, code: int) -> None:
         wire.send({"event": event, "why": why})

@@ -76,8 +76,8 @@ class Followed:
         self._count = 0
 
     def add(self, t: float, sent: np.ndarray, target: np.ndarray) -> str:
-        """Compare a sent target (J,) with the controller's (J,); return the reason if it does not
-        follow, else ""."""
+        """Compare a sent target (J,) with the controller's (J,); the reason if it does not
+        follow."""
         pairs = self._pairs
         if pairs and t - pairs[-1][0] > _LAG_S:  # a stream begins anew
             pairs.clear()

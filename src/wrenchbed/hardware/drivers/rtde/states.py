@@ -161,8 +161,8 @@ class Outputs:
         self.close()
 
     def _ask(self, kind: int, body: bytes, end: float) -> bytes:
-        """Send a request to the controller and return the content of its answer, by ``end`` [s];
-        text messages that arrive before it are skipped."""
+        """Send a request, return the content of its answer; texts that arrive before are
+        skipped."""
         try:
             self._link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
         except OSError as error:

@@ -1,5 +1,4 @@
-"""State of a UR robot as texts with remedies; and its dashboard server's commands: power, brakes,
-stops.
+"""State of a UR robot in texts with remedies; and its dashboard's commands: power, brakes, stops.
 
 A protective stop only pauses the program; playing it again would continue the interrupted move. So
 the program is stopped instead, and the next `activate` sends a new one. Sources: Universal Robots,

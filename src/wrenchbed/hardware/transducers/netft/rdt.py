@@ -66,8 +66,7 @@ _NO_ERROR = SATURATED | 1 << 16 | 1 << 1
 
 
 def faults(status: int) -> tuple[str, ...]:
-    """Texts of the faults in a status word; the summary bit counts only where no other bit is
-    set."""
+    """Texts of the faults in a status word; the summary bit counts only if no other is set."""
     words = tuple(word for bit, word in _WORDS.items() if status >> bit & 1)
     unknown = status & ~_ANY & ~sum(1 << bit for bit in _WORDS)
     if unknown:
@@ -154,8 +153,7 @@ class Tracker:
         return True
 
     def _begin(self, pair: tuple[int, int]) -> None:
-        """Continue at another place of the stream; the device's own clock tells what was lost
-        between."""
+        """Continue elsewhere in the stream; the device's clock tells what was lost between."""
         if self._begun:
             samples = signed(pair[1] - self.last[1])
             if samples > 0:
@@ -167,8 +165,7 @@ class Tracker:
 
 
 class DeviceClock:
-    """Unwraps a device's clock, a 32-bit counter over its rate [Hz], and fits it to this
-    machine's."""
+    """Unwraps a device's clock, a 32-bit counter at a rate [Hz], and fits it to this machine's."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
@@ -285,8 +282,7 @@ class Receiver:
             time.sleep(_PAUSE_S)
 
     def _drain(self) -> int:
-        """Fill the buffer with all datagrams that arrived; return the number of bytes of complete
-        records."""
+        """Fill the buffer with all that arrived; return the number of bytes of complete records."""
         view, used = memoryview(self._buffer), 0
         while used < _ROOM - LARGEST - 1:
             try:
