@@ -15,15 +15,14 @@ class DriveBandwidth(Lag):
 
     name = "drive.bandwidth"
     title = "the effort of joint {joint} is low-pass filtered"
-    size = Size("time", "s", 0.1, absolute=True, columns=("drive.",))
-    # with more the arm hardly runs: estimate
+    size = Size("time", "s", 0.1, absolute=True, columns=("drive.",))  # estimate:
+    # with more the arm hardly runs
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        """Columns and cause as in `Lag.scan`; None for commands: below their cutoff a delay is as
-        good."""
+        """Columns and cause as in `Lag.scan`; None for commands, where a delay stands for it."""
         return super().scan(rows, residual) if rows.command is None else None
 
     def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:

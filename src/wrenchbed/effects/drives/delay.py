@@ -19,8 +19,8 @@ class DriveDelay(Lag):
 
     name = "drive.delay"
     title = "the effort of joint {joint} is reported late"
-    size = Size("delay", "s", 0.1, absolute=True, columns=("drive.", "late"))
-    # with more the arm hardly runs: estimate
+    size = Size("delay", "s", 0.1, absolute=True, columns=("drive.", "late"))  # estimate:
+    # with more the arm hardly runs
     beside = ("late",)
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
