@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78910,
     "src/wrenchbed": 69420,
     "src/robot_emulators": 9490,
-    "tests": 39775,
+    "tests": 39889,
     "scripts": 3481,
 }
 """Lines of Python below a folder at most; of scripts every line."""
