@@ -19,7 +19,7 @@ WRENCHBED = {
     "environments": 614,
     "exports": 850,
     "files": 548,
-    "hardware": 6725,
+    "hardware": 6806,
     "jobs": 415,
     "monitoring": 1418,
     "pages": 1103,
