@@ -25,8 +25,8 @@ WINDOW = 64
 
 LEAST_PILE, PILE = 3, 5.0
 """Rows that stand at exactly a channel's least or largest value, at least, and in multiples of
-those at any value between, for that to be a limit: noise comes back to no number so often, and
-coarse counts come back to all."""
+those that come back to any value between, for that to be a limit: noise comes back to no number so
+often, and coarse counts to all."""
 
 
 def at_limits(wrench: np.ndarray) -> np.ndarray:
@@ -36,7 +36,7 @@ def at_limits(wrench: np.ndarray) -> np.ndarray:
         values, count = np.unique(y, return_counts=True)
         if len(values) < LEAST_PILE:
             continue
-        least = max(LEAST_PILE, PILE * count[1:-1].max())
+        least = max(LEAST_PILE, PILE * (count[1:-1].max() - 1))
         for end in (0, -1):
             if count[end] >= least:
                 at |= y == values[end]
