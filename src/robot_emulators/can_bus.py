@@ -95,7 +95,7 @@ def frame_text(frame: Frame, t: float) -> bytes:
 
 
 def bus_off_text(t: float) -> bytes:
-    """Error frames for a client at a time [s]: its frame was destroyed, and it is off the bus."""
+    """Text of error frames for a client that goes off the bus at a time [s]."""
     return b"".join(f"< error {kind:08X} {t:.6f} >".encode() for kind in (_BUS_ERROR, _BUS_OFF))
 
 
@@ -128,8 +128,8 @@ class Hub:
         self._bus = Listener(self._thread, (host, port), "CAN", self._client, MOST)
 
     def attach(self, heard: Heard | None = None) -> Callable[[Frame], None]:
-        """Add a device, which ``heard`` gets frames of others for; return what it sends with, from
-        any thread."""
+        """Add a device, whose ``heard`` receives others' frames; return its sender for any
+        thread."""
         number = self._number()
 
         def post(frame: Frame) -> None:

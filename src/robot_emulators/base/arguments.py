@@ -53,7 +53,7 @@ def integer(low: int, high: int, default: int | None = None) -> Argument:
 
 
 def word(known: Collection[str], default: str | None = None) -> Argument:
-    """Rule for one of some words."""
+    """Rule for one of the known words."""
     return Argument(
         lambda v: isinstance(v, str) and v in known, f"one of {', '.join(known)}", default
     )

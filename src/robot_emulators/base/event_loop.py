@@ -138,12 +138,12 @@ class Listener(Generic[C]):
         self._thread.soon(lambda: self._thread.loop.add_reader(one, self._accept, one))
 
     def close(self) -> None:
-        """Accept nobody and hang up on all; only in the loop's thread."""
+        """Stop accepting and close all connections; only in the loop's thread."""
         self.unlisten(float("inf"))
         self.hang_up()
 
     def unlisten(self, until: float) -> None:
-        """Accept nobody until a time of `time.monotonic` [s]; clients stay. Only in the loop's
+        """Stop accepting until a time of `time.monotonic` [s]; clients stay. Only in the loop's
         thread."""
         if self._reopen is not None:
             self._reopen.cancel()

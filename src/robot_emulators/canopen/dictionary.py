@@ -156,7 +156,7 @@ class Objects:
         return entry
 
     def pack(self, keys: Sequence[Key]) -> bytes:
-        """Values one after the other, as a PDO carries them."""
+        """Bytes of values one after the other, as a PDO carries them."""
         return b"".join(self._entries[key].raw() for key in keys)
 
 

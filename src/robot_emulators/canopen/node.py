@@ -81,7 +81,7 @@ class Node:
         """React to a silent master, or to leaving OPERATIONAL."""
 
     def refresh(self, t: float) -> None:
-        """Update what changes by itself, at a time [s]."""
+        """Update the values that change by themselves, at a time [s]."""
 
     def boot(self, everything: bool = True) -> None:
         """Boot: send the boot-up message and wait in PRE-OPERATIONAL."""

@@ -37,7 +37,7 @@ does not know its robot; below it, a late cycle would change the readings."""
 
 @dataclass(frozen=True)
 class BoxSettings(Settings):
-    """How a box is set up at power-up."""
+    """Settings of a box at power-up."""
 
     rdt_port: int = setting(49152, integer(0, 65535), "UDP port of RDT, default 49152")
     http_port: int = setting(
@@ -99,7 +99,7 @@ class Sensing:
         return int((host - self._power_up) * self.rate)
 
     def host(self, tick: float) -> float:
-        """When a sample is taken, in this machine's time [s]."""
+        """Time at which a sample is taken, on this machine's clock [s]."""
         return self._power_up + tick / self.rate
 
     def ahead(self, tick: int, every: int) -> int:
@@ -148,7 +148,7 @@ class Sensing:
 
     @property
     def newest(self) -> np.ndarray:
-        """(6,) counts of the newest sample."""
+        """Counts (6,) of the newest sample."""
         return self._raw - self.bias
 
     def set_bias(self, channel: int, counts: float) -> None:

@@ -119,7 +119,7 @@ class ControlledArm:
         self.restart()
 
     def restart(self) -> None:
-        """Reset what clients can set as after switching on; the arm stays where it is."""
+        """Reset what clients can set to the values after power-up; the arm stays where it is."""
         self.tcp = NO_TOOL.copy()
         self.slider = self.force_scaling = 1.0
 

@@ -47,7 +47,7 @@ maker's driver and ur_rtde state."""
 
 
 class Controller:
-    """All of the robot but its network.
+    """The robot's controller without its network.
 
     Attributes:
         announce: called with each message for clients of the primary interface.

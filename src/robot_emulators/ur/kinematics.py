@@ -111,7 +111,7 @@ class Kinematics:
         return vector(*self.transform(q, tcp))
 
     def jacobian(self, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-        """(6, 6): velocity and angular velocity of the TCP, base axes, per joint speed."""
+        """Jacobian (6, 6): velocity and angular velocity of the TCP, base axes, per joint speed."""
         return self.jacobian_and_transform(q, tcp)[0]
 
     def jacobian_and_transform(

@@ -116,6 +116,6 @@ class Port(Listener[Peer]):
         }
 
     def tick(self) -> None:
-        """Count a control cycle."""
+        """Count a control cycle, for all clients."""
         for peer in list(self.clients):
             peer.tick()

@@ -81,12 +81,12 @@ _UPPER_RANGE = ((3, 9, 0), (5, 3, 0))
 
 
 def packet(kind: int, payload: bytes = b"") -> bytes:
-    """A packet of a type."""
+    """Bytes of a packet of a type."""
     return struct.pack(">HB", HEADER + len(payload), kind) + payload
 
 
 def text(message: str, source: str, level: int, version: int) -> bytes:
-    """A text message as the protocol version writes it."""
+    """Bytes of a text message in the format of a protocol version."""
     said, by = message.encode()[:255], source.encode()[:255]
     if version == 1:
         return packet(TEXT, bytes([level]) + said)

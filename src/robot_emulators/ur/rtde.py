@@ -79,7 +79,7 @@ class Terminals:
         self.slider = 1.0
 
     def take(self, written: dict[str, Values]) -> None:
-        """Apply what one packet wrote."""
+        """Set the outputs that one packet wrote."""
         groups = (("standard", 0, 0xFF), ("configurable", _CONFIGURABLE, 0xFF), ("tool", _TOOL, 3))
         for name, first, most in groups:
             mask = written.get(f"{name}_digital_output_mask", (0,))[0] & most
@@ -162,7 +162,7 @@ class RtdeSession(Conversation):
         return True
 
     def data(self, values: Mapping[str, Values]) -> bytes:
-        """The data packet of this client's recipe."""
+        """Bytes of a data packet with the fields of this client's recipe."""
         return b"" if self.output is None else self.output.pack(values)
 
     def end(self) -> None:

@@ -168,7 +168,7 @@ def popup(
     program: ScriptProgram, s: str, title: str = "Popup", warning: bool = False,
     error: bool = False, blocking: bool = False,
 ) -> Steps:  # fmt: skip
-    """Show a text; a blocking one waits until someone closes it."""
+    """Show a message; a blocking one waits until someone closes it."""
     shown = popup_shown(s[:_LONGEST_SAID], title, (warning, error, blocking))
     program.controller.announce(shown)
     program.controller.popup = blocking

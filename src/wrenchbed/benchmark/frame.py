@@ -55,7 +55,7 @@ class CaseEffect:
 
     @property
     def between(self) -> bool:
-        """Whether it shows between rows only."""
+        """Whether the effect shows between rows only."""
         return "repeats" in self.needs
 
 
@@ -103,7 +103,7 @@ The weight of the sensor's own tool side is exactly a mass and a CoG: it is in e
 
 
 def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> Metadata:
-    """What is stated of a made recording: a tool, and the noise of the robot's own sensor."""
+    """Metadata of a made recording: a tool, and the noise of the robot's own sensor."""
     sensor = registry.load("sensors", robot.sensor)
     numbers = sensor.noise.row_std, tool.cog, six_of(tool.inertia)
     noise, cog, inertia = (tuple(values.tolist()) for values in numbers)
@@ -119,12 +119,12 @@ def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> 
 
 
 def log_uniform(rng: Rng, low: float, high: float) -> float:
-    """A number between two positive ones whose logarithm is uniform."""
+    """Draw a number between two positive ones, uniform in its logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def sign(rng: Rng) -> float:
-    """Random sign: −1 or 1."""
+    """Draw a sign, −1 or 1."""
     return float(rng.choice([-1.0, 1.0]))
 
 
@@ -150,7 +150,7 @@ def possible(shown: Iterable[str]) -> list[str]:
 
 
 def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception]) -> Drawn:
-    """The first of several draws that finds a case; each gets its number, from 0 on.
+    """Call ``draw`` with 0, 1, …, ``tries`` times at most, until it makes a case; return that.
 
     A draw that finds none raises ``failure``; that of the last one is passed on.
     """
@@ -223,7 +223,7 @@ def by_channel(values: np.ndarray, stem: str = "") -> dict[str, float]:
 
 
 def by_pair(matrix: np.ndarray) -> dict[str, float]:
-    """Nonzero numbers of crosstalk (6, 6) as ``x.fx.ty``: what fx reads of ty."""
+    """Nonzero numbers of crosstalk (6, 6) by name: ``x.fx.ty`` is what fx reads of ty."""
     entries = np.argwhere(matrix != 0.0)
     return {f"x.{CHANNELS[i]}.{CHANNELS[j]}": float(matrix[i, j]) for i, j in entries}
 
@@ -318,7 +318,7 @@ class RowChange(Generic[Shake]):
 
 
 def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
-    """Rows (…, 6) as converters of these steps and ranges give them."""
+    """Rows (…, 6) after converters that round by these steps and clip at these ranges."""
     for r in changes:
         step = np.where(r.step > 0.0, r.step, 1.0)
         y = np.where(r.step > 0.0, np.round(y / step) * step, y)
@@ -341,7 +341,7 @@ class Usual:
 
     @classmethod
     def of(cls, differences: Sequence[np.ndarray], noise: np.ndarray) -> "Usual":
-        """Basis of what a bias adds, and another mass and CoG, four differences (n, 6) [N, N·m]."""
+        """Basis of a bias and of four differences of readings (n, 6) by mass and CoG [N, N·m]."""
         biases = [np.broadcast_to(axis, differences[0].shape) for axis in np.eye(6)]
         columns = np.stack([*biases, *differences], axis=-1)
         white = (columns / noise[:, None]).reshape(-1, columns.shape[-1])

@@ -64,7 +64,7 @@ class RunSettings:
     limits: LiveLimits | None = None
 
     def of(self, driver: Driver, plan: Plan) -> tuple[float, bool, bool]:
-        """Sampling rate [Hz], revisit and clear for a driver and a plan.
+        """Values for a driver and a plan: sampling rate [Hz], revisit and clear.
 
         Raises:
             PlanError: a rate that does not suit the plan, or no positive rate or samples.
@@ -313,7 +313,7 @@ class _Run:
             )
 
     def _continue(self, old: Before, writer: RecordingWriter) -> None:
-        """Take over the complete poses; times continue those of the stopped run."""
+        """Copy the complete poses of the stopped run; times continue its own."""
         here = float(self.driver.sample(1, self.rate)["t"][-1])
         if old.columns:
             writer.append(old.columns)

@@ -113,7 +113,7 @@ class Fleet:
         return robot
 
     def rng(self, k: int, what: str) -> np.random.Generator:
-        """Random numbers of robot k for one of `VARIED`; the same for all if it does not vary."""
+        """Random generator of robot k for one of `VARIED`; the same for all if it does not vary."""
         robot = k + 1 if what in self.vary else 0
         return np.random.default_rng([self.seed, robot, _STREAMS[what]])
 
@@ -134,7 +134,7 @@ def varied(model: Model) -> tuple[int, ...]:
 
 
 def draw(fleet: Fleet, k: int, model: Model, q: np.ndarray) -> np.ndarray:
-    """True parameters (P,) of robot k: uniform within tolerances such that it reaches q (N, J).
+    """Draw true parameters (P,) of robot k, uniform within tolerances, that reach q (N, J).
 
     Raises:
         ParameterError: no robot within tolerance reaches them all.
@@ -218,7 +218,7 @@ def robot_row(fleet: Fleet, k: int) -> Row:
 
 
 def recorded(fleet: Fleet, k: int) -> tuple[Recording, np.ndarray]:
-    """Recording of robot k, and its true parameters (P,)."""
+    """Simulate the recording of robot k; also return its true parameters (P,)."""
     model = Model.of(fleet.model_robot())
     path = course(fleet, k) if "poses" in fleet.vary else _shared_course(fleet)
     twin = Twin(model, draw(fleet, k, model, _visited(path)))

@@ -251,7 +251,7 @@ def _in_words(error: OSError | MemoryError | ImportError) -> str:
 
 
 def _call(verb: str, arguments: Sequence[str]) -> int:
-    """Parse a verb's arguments and call it; its exit code, 0 of verbs that return none."""
+    """Parse a verb's arguments and call it; return its exit code, 0 if the verb returns none."""
     import tyro
 
     from wrenchbed.cli.console import note_words, outputs

@@ -137,7 +137,7 @@ def _fitted(
 
 
 def tracker_fit_table(fit: TrackerFit) -> Group:
-    """Parameters, errors before and after, what the places cannot tell, and the status."""
+    """Display of a tracker's fit: parameters, errors before and after, null directions, status."""
     rows = f"{fit.poses} poses, {fit.rows} rows"
     head = Text.assemble(("places of a target ", "bold"), f"{fit.recording}  {fit.robot}, {rows}")
     errors = console.table("|rms distance", ">mm", space=1)
@@ -149,7 +149,7 @@ def tracker_fit_table(fit: TrackerFit) -> Group:
 
 
 def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group:
-    """A calibration: parameters, residuals, what the data cannot tell, and its status.
+    """Display of a calibration: parameters, residuals, what the data cannot tell, its status.
 
     With the true values of a simulated robot, each true value is printed beside its estimate.
     """
@@ -187,7 +187,7 @@ def _residuals(words: FitWords) -> Table:
 
 
 def drive_fit_table(fit: DriveFit) -> Group:
-    """Parameters, errors of each joint on held-out rows, and the status."""
+    """Display of a drive fit: parameters, errors of each joint on held-out rows, and the status."""
     head = Text.assemble(
         (f"joint {fit.word}s ", "bold"), f"{fit.recording}  {fit.robot}, {fit.about}"
     )  # fmt: skip

@@ -204,7 +204,7 @@ def answer(result: Any, as_json: bool, *displays: RenderableType) -> None:
 
 
 def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None) -> Table:
-    """A table without lines.
+    """Make a table without ruled lines.
 
     Args:
         heads: of the columns; after ``>`` of one that is right-aligned, after ``|`` of one that is
@@ -224,7 +224,8 @@ def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None
 
 
 def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]:
-    """An empty line, a heading and lines beneath it, texts indented; nothing without lines."""
+    """Displays of a section: an empty line, a heading, lines, texts indented; none without
+    lines."""
     inside = [Padding(Text(x), (0, 0, 0, 2)) if isinstance(x, str) else x for x in lines]
     return ["", Text(title, style="bold"), *inside] if inside else []
 

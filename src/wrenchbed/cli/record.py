@@ -85,7 +85,7 @@ class DeviceArguments:
             raise ParameterError(f"--channels {wrong[0]}: is simulated {when} only")
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
-        """The driver's options; an argument that it does not take is refused by its flag."""
+        """Options of the driver; an argument that it does not take is refused by its flag."""
         given = {
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
             "parameters": console.parameters(self.parameters) or None, "noise": self.noise,

@@ -74,7 +74,7 @@ def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
 
 
 def _moment(text: str) -> datetime:
-    """The moment of a stamp, on the first of January 1970 if it has no day.
+    """Date and time of a stamp, on the first of January 1970 if it has no day.
 
     Raises:
         ValueError: it is none.

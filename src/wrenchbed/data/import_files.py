@@ -55,7 +55,7 @@ _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A recording, and what became of the rows.
+    """An imported recording, and what became of the rows.
 
     Attributes:
         recording: poses at rest, or a motion.
@@ -232,7 +232,7 @@ def _table(path: Path, file_map: FileMap) -> tuple[Columns, int]:
 
 
 def _columns(table: Columns, file_map: FileMap) -> dict[str, np.ndarray]:
-    """Columns in SI, times in whole ns, any orientation as a quaternion."""
+    """Columns of a table in SI, times in whole ns, any orientation as a quaternion."""
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
         if source.target == "t":

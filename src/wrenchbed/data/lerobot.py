@@ -192,7 +192,7 @@ def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarra
 
 
 def _pairs(stated: checked.Fields, key: str, joints: int, what: str) -> np.ndarray:
-    """Two different stated numbers for each joint (J, 2)."""
+    """Two numbers for each joint (J, 2), as the map states them under ``key``; they must differ."""
     try:
         result = np.asarray(stated.raw.get(key), dtype=float)
     except (TypeError, ValueError):

@@ -144,7 +144,7 @@ def _at(message: Any, path: Sequence[str], names: Sequence[str]) -> Any:
 
 
 def _get(thing: Any, name: str) -> Any:
-    """A field of a message, or an element of a list by its number; None if there is none."""
+    """Field of a message, or element of a list by its number; None if there is none."""
     if isinstance(thing, Mapping):
         return thing.get(name)
     if _is_list(thing):

@@ -63,7 +63,7 @@ class Plan:
 
     @classmethod
     def read(cls, path: str | Path) -> "Plan":
-        """Read and check a file.
+        """Read and check a plan's file.
 
         Raises:
             PlanError: names the file, the field or column, and the row.

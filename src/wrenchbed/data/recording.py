@@ -80,7 +80,7 @@ class Recording:
 
     @property
     def has_wrench(self) -> bool:
-        """Whether there is a wrench; otherwise there are joint efforts, or places of a target."""
+        """Whether there is a wrench, not only joint efforts or places of a target."""
         return CHANNELS[0] in self.columns
 
     @property
@@ -137,7 +137,7 @@ class Recording:
 
     @classmethod
     def read(cls, path: str | Path) -> "Recording":
-        """Read and check a file; a journal beside it (a writer that was killed) is read with it.
+        """Read and check a recording's file, and with it the journal of a writer that was killed.
 
         Raises:
             RecordingError: names the file, the field or column, and the row.
@@ -160,7 +160,7 @@ class Recording:
         return cls(parse(raw, str(path)), data, str(path))
 
     def write(self, path: str | Path) -> None:
-        """Write the file; the journal of a killed writer there is kept as ``…~``."""
+        """Write the recording to a file; the journal of a killed writer there is kept as ``…~``."""
         path = Path(path)
         parquet.write(path, parquet.table_of(self.columns, self.metadata.to_json()))
         set_aside(path.with_name(path.name + JOURNAL))

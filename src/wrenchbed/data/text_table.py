@@ -78,7 +78,7 @@ class Columns:
     units: Mapping[str, str] = field(default_factory=dict)
 
     def complete(self, names: Sequence[str]) -> "Columns":
-        """The rows in which none of some columns lacks its number."""
+        """The rows in which all of the named columns have a number."""
         keep = np.ones(self.table.num_rows, dtype=bool)
         for name in set(names) & set(self.table.column_names):
             keep &= ~self.lacks(name)
@@ -97,7 +97,7 @@ class Columns:
         return nanoseconds_of(self.table.column(name)) if once else None
 
     def numbers(self, name: str, remedy: str = "") -> np.ndarray:
-        """A column (N,) as numbers; ``remedy`` stands behind the refusal of a missing value.
+        """A column (N,) as numbers; ``remedy`` ends the message about a missing value.
 
         Raises:
             MapError: no such column, or a cell that holds text or nothing; names row and line.

@@ -18,7 +18,7 @@ _SKIN = np.array([0.87, 0.67, 0.56, 1.0], dtype=np.float32)
 
 
 def simulated(name: str) -> SimulatedRobot:
-    """A robot by its registry name.
+    """Load a robot that can be simulated by its registry name.
 
     Raises:
         NotFoundError, ParameterError: there is none, or it has no model to simulate.

@@ -81,7 +81,7 @@ class Urdf(Export):
 
 
 def read_urdf(path: str | Path) -> str:
-    """The text of a URDF.
+    """Read the text of a URDF.
 
     Raises:
         ExportError: there is no such file, it is too large, or no UTF-8; names it.
@@ -99,7 +99,7 @@ def read_urdf(path: str | Path) -> str:
 
 
 def _parsed(text: str) -> Element:
-    """The robot element with its comments.
+    """Parse a URDF: its robot element with comments.
 
     Raises:
         ExportError: no XML, a document type (its entities could hide anything), or no robot.

@@ -96,7 +96,7 @@ class ClockFit:
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew: the device's clock was set or restarted."""
+        """Forget all readings: the device's clock was set or restarted."""
         self._marks.clear()
         self._best: tuple[float, float] | None = None
         self._ends = -math.inf
@@ -104,7 +104,7 @@ class ClockFit:
         self._offset = math.inf
 
     def add(self, device: float, host: float) -> None:
-        """Take in a reading: its time on the device's clock and when it arrived, both [s]."""
+        """Add a reading: its time on the device's clock and its arrival, both [s]."""
         late = host - device
         if self._best is None or late < self._best[1]:
             self._best = (device, late)
@@ -164,7 +164,7 @@ class Device:
             self._close()
 
     def health(self) -> Health:
-        """The state, and what is wrong, if anything."""
+        """State of the device, and what is wrong if anything."""
         return self._health() if self._connected else Health("closed", "call connect() first")
 
     def _connect(self) -> None:

@@ -28,7 +28,7 @@ _SHARED: list[Any] = []
 
 
 def key(*things: object) -> str:
-    """A short name for what determines the results: these things, and this package's code."""
+    """Short name that changes with what determines results: these things, this package's code."""
     return hashlib.sha256(repr((things, _code())).encode()).hexdigest()[:10]
 
 
@@ -107,7 +107,7 @@ def run(
     report: Progress = silent,
     processes: int | None = None,
 ) -> pa.Table:
-    """Rows of all parts in the order of their numbers; those on disk are not computed again.
+    """Compute the parts that are not on disk; return the rows of all, in the order of ``numbers``.
 
     Args:
         work: a module-level function, called in other processes.

@@ -167,8 +167,8 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
 
 
 def _judged(robot: Robot, checks: Sequence[Check]) -> list[Check]:
-    """Checks with verdicts and numbers, each judged by those before it; what changed once, stays
-    so until a new baseline."""
+    """Give each check a verdict and numbers by those before it; what changed stays so until a new
+    baseline."""
     result, start, changed = list[Check](), 0, False
     for k, check in enumerate(checks):
         if check.baseline:

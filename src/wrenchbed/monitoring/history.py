@@ -117,7 +117,7 @@ def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
 
 
 def time_of(recording: Recording) -> datetime:
-    """Time at which a recording was made.
+    """Time that a recording states for itself.
 
     Raises:
         HistoryError: it states no time of ISO 8601 with a zone.
@@ -130,7 +130,7 @@ def time_of(recording: Recording) -> datetime:
 
 
 def parse_time(text: str, where: str) -> datetime:
-    """A time of ISO 8601, as UTC.
+    """Parse a time of ISO 8601 to UTC.
 
     Raises:
         HistoryError: it is none, or has no zone.

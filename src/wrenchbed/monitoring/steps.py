@@ -106,7 +106,7 @@ class _Reference(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _reference(robot: Robot, first: Check) -> _Reference:
-    """Reference of a history; its derivatives cost more than all else.
+    """Compute the reference of a history; its derivatives cost more than all else.
 
     Raises:
         CalibrationError: the load of the check cannot be identified.

@@ -45,7 +45,7 @@ HISTORY_S = 4.0
 
 
 class Efforts(NamedTuple):
-    """What the drives report of one cycle.
+    """Efforts that the drives report of one cycle.
 
     Attributes:
         servo: torque that moves links without weight and friction (J,) [N·m or N].

@@ -67,7 +67,7 @@ class MujocoPlant(Body):
 
     @property
     def efforts(self) -> Efforts:
-        """What the drives report of the reported state."""
+        """Efforts that the drives report of the reported state."""
         assert self.drives is not None
         _, torque, current = self.drives.now
         return Efforts(torque, current, self.drives.temperatures)

@@ -25,7 +25,7 @@ _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something els
 
 
 class Answer(ABC):
-    """A diagnosis in words.
+    """Puts a diagnosis into words.
 
     Attributes:
         d: the diagnosis.
@@ -42,7 +42,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def about(self) -> str:
-        """Recordings, robot and duration."""
+        """Text on recordings, robot and duration."""
 
     @property
     @abstractmethod
@@ -72,7 +72,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def far(self) -> tuple[str, str]:
-        """How far the gap shrinks: a figure, which may be empty, and sentences."""
+        """Figure (may be empty) and sentences on how far the gap shrinks."""
 
     @property
     @abstractmethod
@@ -82,7 +82,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def observations(self) -> str:
-        """What the gap was measured on: ``20 poses``."""
+        """Text of what the gap was measured on: ``20 poses``."""
 
     @property
     def on(self) -> str:
@@ -172,7 +172,7 @@ class Answer(ABC):
         return any(_DISTRUST in note for note in self.d.notes)
 
     def shrinks(self) -> tuple[str, str]:
-        """How far the claimed causes close the gap: a figure, and sentences."""
+        """Figure and sentences on how far the claimed causes close the gap."""
         g = self.d.gap
         assert g.with_effects is not None
         both = f"from {numbers.gap(g.start)} to {numbers.gap(g.with_effects.value)}"
@@ -198,7 +198,7 @@ class Answer(ABC):
 
     @property
     def bars(self) -> list[tuple[str, str]]:
-        """Label and gap of each simulator."""
+        """Label and gap of each simulator, as texts for bars."""
         g = self.d.gap
         rows = [("as configured", g.configured), ("calibrated", g.calibrated.value)]
         if g.with_effects is not None:
@@ -232,7 +232,7 @@ class Answer(ABC):
 
     @property
     def leading(self) -> str:
-        """The leading causes with their probabilities, and those that are likely together."""
+        """Text of the leading causes with probabilities, and of those likely together."""
         ranked = ", ".join(f"{c['key']} {c['p']}" for c in self.candidates)
         likely = ", ".join(self.d.set90)
         return f"leading cause: {ranked}; at least 90 % together: {likely}"

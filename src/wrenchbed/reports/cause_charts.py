@@ -40,7 +40,7 @@ _OF_UNIT = {"N": "force", "N·m": "torque", "s": "time", "K": "temperature"}
 
 
 def own_chart(e: Evidence, c: Cause, name: str) -> Chart | None:
-    """A claimed cause over its own variable; None if it has none, or the data lack it.
+    """Chart of a claimed cause over its own variable; None if it has none, or the data lack it.
 
     Args:
         e: the simulators.
@@ -53,7 +53,7 @@ def own_chart(e: Evidence, c: Cause, name: str) -> Chart | None:
 
 
 def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
-    """The form-free curve of an entry of ``which`` with its ±; None if it has none."""
+    """Chart of the form-free curve of an entry of ``which`` with its ±; None if it has none."""
     curve = entry.get("curve")
     if not curve:
         return None

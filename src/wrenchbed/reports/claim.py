@@ -137,8 +137,8 @@ def claim(
 
 
 def place(entry: Mapping[str, Any]) -> str:
-    """Where a claimed effect sits: ``joint 2``, ``joint 2, 3 or 4``, ``joints 3 and 5``, ``all
-    joints``, ``sensor``."""
+    """Text of where a claimed effect acts: ``joint 2``, ``joint 2, 3 or 4``, ``joints 3 and 5``,
+    ``all joints``, ``sensor``."""
     part = str(entry["effect"]).split(".")[0]
     if joint := _one_of_joints(entry):
         return f"{part} {joint}"
@@ -199,7 +199,7 @@ def capital(text: str) -> str:
 
 
 def listed(names: Sequence[str], last: str = " and ") -> str:
-    """``a, b and c``."""
+    """Join names as ``a, b and c``."""
     return last.join([x for x in (", ".join(names[:-1]), names[-1]) if x])
 
 

@@ -83,7 +83,7 @@ def _page(
     words: Answer, command: str, data: Facts, charts: list[Chart], more: Mapping[str, Any],
     drawn: list[Drawn] | None = None,
 ) -> ReportPage:  # fmt: skip
-    """The page of an answer.
+    """Page of an answer.
 
     Args:
         data: where it comes from.

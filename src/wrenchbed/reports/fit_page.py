@@ -104,7 +104,7 @@ def _load(fit: Fit, words: FitWords) -> dict[str, str]:
 
 
 def _blind(fit: Fit, words: FitWords) -> dict[str, str]:
-    """Section on what the data of a fit cannot tell."""
+    """Contents of the section on what the data of a fit cannot tell."""
     if not words.limits:
         return {"figure": "All that was asked", "text": "Every parameter shows by itself."}
     silent, alike = len(fit.observability.no_effect), len(fit.observability.redundancies)

@@ -76,7 +76,7 @@ class Agreement:
 def agreements(
     recording: Recording, simulators: Sequence[Simulator], noise: np.ndarray
 ) -> list[Agreement]:
-    """How well each simulator agrees with a recording whose noise of one row is (6,) [N, N·m]."""
+    """Agreement of each simulator with a recording whose noise of one row is (6,) [N, N·m]."""
     residuals = [np.nanmean((recording.wrench - s.reading) ** 2, axis=0) for s in simulators]
     return [
         Agreement(s.name, np.sqrt(r) / noise, np.sqrt(r))

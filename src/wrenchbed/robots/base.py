@@ -132,7 +132,7 @@ class Robot(ArmBodies):
 
     @abstractmethod
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
-        """Parameters (P,) with the tool's mass [kg] and CoG (sensor axes, from its origin [m])."""
+        """Parameters (P,) with another tool: mass [kg], CoG in sensor axes from its origin [m]."""
 
     @abstractmethod
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:

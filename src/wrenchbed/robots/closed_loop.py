@@ -294,8 +294,8 @@ class ClosedLoops:
         return at
 
     def lifted(self, at: np.ndarray, driven: Value, arm: ArmModel, real: ArmModel) -> list[Value]:
-        """Values of all joints, (…, N) each, with the derivatives that driven ones (…, N, J) with
-        their zeros and the arm carry, from a solution (…, N, L) of the real parts."""
+        """Values of all joints, (…, N) each, as jets or complex steps: from a solution (…, N, L) of
+        the real parts, with the derivatives of driven values (…, N, J) and of the arm."""
         orders = 2 * isinstance(driven, Jet) + np.iscomplexobj(value(driven))
         values = list[Value](_split(at))
         if not orders:

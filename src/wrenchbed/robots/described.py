@@ -141,7 +141,7 @@ def describe(
 
 
 def read(path: Path) -> FileArm | LoopArm:
-    """The robot of a TOML file.
+    """Make the robot of a TOML file.
 
     Raises:
         ParameterError: names the file, the field, its value and what is allowed.

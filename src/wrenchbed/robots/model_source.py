@@ -33,7 +33,7 @@ class ModelSource:
 
     @classmethod
     def of(cls, path: Path) -> "ModelSource":
-        """Read a file.
+        """Read and parse a model file.
 
         Raises:
             NotFoundError: there is no such file.

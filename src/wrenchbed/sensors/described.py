@@ -142,7 +142,7 @@ def _noise(table: Fields, calibration: SensorCalibration) -> NoiseModel:
 
 
 def _positive(table: Fields, key: str) -> Array:
-    """Six numbers above 0."""
+    """Read six numbers above 0."""
     value = np.array(table.stated_numbers(key, 6, _WRENCH))
     if not (value > 0.0).all():
         raise table.error(key, "must be above 0 in every channel")

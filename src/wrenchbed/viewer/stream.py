@@ -49,7 +49,7 @@ class Canvas:
 
 @contextmanager
 def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canvas]:
-    """A canvas whose file stands at ``path`` once the block has ended well.
+    """Yield a canvas, and write its file to ``path`` once the block has ended well.
 
     Raises:
         MissingExtraError: rerun is not installed.

@@ -26,7 +26,7 @@ MOST = 1e6
 
 
 def number(value: Value, what: str) -> float:
-    """A number that a quantity of a robot can have."""
+    """Check that a value is a number that a quantity of a robot can have."""
     plain = real(value, what)
     if abs(plain) > MOST:
         raise ScriptFaultError(f"{what} = {plain:g} is no quantity of a robot")
@@ -34,7 +34,7 @@ def number(value: Value, what: str) -> float:
 
 
 def vector(value: Value, what: str, count: int = 6) -> np.ndarray:
-    """Numbers of a list (count,) that a quantity of a robot can have."""
+    """Check that a value is a list (count,) of numbers that a quantity of a robot can have."""
     if not isinstance(value, list) or len(value) != count:
         raise ScriptFaultError(f"{what} must be a list of {count} numbers")
     numbers = np.array([real(v, f"each element of {what}") for v in value])

@@ -161,7 +161,7 @@ def _smooth(x: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class TrueArm:
-    """An arm with parameters theta (P,) and further edits of its compiled model."""
+    """The true arm in MuJoCo: its parameters theta (P,) and further edits of its compiled model."""
 
     robot: SimulatedRobot
     theta: np.ndarray
@@ -169,7 +169,7 @@ class TrueArm:
 
     @property
     def bodies(self) -> RigidBodies:
-        """Its links and tool."""
+        """Rigid bodies of the arm's links and tool."""
         return RigidBodies(self.robot, self.theta, edits=self.edits)
 
     def inverse(self, path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -195,8 +195,7 @@ class TrueArm:
 
 
 def manufactured(rng: Rng) -> Edit:
-    """Edit of links that are off the stated ones as castings are; the tool and what weighs nothing
-    stay."""
+    """Edit of links that differ from the stated ones as castings do; the tool stays as it is."""
     seed = int(rng.integers(2**31))  # of a generator, by definition
 
     def edit(model: mujoco.MjModel) -> None:

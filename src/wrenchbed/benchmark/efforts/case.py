@@ -193,14 +193,14 @@ def whole_columns(setting: EffortSetting) -> Iterator[tuple[str, np.ndarray]]:
 
 @dataclass(frozen=True, eq=False)
 class EffortCase:
-    """A case with its truth.
+    """A case of efforts: a recording, and the truth that is kept apart.
 
     Attributes:
         kind: of `SHARES`.
         recording: what an entrant gets.
         fault: the cause; `HEALTHY` of a healthy robot.
-        gap: mean square that the cause adds at the joint where it is largest, in units of one
-            row's noise.
+        gap: mean square that the cause adds at the joint where it is largest, in units of one row's
+            noise.
         alike: names of effects with joints that imitate the cause on this motion, itself first.
     """
 
@@ -212,7 +212,7 @@ class EffortCase:
 
 
 def kind_of(seed: int, number: int, wrench: bool) -> str:
-    """Kind of a case, the same in every attempt."""
+    """Kind of a case (none, single, outside), the same in every attempt to draw it."""
     rng = np.random.default_rng([seed, number, int(wrench)])
     return str(rng.choice(list(SHARES), p=list(SHARES.values())))
 
@@ -220,7 +220,7 @@ def kind_of(seed: int, number: int, wrench: bool) -> str:
 def make(
     robots: Sequence[SimulatedRobot], seed: int, number: int, wrench: bool, attempt: int
 ) -> EffortCase:
-    """Case ``number`` of a seed.
+    """Draw case ``number`` of a seed.
 
     Raises:
         ParameterError: this attempt finds no cause that counts.

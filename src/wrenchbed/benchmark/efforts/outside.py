@@ -15,7 +15,7 @@ _FAR = 50.0
 
 
 def _episodes(t: np.ndarray, rng: Rng, count: int, share: float) -> np.ndarray:
-    """1 during ``count`` stretches, 0 elsewhere (T,), with edges of 50 ms."""
+    """Signal (T,) that is 1 during ``count`` stretches and 0 elsewhere, with edges of 50 ms."""
     on, length = np.zeros_like(t), share * t[-1] / count
     for k in range(count):
         start = (k + rng.uniform(0.1, 0.9 - share)) * t[-1] / count

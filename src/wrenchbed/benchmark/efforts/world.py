@@ -76,9 +76,10 @@ def bouc_wen(speed: np.ndarray, step: float, width: float, loop: float = 0.6) ->
 
 @dataclass(frozen=True, eq=False)
 class TrueDrives:
-    """Drives of an arm, each (J,): Coulomb and viscous friction [N·m, N·m·s/rad], Stribeck dip as
-    a share of Coulomb and its speed [rad/s], offset [N·m], rotor at the joint [kg·m²], constant
-    [N·m/A], bristles' stiffness [N·m/rad], cogging [N·m], change of friction per kelvin."""
+    """True parameters of an arm's drives, each (J,): Coulomb and viscous friction [N·m, N·m·s/rad],
+    Stribeck dip as a share of Coulomb and its speed [rad/s], offset [N·m], rotor at the joint
+    [kg·m²], constant [N·m/A], bristles' stiffness [N·m/rad], cogging [N·m], change of friction per
+    kelvin."""
 
     coulomb: np.ndarray
     viscous: np.ndarray
@@ -136,7 +137,7 @@ def since_reversal(speed: np.ndarray, step: float) -> np.ndarray:
 
 
 def vector(rng: Rng, low: float, high: float) -> np.ndarray:
-    """A vector (3,) of random direction, its length log-uniform."""
+    """Draw a vector (3,) of random direction and log-uniform length."""
     direction = rng.normal(size=3)
     direction *= log_uniform(rng, low, high) / np.linalg.norm(direction)
     return direction

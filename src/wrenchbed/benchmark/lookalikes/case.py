@@ -162,7 +162,7 @@ def families(design: ExperimentDesign) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class LookalikeCase:
-    """A robot with known faults.
+    """A look-alike: a robot with known faults, and how much each shows.
 
     Attributes:
         seed: that it was drawn with.

@@ -78,7 +78,7 @@ def slow_noise(rng: Rng, rows: int, columns: int) -> np.ndarray:
 
 
 class Shaking(NamedTuple):
-    """The wrench per unit of a shaking signal (N, 6), and its frequency [Hz], 0 is broad."""
+    """Wrench (N, 6) per unit of a shaking signal, and its frequency [Hz], 0 for broadband."""
 
     wrench: np.ndarray
     frequency: float
@@ -214,7 +214,7 @@ class ImperfectRobot:
 
 
 def held_rows(rows: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
-    """Index (N,) of the row that is shown at each row: itself, or the one before a repeat."""
+    """Draw the index (N,) of the row that is read at each row: itself, or a repeated one."""
     chance, length = stale
     fresh = np.ones(rows, dtype=bool)
     for start in np.flatnonzero(rng.uniform(size=rows) < chance):

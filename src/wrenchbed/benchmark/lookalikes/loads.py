@@ -144,8 +144,8 @@ def weights(
     t: np.ndarray | None = None,
     stride: int = 1,
 ) -> Weights:
-    """Torques and base moment to hold the robot at (N, J); with times (N,) [s], if open, to move
-    it."""
+    """Torques and base moment that hold the robot at q (N, J), or, with times (N,), move an open
+    chain."""
     if not isinstance(robot, SimulatedRobot):
         return Weights(np.zeros((len(q), 0)), np.zeros((len(q), 3)))
     bodies = RigidBodies(robot, theta, gravity)

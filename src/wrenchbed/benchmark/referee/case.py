@@ -62,7 +62,7 @@ _DRAWS, _DRAWS_OUTSIDE, _PAIRS = 40, 160, 4
 
 
 def possible(setting: RefereeSetting) -> list[str]:
-    """Names of the effects that make sense for a robot and its mode."""
+    """Names of the effects that can be causes on a robot in its mode."""
     shown = ["joints", "repeats"]
     shown += ["loops"] if setting.loops else []
     shown += ["motion"] if setting.mode == "dynamic" else []
@@ -292,7 +292,7 @@ class FaultyRobot:
 
 @dataclass(frozen=True, eq=False)
 class RefereeCase:
-    """A case with its truth.
+    """A case of the referee: a recording, and the truth that is kept apart.
 
     Attributes:
         kind: one of `KINDS`.
@@ -363,7 +363,7 @@ class RefereeCase:
 
 
 def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
-    """A case that depends on its seed alone.
+    """Draw a case, which depends on its seed alone.
 
     Raises:
         ParameterError: nothing that was drawn is large enough, or the robot exists in no simulator.

@@ -22,12 +22,12 @@ RowFault = RowChange[Callable[[np.ndarray], np.ndarray]]
 
 
 def about(rng: Rng, value: float, spread: float = 0.2) -> float:
-    """Random value around ``value``, log-normal with relative spread ``spread``."""
+    """Draw a log-normal value around ``value`` with a relative spread."""
     return float(value * np.exp(spread * np.clip(rng.standard_normal(), -2.0, 2.0)))
 
 
 def direction(rng: Rng) -> np.ndarray:
-    """Random unit vector (3,)."""
+    """Draw a unit vector (3,)."""
     v = rng.standard_normal(3)
     return np.asarray(v / np.linalg.norm(v))
 
@@ -80,7 +80,7 @@ def misshapen(
 
 
 def not_as_drawn(setting: RefereeSetting, errors: dict[str, float]) -> RefereeFault:
-    """The same for links, whose true numbers no diagnosis publishes."""
+    """Fault of links whose parameters are off by name; no diagnosis publishes such numbers."""
     return misshapen(setting, {f"length.{k}": v for k, v in errors.items()}, errors)
 
 

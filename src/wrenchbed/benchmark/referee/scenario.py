@@ -147,7 +147,7 @@ def _move(
 
 @dataclass(frozen=True, eq=False)
 class RefereeSetting:
-    """Stated and commanded values of a recording, whatever its faults.
+    """Stated and commanded values of a recording, which its faults do not change.
 
     Attributes:
         robot: a robot that exists in MuJoCo.
@@ -290,7 +290,7 @@ def _poses(robot: SimulatedRobot, rng: Rng) -> DrivePath:
 
 
 def _motion(robot: SimulatedRobot, rng: Rng) -> DrivePath:
-    """A spline through random points about a pose, from rest to rest."""
+    """Draw a motion along a spline through random points about a pose, from rest to rest."""
     fraction = rng.uniform()
     low = np.array([_REACH_M[0] if j.unit == "m" else _REACH[0] for j in robot.joints])
     high = np.array([_REACH_M[1] if j.unit == "m" else _REACH[1] for j in robot.joints])
@@ -314,7 +314,7 @@ def _motion(robot: SimulatedRobot, rng: Rng) -> DrivePath:
 
 
 def _weather(t: np.ndarray, rng: Rng) -> np.ndarray:
-    """Temperature of a room that warms, with the cycles of its air conditioning (T,) [°C]."""
+    """Draw temperatures (T,) [°C] of a room that warms, with cycles of its air conditioning."""
     span = float(t[-1] - t[0])
     rise = rng.uniform(1.0, 6.0) * rng.choice([-1.0, 1.0])
     slow = -np.expm1(-(t - t[0]) / (span * rng.uniform(0.3, 1.5)))

@@ -139,7 +139,7 @@ def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> Referee
 
 
 def sensor_quantization(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: counts as coarse as about twice the noise."""
+    """Draw a fault: coarse steps of about twice the noise."""
     step = about(rng, 2.0 * size) * setting.noise * np.abs(touched(rng))
     return RefereeFault(rows=RowFault(step=step))
 

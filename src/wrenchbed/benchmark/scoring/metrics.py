@@ -96,7 +96,8 @@ class Metric:
 
 
 def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
-    """Metric: share of the cases that fulfil ``counts`` in which ``held`` holds."""
+    """Make the metric of a share of the cases that fulfil ``counts``: of those where ``held``
+    holds."""
 
     def parts(truth: Answer, claim: Claim) -> Sequence[float] | None:
         return (held(truth, claim), 1.0) if counts(truth, claim) else None
@@ -107,7 +108,7 @@ def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = Fal
 def figure(
     metric: Metric, rows: Sequence[CaseRow], method: str = OURS, draws: int = DRAWS, seed: int = 0
 ) -> ScoredMetric | None:
-    """A metric of a method; None where no case counts."""
+    """Compute a metric of a method with its interval; None where no case counts."""
     every = [p for r in rows if (p := metric.parts(r.truth, r.claims[method])) is not None]
     if not every:
         return None
@@ -164,7 +165,7 @@ def probability(truth: Answer, claim: Claim) -> float:
 
 
 def _named(truth: Answer) -> set[str]:
-    """True effects as sets and probabilities name them: with their joints or without."""
+    """Names of true effects as sets and probabilities have them: with their joints or without."""
     return {*truth.effects, *map(_without_joint, truth.effects)}
 
 
@@ -334,7 +335,7 @@ METRICS = {
 
 
 def figures(rows: Sequence[CaseRow], methods: Sequence[str]) -> Figures:
-    """Every metric of every method, by both names; none of those that only the diagnosis states."""
+    """Compute every metric of every method; those that only the diagnosis states, for it alone."""
     return {
         method: {
             key: None if metric.ours and method != OURS else figure(metric, rows, method)

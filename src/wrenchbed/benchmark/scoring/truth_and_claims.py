@@ -17,7 +17,7 @@ OURS = "wrenchbed"
 
 @dataclass(frozen=True)
 class Fact:
-    """True cause of a case.
+    """A true cause of a case.
 
     Attributes:
         effect: the contract's name, or of an outside case the family's.

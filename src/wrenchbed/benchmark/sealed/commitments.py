@@ -123,7 +123,7 @@ def family(about: Mapping[str, object], root: str | None) -> bytes:
 
 
 def read(cases: Path) -> dict[str, Commitment]:
-    """Commitments by case.
+    """Read the commitments by case.
 
     Raises:
         BenchmarkError: the file is missing or broken.
@@ -183,7 +183,7 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
 
 
 def read_answer(path: Path) -> Answer:
-    """An answer from its file.
+    """Read an answer's file.
 
     Raises:
         BenchmarkError: it is not one.

@@ -39,7 +39,7 @@ def _reliability(rows: Sequence[CaseRow]) -> Table:
 
 
 def page(score: Score, command: str = "") -> Document:
-    """Every figure of a score, with the command that made it.
+    """Page of all figures of a score, with the command that made it.
 
     The page does not state the seed of the cases: all answers follow from it.
     """

@@ -129,8 +129,8 @@ class Entrant:
 def enter(
     cases: Path, claims: Path, limit: float, item: tuple[str, Sequence[Entrant]]
 ) -> list[str]:
-    """Let entrants answer one case, within a limit [s] each; a crash or a timeout counts as a wrong
-    answer. Names of the entrants that failed."""
+    """Let entrants answer one case, within a limit [s] each; return the names of those that failed:
+    a crash or a timeout counts as a wrong answer."""
     name, entrants = item
     recording = commitments.recording_of(cases, name)
     digest, failed = commitments.digest(recording.read_bytes()), []

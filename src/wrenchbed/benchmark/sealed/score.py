@@ -28,8 +28,8 @@ _BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, A
 
 
 def read(folder: Path, recording: str | None = None) -> Claim:
-    """Claim of an entrant about one case; one that breaks the contract, or is about another
-    recording (by SHA-256), counts as wrong."""
+    """Read the claim of an entrant about one case; one that breaks the contract, or is about
+    another recording (by SHA-256), counts as wrong."""
     if not folder.is_dir():
         return Claim(error="no claim")
     seconds, error = None, ""

@@ -75,7 +75,7 @@ class Pairing:
 
 
 def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention], str]:
-    """All conventions that explain most of the force, and a sentence on those not tried."""
+    """Find all conventions that explain most of the force; also a sentence on those not tried."""
     pairs = [*_pairs(tables, stated)]
     notes = [
         f"of {len(sheet.values)} columns the first {MOST_UNNAMED} without a name that says what "

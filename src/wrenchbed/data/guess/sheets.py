@@ -125,7 +125,7 @@ class Sheet:
 
     @cached_property
     def clock(self) -> Clock | None:
-        """The clock, by name or by its steady steps."""
+        """The column that is the clock, by its name or by its steady steps; None without one."""
         named = [self.roles["t"]] if "t" in self.roles else []
         for name in named or self.free:
             values = self.values[name]
@@ -304,7 +304,7 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 
 def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, list[str]]:
-    """Columns whose names end in a number, in its order, by what stands before it."""
+    """Columns whose names end in a number, by the name before it, in the order of the numbers."""
     stems: dict[str, dict[int, str]] = {}
     for name in values:
         match = _INDEXED.match(plain(name))

@@ -60,7 +60,7 @@ class Applied:
 
     @property
     def ok(self) -> bool:
-        """Whether anything was sent."""
+        """Whether a target was sent."""
         return self.sent is not None
 
 
@@ -102,7 +102,7 @@ class Move(ABC):
         return self._end
 
     def wait(self, timeout: float | None = None) -> Reached:
-        """Block until it ends; the move's own deadline if no timeout [s] is given.
+        """Block until the move ends, at most a timeout [s], or if None the move's own deadline.
 
         Raises:
             LateError: it did not arrive in time; the robot was stopped.
@@ -120,7 +120,7 @@ class Move(ABC):
         return end
 
     def cancel(self) -> None:
-        """Stop here and come to rest; harmless when it has ended."""
+        """Stop the move and come to rest; harmless when it has ended."""
         if self._end is None:
             self._end = DriverError("the move was cancelled")
             self._halt()

@@ -292,7 +292,7 @@ class SimDriver(Driver):
         return SimMove(goal, self._steps(start, goal, seconds), halt)
 
     def _steps(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Iterator[Reached]:
-        """Joint values after each control period of a move, and at last where it came to rest."""
+        """Yield the joint values after each control period of a move, and at last at rest."""
         self._contact = np.zeros(6)
         steps = max(1, int(np.ceil(seconds / CONTROL_S)))
         for fraction in minimum_jerk(np.arange(1, steps + 1) / steps):
@@ -351,7 +351,7 @@ class SimDriver(Driver):
             yield columns | {name: values[part] for name, values in efforts.items()}
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
-        """Rows of a motion, block by block: readings, or loads where effects make them."""
+        """Yield rows of a motion by blocks: readings, or loads where effects make readings."""
         from scipy.interpolate import CubicSpline  # slow to load: only when it is used
 
         block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)

@@ -38,7 +38,7 @@ _MOST_ANSWERS = 16
 
 
 class GaugeCalibration(NamedTuple):
-    """The matrix (6, 6) as the board holds it, and the one from gauge counts to N and N·m."""
+    """Matrix (6, 6) as the board holds it, and the matrix from gauge counts to N and N·m."""
 
     raw: np.ndarray
     matrix: np.ndarray
@@ -75,7 +75,7 @@ class BoardQueries:
         return GaugeCalibration(raw, in_si(raw, counts, units, slot))
 
     def _matrix(self) -> np.ndarray:
-        """The active matrix (6, 6), read twice: its frames do not say which row they are of."""
+        """Read the active matrix (6, 6) twice: its frames do not say which row they are of."""
         before = None
         for _ in range(TRIES + 1):
             now = np.array([self.row(k) for k in range(6)])

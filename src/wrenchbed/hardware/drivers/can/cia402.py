@@ -53,7 +53,7 @@ class DriveStatus(enum.Enum):
 
 
 class Want(enum.Enum):
-    """What the master wants of its drives."""
+    """Commands of the master to its drives."""
 
     NOTHING = "no commands at all"
     DISABLE = "voltage off"
@@ -173,7 +173,7 @@ class DriveState:
             self.rebooted = self.rebooted or self.nmt == 0x00
 
     def trouble(self, enabled: bool) -> Problem | None:
-        """State of health and reason where it must not move; None where it may.
+        """State of health and reason if the drive must not move; None if it may.
 
         Args:
             enabled: it should follow targets.

@@ -128,7 +128,7 @@ class Rest:
         )
 
     def reached(self, answers: CycleAnswers | None) -> bool:
-        """Whether all stand still: by their answers, or by a silence in which all have stopped."""
+        """Whether all axes stand still: by their answers, or by a silence in which all stop."""
         if answers is None:
             return True
         age = time.monotonic() - answers.t
@@ -278,7 +278,7 @@ class Cycle:
             sys.setswitchinterval(before)
 
     def _fail(self, error: Exception) -> None:
-        """End by a quick stop; a drive that does not receive it stops by its watchdog."""
+        """End the exchange by a quick stop; a drive that misses it stops by its watchdog."""
         words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         self._running = False
         with self._lock:

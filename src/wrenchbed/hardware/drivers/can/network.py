@@ -114,7 +114,7 @@ class Drives:
         return self.optional(node, 0x603F) or 0
 
     def rated(self, node: int) -> float:
-        """Rated torque [N·m or N] of a drive, or rated current [A] where those are asked for.
+        """Rated torque [N·m or N] of a drive, or its rated current [A] if recordings keep currents.
 
         Raises:
             DriverError: it does not report it.
@@ -208,7 +208,7 @@ class Drives:
         return node not in without
 
     def read(self, node: int, index: int, sub: int = 0) -> int:
-        """A value of a drive's dictionary.
+        """Read a value of a drive's dictionary.
 
         Raises:
             LinkError: it does not answer.
@@ -218,7 +218,7 @@ class Drives:
         return int.from_bytes(raw, "little", signed=index == 0x607D)
 
     def optional(self, node: int, index: int, sub: int = 0) -> int | None:
-        """A value that a drive need not have; None where it refuses."""
+        """Read a value that a drive need not have; None where it refuses."""
         with contextlib.suppress(_RefusedError):
             return self.read(node, index, sub)
         return None

@@ -119,7 +119,7 @@ class CanOptions:
     limits: Limits | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what no bus or drive can do."""
+        """Refuse options that no bus or drive can have."""
         rate, counts = self.rate, self.counts_per_unit
         driver = "rtde" if self.robot.startswith("ur") else "sim"
         _need(

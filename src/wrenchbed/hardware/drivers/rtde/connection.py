@@ -85,7 +85,7 @@ class RtdeOptions:
     effort: str = "current"
 
     def __post_init__(self) -> None:
-        """Refuse what no controller can do."""
+        """Refuse options that no controller can have."""
         units = [joint.unit for joint in registry.load("robots", self.robot).joints]
         effort = (
             f"effort {self.effort!r}: a UR robot reports the currents of its motors, no torques: "
@@ -136,7 +136,7 @@ class ControlProcess:
         self._kill = weakref.finalize(self, _end, self._process)
 
     def wait_ready(self, seconds: float) -> None:
-        """Wait until it controls the robot; kill it if it does not in time [s].
+        """Wait until the process controls the robot; kill it if it does not in time [s].
 
         Raises:
             LinkError: it does not in time, or the robot cannot be reached.
@@ -154,7 +154,7 @@ class ControlProcess:
             raise LinkError(why)
 
     def send(self, do: str, **more: Any) -> bool:
-        """Send a command that is not answered; whether it could be sent at once."""
+        """Send a command that is not answered; return whether it could be sent at once."""
         return self._wire.send({"do": do} | more)
 
     def ask(self, do: str, timeout: float, **more: Any) -> str:

@@ -91,7 +91,7 @@ class MessageChannel:
         return False
 
     def receive(self, timeout: float) -> Message | None:
-        """The next message; None if there is none in time [s].
+        """Receive the next message; None if there is none in time [s].
 
         Raises:
             Closed: the other end is gone.
@@ -127,7 +127,7 @@ class SharedNumbers:
 
     @classmethod
     def create(cls) -> Self:
-        """New memory; it is freed when the last process that has it ends."""
+        """Create the memory; it is freed when the last process that has it ends."""
         descriptor = os.memfd_create("wrenchbed-rtde")
         os.ftruncate(descriptor, 8 * len(_NUMBERS))
         return cls(descriptor)
@@ -141,15 +141,15 @@ class SharedNumbers:
             self.descriptor = -1
 
     def put(self, name: str, value: float) -> None:
-        """Write a number."""
+        """Write the number of a name."""
         self._numbers[_NUMBERS.index(name)] = value
 
     def get(self, name: str) -> float:
-        """A number, 0 before it was written."""
+        """Number of a name, 0 before it was written."""
         return self._numbers[_NUMBERS.index(name)]
 
     def beat(self, name: str) -> None:
-        """Write the present time."""
+        """Write the present time as the number of a name."""
         self.put(name, time.monotonic())
 
     def silence(self, name: str) -> float:
@@ -276,7 +276,7 @@ class Control:
             self._ended()
 
     def _idle(self) -> float:
-        """How long to wait for a message [s]; the channel polls in integer milliseconds."""
+        """Time to wait for a message [s]; the channel polls in integer milliseconds."""
         idle = min(self._kick_due, self._stream.due) - time.monotonic()
         if idle < _TICK_S:
             time.sleep(max(0.0, idle))
@@ -383,7 +383,7 @@ class Control:
 
 
 def sound(q: object) -> bool:
-    """Whether these are six finite numbers; ur_rtde checks nothing and waits 300 s if not."""
+    """Whether q is six finite numbers; ur_rtde checks nothing and waits 300 s if not."""
     return (
         isinstance(q, list)
         and len(q) == 6

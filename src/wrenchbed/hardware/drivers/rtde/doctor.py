@@ -49,14 +49,14 @@ class Line:
 
 
 def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
-    """Look at a robot's controller, a sensor's box, or both, in the order in which a recording run
-    would meet what fails.
+    """Check a robot's controller, a sensor's box, or both, in the order in which a recording run
+    would fail.
 
     Args:
         robot: that recordings will be made with.
         host: of the controller; it is left out if empty.
-        sensor: address of the sensor, for instance ``netft://HOST``, or the HOST of a Net F/T;
-            left out if empty.
+        sensor: address of the sensor, for instance ``netft://HOST``, or the HOST of a Net F/T; left
+            out if empty.
         seconds: for which each stream is watched [s].
 
     Raises:

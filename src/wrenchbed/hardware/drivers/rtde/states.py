@@ -130,7 +130,7 @@ class Outputs:
             raise LinkError("the controller refuses to start: it sends no states")
 
     def next(self, end: float = math.inf) -> tuple[float, dict[str, Values] | None]:
-        """Arrival [s] and values of the next packet of data, None where its length is wrong.
+        """Receive the next packet of data: arrival [s] and values, None if its length is wrong.
 
         Raises:
             LinkError: none comes by ``end`` (`time.monotonic`, [s]).

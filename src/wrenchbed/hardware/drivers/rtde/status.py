@@ -93,8 +93,8 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
 
 
 class Control(NamedTuple):
-    """The process that commands the robot: why it is gone, empty while it lives; time since its
-    heartbeat [s]; whether it saw its program ended; and how often a program had stopped playing
+    """State of the process that commands the robot: why it is gone, empty while it runs; time since
+    its heartbeat [s]; whether it saw its program ended; and how often a program had stopped playing
     when the robot was made ready."""
 
     gone: str

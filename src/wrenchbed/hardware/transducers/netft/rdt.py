@@ -175,12 +175,12 @@ class DeviceClock:
 
     @property
     def ppm(self) -> float | None:
-        """How much faster than this machine's clock it runs [1e-6]; None until 2 s are known."""
+        """How much faster than this machine's clock the device's runs [1e-6]; None for 2 s."""
         return self._fit.ppm
 
     def take(self, host: float, stamp: int) -> tuple[float, float]:
-        """Device time [s] of a reading that arrived at a host time [s], and when it would have
-        arrived without extra delay."""
+        """Add a reading that arrived at a host time [s]: its device time [s], and its undelayed
+        arrival."""
         step = 0 if self._stamp is None else signed(stamp - self._stamp)
         if step < 0:
             self._fit.clear()
