@@ -94,7 +94,7 @@ class SensorNonlinearity(ReadingEffect):
         reach = np.abs(scene.load[scene.held]).max(axis=0)
         shown = [c for c, r, least in zip(CHANNELS, reach, LEAST_REACH, strict=True) if r > least]
         at = dict(zip(REACHES, np.maximum(reach, LEAST_REACH).tolist(), strict=True))
-        return free_variants(STRAIGHT + CURVED, "any curve", at, shown)
+        return free_variants(CURVED + STRAIGHT, "any curve", at, shown)
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         u = np.linspace(-1.0, 1.0, POINTS)
