@@ -179,12 +179,15 @@ def test_the_locks_hold_what_the_project_declares():
         assert names <= locked, names - locked
 
 
-def test_the_script_that_pages_carry_is_the_listed_one_with_its_licences():
+def test_the_scripts_that_pages_carry_are_the_listed_ones_with_their_licences():
     assets = ROOT / "src" / "wrenchbed" / "pages" / "assets"
     listed = (assets / "LICENCES.md").read_text(encoding="utf-8")
-    digest = hashlib.sha256((assets / "echarts.min.js").read_bytes()).hexdigest()
-    assert digest in listed
-    for name in re.findall(r"`((?:echarts|zrender|tslib)\.(?:LICENSE|NOTICE)[^`]*)`", listed):
+    for library in ("echarts.min.js", "three.min.js"):
+        row = next(line for line in listed.splitlines() if line.startswith(f"| `{library}`"))
+        assert hashlib.sha256((assets / library).read_bytes()).hexdigest() in row
+    for name in re.findall(r"`((?:echarts|zrender|tslib|three)\.(?:LICENSE|NOTICE)[^`]*)`", listed):
         assert len((assets / name).read_text(encoding="utf-8")) > 100, name
     carried = {p.name for p in assets.iterdir()}
-    assert carried - {"page.js"} == {n for n in carried if n in listed or n == "LICENCES.md"}
+    assert carried - {"page.js", "scene.js"} == {
+        n for n in carried if n in listed or n == "LICENCES.md"
+    }

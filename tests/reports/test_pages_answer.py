@@ -43,6 +43,11 @@ class Pages:
         return self._written("diagnosis", diagnosis_page(findings))
 
     @cached_property
+    def clean(self):
+        (folder := self.folder / "healthy").mkdir()
+        return self._written("clean", diagnosis_page(found(folder)))
+
+    @cached_property
     def unknown(self):
         case = make("ur5", "static", "outside", (41, 3))  # a fault that is no effect of the library
         findings = diagnose(case.recording)
@@ -119,7 +124,7 @@ def _study() -> Document:
 
 @pytest.fixture(scope="module")
 def page():
-    with tab() as opened:
+    with tab("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as opened:
         yield opened
 
 
@@ -141,7 +146,10 @@ def test_every_figure_answers_and_nothing_complains(page, pages, kind):
     shown(page, pages[kind])
     count = page.run("document.querySelectorAll('figure[data-chart]').length")
     assert count >= 1
-    assert page.run("document.querySelectorAll('figure.alive .live svg').length") == count
+    assert (
+        page.run("document.querySelectorAll('figure.alive :is(.live svg, canvas.live)').length")
+        == count
+    )
     assert page.console == []
     assert set(page.requests.values()) == {pages[kind].as_uri()}
     assert pages[kind].stat().st_size < 3_000_000
@@ -195,24 +203,102 @@ def test_keys_alone_move_a_cursor_that_all_figures_share(page, pages):
     assert len(others) >= 1 and all(told for told in others)
 
 
+ROBOT = "wrenchbed.live.find(f => f.node.id === 'robot')"
+PIXELS = (
+    f"(() => {{ const robot = {ROBOT}, copy = document.createElement('canvas'); robot.render();"
+    " copy.width = copy.height = 64; const pen = copy.getContext('2d');"
+    " pen.drawImage(robot.ground, 0, 0, 64, 64);"
+    " return [...pen.getImageData(0, 0, 64, 64).data]; })()"
+)
+"""What the canvas shows, as RGBA of 64 × 64 points."""
+
+
+def pixels(page) -> np.ndarray:
+    return np.array(page.run(PIXELS)).reshape(64, 64, 4)
+
+
+def blamed(picture) -> int:
+    """Points that are dark red."""
+    red, green, blue = (picture[..., k].astype(int) for k in range(3))
+    return int(((red > 60) & (red > 3 * green) & (red > 2 * blue) & (picture[..., 3] > 200)).sum())
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light")])
+def test_the_robot_is_a_body_with_its_blamed_part_that_keys_turn(page, pages, width, scheme):
+    page.console.clear()
+    shown(page, pages["diagnosis"], width, prefers_color_scheme=scheme)
+    first = pixels(page)
+    assert (first[..., 3] > 200).sum() > 100  # a body, not sticks
+    assert blamed(first) > 15
+    page.run("document.querySelector('#robot canvas').focus()")
+    key(page, "ArrowRight")
+    turned = pixels(page)
+    assert (turned != first).any(axis=-1).sum() > 50
+    key(page, "+")
+    assert (pixels(page)[..., 3] > 200).sum() > (turned[..., 3] > 200).sum()
+    key(page, "Home")
+    assert (pixels(page) == first).all()
+    assert page.console == []
+
+
+def test_the_pose_of_the_robot_and_the_cursors_of_all_figures_are_one(page, pages):
+    shown(page, pages["diagnosis"])
+    slider = "document.querySelector('#robot input[type=range]')"
+    link = f"{ROBOT}.bodies[5].matrix.elements.join()"
+    page.run(f"{slider}.focus()")
+    key(page, "Home")
+    start, before = page.run(link), pixels(page)
+    key(page, "ArrowRight")
+    assert page.run(link) != start and (pixels(page) != before).any()
+    data = json.loads(page.run("document.getElementById('charts').textContent"))["robot"]
+    assert page.run("wrenchbed.cursor()") == data["ids"][1]
+    assert page.run(f"{slider}.getAttribute('aria-valuetext')") == data["labels"][1]
+    assert re.fullmatch(r"pose 1, residual [\d.]+ × noise", data["labels"][1])
+    page.run("document.querySelector('#cause-0 .live').focus()")
+    key(page, "Home")
+    assert data["ids"][page.run(f"{ROBOT}.at")] == page.run("wrenchbed.cursor()")
+    page.run("document.querySelector('#heat .live').focus()")
+    key(page, "End")  # the last cell: its worst pose
+    cells = json.loads(page.run("document.getElementById('charts').textContent"))["heat"]
+    assert page.run("wrenchbed.cursor()") == cells["panels"][0]["matrix"]["ids"][-1][-1]
+    assert data["ids"][page.run(f"{ROBOT}.at")] == page.run("wrenchbed.cursor()")
+
+
+def test_without_webgl_the_still_robot_is_shown(pages):
+    with tab("--disable-gpu", "--disable-3d-apis") as bare:
+        shown(bare, pages["diagnosis"])
+        still = "document.querySelector('#robot .still svg')"
+        assert bare.run(f"{still}.getClientRects().length") == 1
+        assert bare.run(f"{still}.querySelectorAll('polygon').length") > 500
+        assert bare.console == []
+
+
+def test_a_clean_robot_looks_clean(page, pages):
+    """Arrows have one scale on all pages: what is noise has no length that one could see."""
+    shown(page, pages["clean"])
+    picture = pixels(page)
+    assert blamed(picture) == 0
+    arrows = page.run(f"{ROBOT}.data.arrows.filter(a => a.name !== 'load').map(a => a.vectors)")
+    assert np.linalg.norm(np.array(arrows), axis=-1).max() < 0.025  # of a robot of 1 m
+
+
 def test_channels_go_and_come_and_a_figure_zooms(page, pages):
     shown(page, pages["recording"])
-    count = "wrenchbed.live.find(f => f.node.id === 'forces').chart.getOption().series.length"
+    count = "wrenchbed.live.find(f => f.node.id === 'fx').chart.getOption().series.length"
     every = page.run(count)
-    page.run("document.querySelector('#forces .key').click()")
-    assert (
-        page.run("document.querySelector('#forces .key').getAttribute('aria-pressed')") == "false"
-    )
-    assert page.run(count) == every - 3
-    page.run("document.querySelector('#forces .key').click()")
+    page.run("document.querySelector('#fx .key').click()")
+    assert page.run("document.querySelector('#fx .key').getAttribute('aria-pressed')") == "false"
+    assert page.run(count) == every - 2
+    page.run("document.querySelector('#fx .key').click()")
     assert page.run(count) == every
     window = (
-        "wrenchbed.live.find(f => f.node.id === 'forces').chart.getOption().dataZoom"
+        "wrenchbed.live.find(f => f.node.id === 'fx').chart.getOption().dataZoom"
         ".map(z => [z.start, z.end])"
     )
-    page.run("document.querySelector('#forces button[title=\"zoom in\"]').click()")
+    page.run("document.querySelector('#fx button[title=\"zoom in\"]').click()")
     assert page.run(window) == [[25, 75]]
-    page.run("document.querySelector('#forces button[title=\"zoom to all\"]').click()")
+    page.run("document.querySelector('#fx button[title=\"zoom to all\"]').click()")
     assert page.run(window) == [[0, 100]]
 
 
@@ -245,11 +331,18 @@ def test_tables_sort_by_numbers_and_filter(page, pages):
     assert "`" not in page.run("document.body.innerText")
 
 
-def test_the_residual_of_every_channel_is_in_view(page, pages):
-    shown(page, pages["recording"])
+A4_PX = 688
+"""Width of what is printed on A4 [px]: 210 mm less twice 14 mm, at 96 a inch."""
+
+
+@pytest.mark.parametrize(("width", "medium"), [(1280, ""), (A4_PX, "print")])
+def test_the_residual_of_every_channel_is_in_view(page, pages, width, medium):
+    shown(page, pages["recording"], width)
+    page.call("Emulation.setEmulatedMedia", media=medium)
     table = "document.querySelector('#differ ~ .scroll')"
     assert page.run(f"{table}.scrollWidth <= {table}.clientWidth")
     assert page.run(f"{table}.querySelectorAll('th').length") == 7
+    page.call("Emulation.setEmulatedMedia", media="")
 
 
 def test_a_script_that_is_not_the_pages_own_does_not_run(page, pages):
@@ -289,5 +382,11 @@ def test_the_first_screen_answers_where_which_and_how_far(page, pages):
         ".map(c => c.getBoundingClientRect().bottom)"
     )
     assert len(bottoms) == 3 and max(bottoms) < 800
+    steps = page.run("document.querySelector('.cards + p').getBoundingClientRect().bottom")
+    assert steps < 800 and page.run("document.querySelector('.cards + p b').innerText") == "Next"
+    assert page.run("document.querySelector('.verdict').offsetHeight") < 70  # two lines at most
+    page.run("document.querySelector('#data').scrollIntoView()")
+    top = page.run("document.querySelector('nav.contents').getBoundingClientRect().top")
+    assert top == 0  # contents stay in view
     first = page.run("document.querySelector('.cards').innerText")
     assert "joint.compliance" in first and re.search(r"9\d(\.\d+)?\s%\sclosed", first)

@@ -7,6 +7,7 @@ import shlex
 from dataclasses import replace
 from html import unescape
 from importlib.metadata import version
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,6 +23,7 @@ from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages.document import Document, Section
 from wrenchbed.pages.draw import Drawn
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.recording_page import agreements, recording_page
 from wrenchbed.twin.comparison import noise_of, simulators
 
@@ -93,20 +95,36 @@ def test_a_file_that_is_no_simulator_is_refused(folder):
 
 
 @pytest.mark.slow
-def test_what_was_recorded_is_drawn_over_time_with_its_residual(folder):
+def test_each_channel_has_the_means_of_its_poses_over_their_residual(folder):
     recording = wb.Recording.read(folder / "rec.parquet")
-    charts = {f.chart.name: f.chart for f in recording_page(recording, [], "").figures}
-    assert set(charts) == {"heat", "forces", "torques", "joints"}
-    for name, first in (("forces", 0), ("torques", 3)):
-        readings, residuals = charts[name].panels[::2], charts[name].panels[1::2]
-        for k, (panel, beside) in enumerate(zip(readings, residuals, strict=True), start=first):
-            measured = panel.series[0]
-            assert measured.y.max() == recording.wrench[:, k].max()
-            assert measured.y.min() == recording.wrench[:, k].min()
-            assert beside.y.unit == "noise" and panel.series[1].name == beside.series[0].name
-        drawn = re.fullmatch(r"(\d+) of 800 rows drawn: extremes kept\.", charts[name].note)
-        assert drawn and int(drawn[1]) <= 400
+    page = recording_page(recording, [], "")
+    charts = {f.chart.name: f.chart for f in page.figures}
+    assert set(charts) == {*CHANNELS, "joints"}
+    rows = recording.wrench.reshape(40, 20, 6)
+    for k, channel in enumerate(CHANNELS):
+        above, below = charts[channel].panels
+        measured, simulated = above.series
+        assert measured.kind == "points" and len(measured.x) == 40
+        assert np.allclose(measured.y, rows[:, :, k].mean(axis=1))
+        assert np.allclose(measured.std, rows[:, :, k].std(axis=1))
+        assert below.y.unit == "noise" and simulated.name == below.series[0].name
+        assert "differs" in charts[channel].caption or "agrees" in charts[channel].caption
+        assert charts[channel].caption in text(page)
     assert len(charts["joints"].panels) == 6
+
+
+def test_without_a_model_the_readings_alone_are_shown():
+    data = Path(__file__).parents[1] / "data/ntnu_kuka_ati_gamma"
+    column_map = wb.read_map(data / "static.toml")
+    recording = wb.import_files([data / "0-calibration_fts-accel.csv"], column_map).recording
+    page = recording_page(recording, [], "")
+    assert [f.chart.name for f in page.figures] == list(CHANNELS)
+    told = text(page)
+    assert "Readings alone: there is no model of robot kuka-lbr-med14" in told
+    assert "agree" not in told
+    (panel,) = page.figures[2].chart.panels
+    assert np.array_equal(panel.series[0].y, recording.wrench[:, 2])
+    assert panel.series[0].kind == "points"  # nothing is known of the way between two rows at rest
 
 
 def told(html: str) -> dict[str, str]:

@@ -133,14 +133,14 @@ def test_slides_skew_axes_anchors_refs_and_an_upside_down_base(tmp_path, capsys)
 def test_meshes_are_kept_and_drawn(tmp_path):
     """The hull of a mesh in the robot's own MJCF is the file's; rerun gets its triangles."""
     rr = pytest.importorskip("rerun")
-    from wrenchbed.viewer.robot import shapes
+    from wrenchbed.viewer.robot import shape
 
     ran("robot", bench(tmp_path), "--frame", "seat", "--out", tmp_path / "m.toml")
     robot = read(tmp_path / "m.toml")
     model = robot.spec(robot.parameters.nominal).compile()
-    found = shapes(model, model.body("rail").id)
-    assert isinstance(found["meshes"], rr.Mesh3D)
-    corners = np.array(found["meshes"].vertex_positions.as_arrow_array().to_pylist())
+    found = shape(model, model.body("rail").id)
+    assert isinstance(found, rr.Mesh3D)
+    corners = np.array(found.vertex_positions.as_arrow_array().to_pylist())
     assert np.ptp(corners, axis=0) == pytest.approx([0.1, 0.2, 0.5], abs=1e-5)
     assert len(corners) == 36
 

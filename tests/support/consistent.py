@@ -25,8 +25,9 @@ from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.reports.claim import title
 from wrenchbed.reports.diagnosis_page import diagnosis_page
+from wrenchbed.reports.robot_scene import blame
 from wrenchbed.reports.wrench_answer import WrenchAnswer
-from wrenchbed.viewer.diagnoses import answers, blame
+from wrenchbed.viewer.diagnoses import answers
 
 REFUSALS = (CalibrationError, DiagnosisError, RecordingError)
 """Answers to a recording that cannot answer."""

@@ -15,10 +15,10 @@ from wrenchbed.cli import main
 from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import show
 from wrenchbed.viewer.plans import STAY_S, along, plan_view
-from wrenchbed.viewer.robot import motion
 
 UR5 = wb.load("robots", "ur5")
 

@@ -11,7 +11,6 @@ import pytest
 import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
 from rrd_file import Rrd
@@ -19,14 +18,17 @@ from simulated import driven
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.pages import numbers
+from wrenchbed.pages.scene import heat
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.reports.claim import joints
+from wrenchbed.reports.robot_scene import blame, painted, part_of
+from wrenchbed.simulation.shapes import bodies, geoms_of, triangles
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import recordings
-from wrenchbed.viewer.diagnoses import blame, diagnosis_view, painted, part_of
-from wrenchbed.viewer.elements import heat, scale_for
+from wrenchbed.viewer.diagnoses import diagnosis_view
+from wrenchbed.viewer.elements import scale_for
 from wrenchbed.viewer.recordings import recording_view
-from wrenchbed.viewer.robot import FRAMES_HZ, bodies, frames, geoms_of, shapes
+from wrenchbed.viewer.robot import FRAMES_HZ, frames, shape
 
 ROBOTS = ("ur5", "medrue")
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -120,44 +122,34 @@ def test_an_arrow_is_the_load_on_the_sensor_in_the_world(recorded):
     assert np.abs(arrow / scale - [0, 0, -weight]).max() < 0.15 * weight + 0.3
 
 
-def drawn(shape) -> np.ndarray:
-    """Centre, half extents and quaternion x y z w (n, 10) of each of some shapes, in their body."""
-
-    def field(name: str) -> np.ndarray:
-        return np.array(getattr(shape, name).as_arrow_array().to_pylist())
-
-    turn = field("quaternions")
-    if hasattr(shape, "half_sizes"):
-        return np.hstack([field("centers"), field("half_sizes"), turn])
-    half, radius = 0.5 * field("lengths")[:, None], field("radii")[:, None]
-    if hasattr(shape, "centers"):
-        return np.hstack([field("centers"), radius, radius, half, turn])
-    axis = Rotation.from_quat(turn).apply([0.0, 0.0, 1.0])  # a capsule begins where its axis does
-    centre = field("translations") + half * axis
-    return np.hstack([centre, radius, radius, half + radius, turn])
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_all_visible_geoms_are_drawn_as_large_as_mujoco_bounds_them(name):
     robot = wb.load("robots", name)
     model = Simulation(robot, robot.parameters.nominal).model
+    for body in bodies(model).values():
+        surfaces = [triangles(model, int(g)) for g in geoms_of(model, body)]
+        drawn = np.array(shape(model, body).vertex_positions.as_arrow_array().to_pylist())
+        assert np.allclose(drawn, np.concatenate(surfaces).reshape(-1, 3), atol=1e-6)
+        for g, corners in zip(geoms_of(model, body), surfaces, strict=True):
+            own = (corners - model.geom_pos[g]) @ matrix(model.geom_quat[g])
+            middle, half = model.geom_aabb[g, :3], model.geom_aabb[g, 3:]
+            if model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE:
+                low, high = own.min(axis=(0, 1)), own.max(axis=(0, 1))
+                assert np.allclose([low, high], [middle - half, middle + half], atol=1e-6)
+            across = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
+            assert (
+                np.einsum("ti,ti->t", across, own.mean(axis=1)) > 0.0
+            ).all()  # seen from outside
     assert np.count_nonzero(model.geom_group < 3) == sum(
-        len(drawn(shape)) for b in bodies(model).values() for shape in shapes(model, b).values()
+        len(geoms_of(model, b)) for b in bodies(model).values()
     )
-    for body in [b for b in bodies(model).values() if b]:
-        g = geoms_of(model, body)
-        turn = np.roll(model.geom_quat[g], -1, axis=1)
-        wanted = np.hstack([model.geom_pos[g], model.geom_aabb[g, 3:], turn])
-        found = np.vstack([drawn(shape) for shape in shapes(model, body).values()])
-        order, other = (np.lexsort(np.round(x[:, :6].T, 6)) for x in (wanted, found))
-        assert np.allclose(found[other], wanted[order], atol=1e-6)
 
 
 def test_a_shape_that_is_not_drawn_is_named():
     text = """<mujoco><asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>
         <worldbody><geom name="odd" type="hfield" hfield="h"/></worldbody></mujoco>"""
     with pytest.raises(NotFoundError, match="odd is a mjGEOM_HFIELD"):
-        shapes(mujoco.MjModel.from_xml_string(text), 0)
+        shape(mujoco.MjModel.from_xml_string(text), 0)
 
 
 def test_a_motion_is_shown_at_thirty_pictures_a_second():
@@ -254,8 +246,8 @@ def told(*causes, **probabilities):
 
 def parts(robot="ur5", world=False):
     arm = wb.load("robots", robot)
-    model = Simulation(arm, arm.parameters.nominal).model
-    return model, arm, part_of(model, arm, world)
+    simulation = Simulation(arm, arm.parameters.nominal)
+    return simulation, part_of(simulation, world)
 
 
 def test_rivals_share_what_their_class_has():
@@ -282,7 +274,8 @@ def test_joints_and_links_that_a_cause_names_are_blamed_alone():
 
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 def test_every_geom_of_the_robot_stands_for_a_part(robot):
-    model, _, known = parts(robot)
+    simulation, known = parts(robot)
+    model = simulation.model
     assert set(known) == {g for g in range(model.ngeom) if model.geom_bodyid[g]}
     named = {n for names in known.values() for n in names}
     assert {"sensor", "cable", "tool", "base", "link", "joint 1", "joint 6"} <= named
@@ -291,8 +284,8 @@ def test_every_geom_of_the_robot_stands_for_a_part(robot):
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 @pytest.mark.parametrize("joint", [1, 4])
 def test_blame_is_painted_on_the_body_that_the_joint_moves(robot, joint):
-    model, arm, _ = parts(robot)
-    colours = painted(model, arm, {f"joint {joint}": 1.0})
+    simulation, _ = parts(robot)
+    model, colours = simulation.model, painted(simulation, {f"joint {joint}": 1.0})
     red = {int(model.geom_bodyid[g]) for g, c in colours.items() if c == tuple(heat(1.0))}
     grey = {int(model.geom_bodyid[g]) for g, c in colours.items() if c == tuple(heat(0.0))}
     own = int(model.joint(f"q{joint}").bodyid[0])
@@ -301,22 +294,25 @@ def test_blame_is_painted_on_the_body_that_the_joint_moves(robot, joint):
 
 
 def test_sensor_cable_and_tool_are_told_apart():
-    model, _, known = parts()
+    simulation, known = parts()
+    model = simulation.model
     of = {model.geom(g).name: names for g, names in known.items() if model.geom(g).name}
     assert of["sensor"] == ("sensor",) and of["sensor_cable"] == ("cable",)
     assert of["tool_plate"] == of["finger_left"] == ("tool",)
     assert of["sensor_rim"] == ("mount", "sensor")
-    model, _, known = parts("medrue")
+    simulation, known = parts("medrue")
+    model = simulation.model
     of = {model.geom(g).name: names for g, names in known.items() if model.geom(g).name}
     assert of["sensor_socket"] == ("sensor",) and of["sensor_cable"] == ("cable",)
     assert of["probe"] == of["holder"] == of["probe_cable"] == ("tool",)
 
 
 def test_the_ground_is_painted_only_where_the_environment_is_to_blame():
-    model, arm, _ = parts()
-    ground = {g for g in range(model.ngeom) if not model.geom_bodyid[g]}
-    assert not ground & set(painted(model, arm, {"tool": 1.0}))
-    red = painted(model, arm, {"environment": 1.0})
+    simulation, _ = parts()
+    bodies_of = simulation.model.geom_bodyid
+    ground = {g for g, body in enumerate(bodies_of) if not body}
+    assert not ground & set(painted(simulation, {"tool": 1.0}))
+    red = painted(simulation, {"environment": 1.0})
     assert all(red[g] == tuple(heat(1.0)) for g in ground)
 
 

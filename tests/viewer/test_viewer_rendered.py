@@ -10,12 +10,12 @@ import wrenchbed as wb
 from headless import VULKAN, free_port, seen
 from pictures import unless
 from simulated import driven
+from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import show
 from wrenchbed.viewer.elements import MEASURED, SIMULATED
 from wrenchbed.viewer.plans import plan_view
 from wrenchbed.viewer.recordings import recording_view
-from wrenchbed.viewer.robot import motion
 
 pytestmark = unless(VULKAN, "mesa-vulkan-drivers is not installed")
 

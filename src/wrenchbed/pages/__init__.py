@@ -5,7 +5,7 @@ Others rely on: `numbers` (digits on pages and in the terminal), fields of `char
 Never: a robot, a recording or a fit: this room draws data that it is given; a script or address
 that the page's security policy does not allow.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
-renderers), `document` (studies), `plots` and `numbers`.
+renderers), `scene` and ``assets/scene.js`` (a robot), `document` (studies), `plots`, `numbers`.
 """
 
 import base64
@@ -22,9 +22,12 @@ from wrenchbed import registry
 from wrenchbed.errors import printable
 from wrenchbed.files import write_text
 from wrenchbed.pages.draw import Drawn
+from wrenchbed.pages.scene import Scene
 
 LIBRARY, SCRIPT = "assets/echarts.min.js", "assets/page.js"
 """Apache ECharts 6.1.0 as npm has it (its licences beside it), and what a page does with it."""
+SOLIDS = ("assets/three.min.js", "assets/scene.js")
+"""What is used of three.js 0.187.0, and what a page with a robot does with it."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class ReportPage:
     Attributes:
         context: values that the template shows, by name; ``verdict``, if any, chooses its colour.
         template: which kind of page it is.
-        figures: interactive ones of the page; without any the library that draws them is left out.
+        figures: that answer on the page; libraries that draw none of them are left out.
     """
 
     context: Mapping[str, Any]
@@ -53,7 +56,9 @@ class ReportPage:
             loader=jinja2.FunctionLoader(_text),
         )  # fmt: skip
         environment.filters["code"] = _code
-        scripts = [_script(name) for name in ((LIBRARY, SCRIPT) if self.figures else (SCRIPT,))]
+        solid = any(isinstance(f.chart, Scene) for f in self.figures)
+        libraries = (*([LIBRARY] if self.figures else []), *(SOLIDS if solid else ()))
+        scripts = [_script(name) for name in (*libraries, SCRIPT)]
         data = {f.chart.name: f.chart.to_json() for f in self.figures}
         charts = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
         assets = {

@@ -145,6 +145,8 @@ class Matrix:
         scale: of the colours.
         texts: as printed, row by row.
         printed: whether they stand in the cells; at the cursor they always do.
+        ids: number of the observation that each cell is worst at (R, C), if it is of some.
+        spans: first and last observation of each column (C, 2), likewise.
     """
 
     rows: tuple[str, ...]
@@ -153,6 +155,8 @@ class Matrix:
     scale: Scale
     texts: tuple[tuple[str, ...], ...]
     printed: bool = True
+    ids: Sequence[Sequence[int]] = ()
+    spans: Sequence[Sequence[int]] = ()
 
     @property
     def colours(self) -> list[list[str | None]]:
@@ -208,7 +212,7 @@ class Chart:
             "title": self.title,
             "columns": self.columns,
             "shared": self.shared,
-            "panels": _json(self.panels),
+            "panels": to_json(self.panels),
         }
 
 
@@ -262,17 +266,17 @@ def luminance(colour: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def _json(value: Any) -> Any:
+def to_json(value: Any) -> Any:
     """Convert parts of a chart to JSON: fields by name, numbers with `DIGITS` digits or null."""
     if isinstance(value, np.ndarray):
-        return _json(value.tolist())
+        return to_json(value.tolist())
     if isinstance(value, float):
         return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
     if isinstance(value, list | tuple):
-        return [_json(v) for v in value]
+        return [to_json(v) for v in value]
     if not is_dataclass(value):
         return value
-    data = {f.name: _json(getattr(value, f.name)) for f in fields(value) if f.name != "scale"}
+    data = {f.name: to_json(getattr(value, f.name)) for f in fields(value) if f.name != "scale"}
     if isinstance(value, Axis):
         data |= {"text": value.text, "scale": value.scale}
     if isinstance(value, Matrix):

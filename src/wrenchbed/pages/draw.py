@@ -11,6 +11,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.errors import printable
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Series, readable
+from wrenchbed.pages.scene import Scene
 
 BLUE, ORANGE, GREEN, GREY, PURPLE = "#0072b2", "#d55e00", "#009e73", "#6b7680", "#7d4aa0"
 """Colours of figures, after Okabe & Ito 2008."""
@@ -42,19 +43,19 @@ _MARKS = {"dot": "o", "ring": "o", "diamond": "D"}
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A chart with its still SVG."""
+    """A figure with its still SVG."""
 
-    chart: Chart
+    chart: Chart | Scene
     svg: str
 
 
-def draw(chart: Chart) -> Drawn:
-    """Draw a chart as SVG.
+def draw(chart: Chart | Scene) -> Drawn:
+    """Draw a figure as SVG.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    return Drawn(chart, svg(chart))
+    return Drawn(chart, svg(chart) if isinstance(chart, Chart) else chart.svg)
 
 
 def svg(chart: Chart, *, themed: bool = True) -> str:

@@ -183,11 +183,13 @@ class Answer(ABC):
                 f"The named effects make the gap larger, {both}, {self.on}: do not use this twin."
             )
             return "Not closed", text
-        low, high = (numbers.percent(x) for x in (g.closed.low, g.closed.high))
+        closed, low, high = (
+            numbers.percent(min(x, 1.0)) for x in (g.closed.value, g.closed.low, g.closed.high)
+        )
         text = f"The gap shrinks {both} {self.on}."
         text += f" 95 % interval of the share closed: {low} … {high} %."
         text += " Much of it is left: do not trust this twin." if self.distrusted else ""
-        return f"{numbers.percent(g.closed.value)} % closed", text
+        return f"{closed} % closed", text
 
     @property
     def distance(self) -> str:

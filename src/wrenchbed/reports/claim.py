@@ -13,6 +13,8 @@ from wrenchbed.pages import numbers
 
 MOST_SIZES = 3
 """Parameters of a cause in its sentence and on the first screen."""
+_WHERE = ("m", "1")
+"""Units of numbers that say where and how a cause acts; others, its size, go first."""
 _STANDS_OUT = 3.0
 """Standard uncertainties beyond which a joint's amplitude is one."""
 _NUMBERED = re.compile(r"\.[a-z]*(\d+)$")
@@ -84,11 +86,9 @@ class Claim:
         return self.sentence_with(MOST_SIZES)
 
     def sentence_with(self, most: int) -> str:
-        """The claim as one sentence with its first ``most`` figures. If it shows all figures, it
-        also says how many sizes it leaves out ("2 more")."""
+        """The claim as one sentence with its first ``most`` figures."""
         words = [self.choice] if self.choice else []
         words += [f"{size.name} {size.value}" for size in self.figures[:most]]
-        words += [f"{self.more} more"] if self.more and most >= len(self.figures) else []
         values = f": {', '.join(words)}" if words else ""
         others = "".join(f"; or {title}" for _, title in self.rivals)
         return f"{capital(self.title)}{values}{others}."
@@ -115,7 +115,7 @@ def claim(
     }  # fmt: skip
     ranked = list(sizes)
     if len(ranked) > MOST_SIZES:
-        ranked.sort(key=lambda n: _relative_std(quantities[n]))
+        ranked.sort(key=lambda n: (quantities[n]["unit"] in _WHERE, _relative_std(quantities[n])))
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
     choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
                for n, v in values.items() if "unit" not in v}  # fmt: skip

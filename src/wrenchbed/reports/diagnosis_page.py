@@ -16,6 +16,7 @@ from wrenchbed.pages.draw import Drawn, draw
 from wrenchbed.reports import cause_charts, figures
 from wrenchbed.reports.answer import BADGES, Answer
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
+from wrenchbed.reports.robot_scene import effort_scene, wrench_scene
 from wrenchbed.reports.simulators import Evidence
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
@@ -49,16 +50,17 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
     """
     registry.require("matplotlib", "report")
     words, evidence = WrenchAnswer(findings), Evidence(findings)
-    heat = draw(figures.residual_map(evidence))
+    scene = wrench_scene(evidence)
     more = {
-        "heat": heat,
+        "robot": None if scene is None else draw(scene),
+        "heat": draw(figures.residual_map(evidence)),
         "observed": findings.analysis.prepared.observed,
         "rows": words.row_sentences,
         "next": words.d.next,
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
         "notes": words.notes_besides_rows,
     }
-    return _page(words, command, _data(findings), _of_causes(words, evidence), more, [heat])
+    return _page(words, command, _data(findings), _of_causes(words, evidence), more)
 
 
 def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
@@ -76,20 +78,19 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
     names = [words.d.recording]
     data = [("recording", names[0]), ("robot", words.d.robot)]
     data += provenance(names, seed=findings.seed)
-    return _page(words, command, data, charts, {"what": f"the {words.channels} of "})
+    more = {"what": f"the {words.channels} of ", "robot": draw(effort_scene(findings))}
+    return _page(words, command, data, charts, more)
 
 
 def _page(
-    words: Answer, command: str, data: Facts, charts: list[Chart], more: Mapping[str, Any],
-    drawn: list[Drawn] | None = None,
-) -> ReportPage:  # fmt: skip
+    words: Answer, command: str, data: Facts, charts: list[Chart], more: Mapping[str, Any]
+) -> ReportPage:
     """Page of an answer.
 
     Args:
         data: where it comes from.
         charts: what shows the causes.
-        more: what one kind of page shows besides.
-        drawn: figures in that.
+        more: what one kind of page shows besides, figures among it.
     """
     d, comparisons = words.d, [draw(chart) for chart in charts]
     recordings = (d.recording, *d.others)
@@ -105,8 +106,8 @@ def _page(
         "data": [*data, ("duration of the diagnosis", f"{d.seconds:.1f} s")],
         "command": command or f"wrenchbed diagnose {shlex.join(recordings)} --out DIR",
     }
-    figures_of = [*(drawn or []), *comparisons]
-    return ReportPage(context | dict(more), "diagnosis", figures_of)
+    besides = (value for value in more.values() if isinstance(value, Drawn))
+    return ReportPage(context | dict(more), "diagnosis", [*besides, *comparisons])
 
 
 def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:

@@ -141,6 +141,23 @@ def effort_charts(findings: EffortFindings) -> list[Chart]:
     return [_efforts(findings), *(_friction(findings, j) for j in _joints(findings))]
 
 
+def shown_rows(findings: EffortFindings) -> np.ndarray:
+    """Numbers of the kept rows (K,) in the stretch of time that is shown."""
+    scene = findings.d.scene
+    t = scene.signals.t[scene.kept()]
+    return np.flatnonzero(np.abs(t - 0.5 * (t[0] + t[-1])) <= 0.5 * _SHOWN_S)
+
+
+def residuals_of(findings: EffortFindings) -> dict[str, np.ndarray]:
+    """Residual of the kept rows (M, C) by simulator [noise of a row], by fits that did not see
+    them; NaN where a joint hardly moves, which does not count."""
+    d, counted = findings.d, np.stack([c.use for c in findings.d.channels], axis=-1)
+    fits = {"calibrated": findings.simulators.of().each}
+    if findings.verdict.causes:
+        fits["with the effects"] = findings.fit.each
+    return {name: np.where(counted, remaining(d, each), np.nan) for name, each in fits.items()}
+
+
 def _joints(findings: EffortFindings) -> list[int]:
     """Joints whose friction is shown, from 0: named ones, else the one with the largest gap."""
     keys = (cause.part.key for cause in findings.verdict.causes)
@@ -156,22 +173,22 @@ def _efforts(findings: EffortFindings) -> Chart:
     predictions."""
     scene, std = findings.d.scene, [c.noise.std for c in findings.d.channels]
     kept = scene.kept()
-    t, measured = scene.signals.t[kept], scene.thin(scene.signals.effort)
-    rows = np.abs(t - 0.5 * (t[0] + t[-1])) <= 0.5 * _SHOWN_S
-    every: list[tuple[str, Role, np.ndarray]] = [
-        ("calibrated", "before", remaining(findings.d, findings.simulators.of().each))
-    ]
-    if findings.verdict.causes:
-        remainders = remaining(findings.d, findings.fit.each)
-        every.append(("with the effects", "after", remainders))
+    t, measured, rows = (
+        scene.signals.t[kept],
+        scene.thin(scene.signals.effort),
+        shown_rows(findings),
+    )
+    roles: tuple[Role, ...] = ("before", "after")
+    every = list(zip(roles, residuals_of(findings).items(), strict=False))
     panels, note = [], ""
     for j, joint in enumerate(scene.robot.joints[: scene.joints]):
-        efforts, residuals = [Series("measured", "line", t[rows], measured[rows, j])], []
-        for label, role, residual in every:
+        efforts = [Series("measured", "line", t[rows], measured[rows, j], ids=rows)]
+        residuals = []
+        for role, (label, residual) in every:
             remainders = residual[rows, j]
             predicted = measured[rows, j] - std[j] * remainders
-            efforts.append(Series(label, "line", t[rows], predicted, role=role))
-            residuals.append(Series(label, "line", t[rows], remainders, role=role))
+            for series, y in ((efforts, predicted), (residuals, remainders)):
+                series.append(Series(label, "line", t[rows], y, role=role, ids=rows))
         units = (f"joint {j + 1}", joint.own("N·m")), (f"joint {j + 1}, residual", "noise")
         for (label, unit), series in zip(units, (efforts, residuals), strict=True):
             some, note = thinned(series, what="rows")
@@ -179,7 +196,8 @@ def _efforts(findings: EffortFindings) -> Chart:
             panels.append(Panel(Axis("time", "s"), axis, some, zero=unit == "noise", height=0.8))
     caption = (
         "On the left efforts, on the right measured minus predicted in units of the noise of a "
-        "row. Predictions are by fits that did not see the rows."
+        "row. Predictions are by fits that did not see the rows; a joint that hardly moves has "
+        "none."
     )
     return Chart("efforts", "Measured and predicted efforts", tuple(panels), 2, True, caption, note)
 

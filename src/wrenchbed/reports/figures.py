@@ -3,8 +3,6 @@
 Measured is blue, simulated without the effects orange, with them green.
 """
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 
 from wrenchbed.effects.chain import effects
@@ -17,41 +15,32 @@ BINS = 8
 """Columns of the map of residuals."""
 
 
-def heat(
-    residuals: Mapping[str, np.ndarray], names_of: Sequence[str], over: np.ndarray, axis: Axis,
-    observed: str,
-) -> Chart:  # fmt: skip
-    """Residual rms in units of noise, one panel a simulator, on the scale of every page.
-
-    Args:
-        residuals: (N, C) in units of one row's noise, by simulator.
-        names_of: of the channels (C,).
-        over: values (N,) by which the observations are sorted into columns, with their axis.
-        observed: word for the observations, such as poses.
-    """
-    panels, groups = [], bins(over, BINS)
+def residual_map(e: Evidence) -> Chart:
+    """Residual rms of the simulators before and after in units of noise, over poses or time, on the
+    scale of every page."""
+    readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
+    (over, axis), panels = along(e.prepared), []
+    groups = bins(over, BINS)
     names = [numbers.minus(f"{over[g].min():.0f}…\n{over[g].max():.0f}") for g in groups]
-    for title, residual in residuals.items():
+    spans = [[int(e.ids[g].min()), int(e.ids[g].max())] for g in groups]
+    for title, reading in readings.items():
+        residual = (e.prepared.y - reading) / e.std
         values = binned_rms(residual, groups)
         cells = tuple(tuple(_cell(float(v)) for v in row) for row in values)
-        matrix = Matrix(tuple(names_of), tuple(names), values, NOISE, cells)
+        worst = np.stack([e.ids[g][np.abs(residual[g]).argmax(axis=0)] for g in groups], axis=1)
+        matrix = Matrix(
+            e.names, tuple(names), values, NOISE, cells, ids=worst.tolist(), spans=spans
+        )
         panels.append(Panel(Axis(axis.text), Axis(""), title=title, matrix=matrix))
     caption = (
-        f"Measured minus simulated, all {observed}, in units of the noise of a row: 1 is as large "
-        "as the noise of a single row."
+        f"Measured minus simulated, all {e.prepared.observed}, in units of the noise of a row: 1 "
+        "is as large as the noise of a single row."
     )
     return Chart("heat", "Residual of each channel", tuple(panels), caption=caption)
 
 
 def _cell(v: float) -> str:
     return "–" if not np.isfinite(v) else f"{v:.1f}" if v < 9.95 else f"{v:.0f}"
-
-
-def residual_map(e: Evidence) -> Chart:
-    """Residual of the simulators before and after over poses or time."""
-    readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
-    residuals = {name: (e.prepared.y - reading) / e.std for name, reading in readings.items()}
-    return heat(residuals, e.names, *along(e.prepared), e.prepared.observed)
 
 
 def of_cause(e: Evidence, c: Cause, name: str) -> Chart:

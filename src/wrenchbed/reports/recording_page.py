@@ -8,15 +8,20 @@ import numpy as np
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages import ReportPage, numbers
-from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
+from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
 from wrenchbed.pages.document import provenance
 from wrenchbed.pages.draw import draw
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.reports import figures
 from wrenchbed.reports.diagnosis_page import recording_facts
 from wrenchbed.reports.simulators import joint_axis
-from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.twin.comparison import Simulator, noise_of, order_of, robot_of, simulators
+from wrenchbed.twin.comparison import (
+    Simulator,
+    modelled,
+    noise_of,
+    order_of,
+    robot_of,
+    simulators,
+)
 
 AGREES, NEAR = 1.25, 3.0
 """Residuals of a channel [noise of one row, rms] up to which simulator and measurement agree, or
@@ -111,15 +116,17 @@ def report(
 
 
 def recording_page(recording: Recording, files: Sequence[str | Path], command: str) -> ReportPage:
-    """The page that `report` writes."""
-    known, noise = simulators(recording, files), noise_of(recording)
+    """The page that `report` writes; of a robot without a model it shows the readings alone."""
+    known = simulators(recording, files) if files or modelled(recording) else []
+    noise, name = noise_of(recording), PurePath(recording.name).name
     judged = agreements(recording, known, noise)
-    nearest, name = best(judged), PurePath(recording.name).name
+    nearest = best(judged) if judged else None
     fits = [s for s in known if s.fitted]
-    drawn = [draw(chart) for chart in _charts(recording, known, noise)]
+    drawn = [draw(chart) for chart in _charts(recording, known, noise, nearest)]
+    differs = nearest is not None and bool(nearest.differing)
     context = {
-        "verdict": "unknown" if nearest.differing else "none",
-        "badge": "✗ differs" if nearest.differing else "✓ agrees",
+        "verdict": "unknown" if differs else "none" if nearest else "identified",
+        "badge": "✗ differs" if differs else "✓ agrees" if nearest else "○ readings alone",
         "name": name,
         "robot": recording.metadata.robot,
         "best": nearest,
@@ -127,56 +134,111 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "simulators": judged,
         "channels": CHANNELS,
         "noise": noise,
-        "tool": _tool(robot_of(recording), fits[-1]) if fits else [],
-        "heat": drawn[0],
-        "series": drawn[1:],
-        "next": _next(nearest, bool(fits), name),
+        "tool": robot_of(recording).tool(fits[-1].theta) if fits else None,
+        "agrees_below": AGREES,
+        "each": [d for d in drawn if d.chart.name in CHANNELS],
+        "joints": next((d for d in drawn if d.chart.name == "joints"), None),
         "data": [*recording_facts(recording, recording.name), *provenance([recording.name])],
         "command": command,
     }
     return ReportPage(context, "recording", drawn)
 
 
-def _charts(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> list[Chart]:
-    """Residuals as a map, then readings and their residual, and the joints, over time."""
-    order, unit = order_of(recording)
-    poses, measured = unit == "pose", recording.wrench
+@dataclass(frozen=True, eq=False)
+class _Over:
+    """Over what readings are drawn: poses by their means, or the rows of a motion.
+
+    Attributes:
+        axis: of it.
+        x: number of each pose or time of each row (M,) [s].
+        ids: numbers of the observations (M,).
+        groups: rows of each pose; None where rows stand for themselves.
+        kind: lines of a motion, points at rest.
+    """
+
+    axis: Axis
+    x: np.ndarray
+    ids: np.ndarray
+    groups: tuple[np.ndarray, ...] | None
+    kind: Kind
+
+    @classmethod
+    def of(cls, recording: Recording) -> "_Over":
+        """What the rows of a recording are drawn over."""
+        order, unit = order_of(recording)
+        if unit != "pose":
+            t = recording.t - recording.t[0]
+            kind: Kind = "line" if recording.metadata.mode == "dynamic" else "points"
+            return cls(Axis("time", "s"), t, np.arange(1, len(t) + 1), None, kind)
+        poses = np.unique(order)
+        groups = tuple(np.flatnonzero(order == pose) for pose in poses)
+        ids = poses.astype(int)
+        return cls(Axis("number of the pose"), poses.astype(float), ids, groups, "points")
+
+    def means(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """Means (M,) of rows (N,), and how the rows of each scatter (M,); rows are their own."""
+        if self.groups is None:
+            return y, None
+        each = [y[g] for g in self.groups]
+        return np.array([np.nanmean(v) for v in each]), np.array([np.nanstd(v) for v in each])
+
+
+def _charts(
+    recording: Recording, known: Sequence[Simulator], noise: np.ndarray, nearest: Agreement | None
+) -> list[Chart]:
+    """Each channel over its residual, and the joints."""
+    over, measured, charts = _Over.of(recording), recording.wrench, list[Chart]()
     residuals = {s.name: np.asarray((measured - s.reading) / noise) for s in known}
-    axis = Axis("pose") if poses else Axis("time", "s")
-    charts = [figures.heat(residuals, CHANNELS, order, axis, "poses" if poses else "rows")]
-    caption = "On the left measured and simulated, on the right their difference."
-    for title, first in (("Forces", 0), ("Torques", 3)):
-        panels = []
-        for k in range(first, first + 3):
-            readings = {"measured": measured[:, k]} | {s.name: s.reading[:, k] for s in known}
-            panels.append((Axis(CHANNELS[k], UNITS[k]), readings))
-            differences = {name: residual[:, k] for name, residual in residuals.items()}
-            panels.append((Axis(f"{CHANNELS[k]}, residual", "noise"), differences))
-        charts.append(_over_time(recording, f"{title} over time", panels, caption))
-    joints = [joint_axis(joint, k) for k, joint in enumerate(robot_of(recording).joints, start=1)]
-    q = [(axis, {"": f * recording.q[:, k]}) for k, (axis, f) in enumerate(joints)]
-    return [*charts, _over_time(recording, "Joints over time", q)]
+    for k, channel in enumerate(CHANNELS):
+        readings = {"measured": measured[:, k]} | {s.name: s.reading[:, k] for s in known}
+        panels = [_panel(over, Axis(channel, UNITS[k]), readings, 1.15)]
+        if known:
+            rows = {name: residual[:, k] for name, residual in residuals.items()}
+            panels.append(_panel(over, Axis("residual", "noise"), rows, 0.8))
+        caption = _sentence(over, k, measured[:, k], noise[k], nearest)
+        charts.append(Chart(channel, channel, tuple(panels), 1, True, caption))
+    if modelled(recording):
+        joints = enumerate(robot_of(recording).joints, start=1)
+        axes = [joint_axis(joint, k) for k, joint in joints]
+        panels = [
+            _panel(over, axis, {"": f * recording.q[:, k]}, 0.9) for k, (axis, f) in enumerate(axes)
+        ]
+        charts.append(Chart("joints", "Joints", tuple(panels), 2, True))
+    return charts
 
 
-def _over_time(
-    recording: Recording, title: str, panels: Sequence[tuple[Axis, Mapping[str, np.ndarray]]],
-    caption: str = "",
-) -> Chart:  # fmt: skip
-    """Curves (N,) by name, two panels beside each other; simulators are dashed beside measured."""
-    t, rows = recording.t - recording.t[0], np.arange(1, len(recording) + 1)
-    drawn, note = [], ""
-    for axis, curves in panels:
-        simulated = [name for name in curves if name not in ("", "measured")]
-        roles = dict(zip(simulated, _SIMULATED, strict=False))
-        dashed = len(simulated) < len(curves)
-        series = [
-            Series(name, "line", t, y, role=roles.get(name, "measured"),
-                   dashed=dashed and name in roles, ids=rows)
-            for name, y in curves.items()
-        ]  # fmt: skip
-        kept, note = thinned(series)
-        drawn.append(Panel(Axis("time", "s"), axis, kept, zero=not dashed, height=0.9))
-    return Chart(title.split()[0].lower(), title, tuple(drawn), 2, True, caption, note)
+def _panel(over: _Over, axis: Axis, curves: Mapping[str, np.ndarray], height: float) -> Panel:
+    """Rows (N,) by name: points of poses with the scatter of their rows, or lines of a motion."""
+    simulated = [name for name in curves if name not in ("", "measured")]
+    roles = dict(zip(simulated, _SIMULATED, strict=False))
+    beside = len(simulated) < len(curves)
+    series = []
+    for name, rows in curves.items():
+        y, std = over.means(rows)
+        ring = beside and name in roles
+        series.append(
+            Series(name, over.kind, over.x, y, None if ring else std,
+                   roles.get(name, "measured"), "ring" if ring else "dot", ring, over.ids)
+        )  # fmt: skip
+    kept, _ = thinned(series)
+    return Panel(over.axis, axis, kept, zero=not beside, height=height)
+
+
+def _sentence(
+    over: _Over, k: int, rows: np.ndarray, noise: float, nearest: Agreement | None
+) -> str:
+    """What a channel (N,) says, beside the best simulator if there is one."""
+    means, _ = over.means(rows)
+    unit, low, high = UNITS[k], float(np.nanmin(means)), float(np.nanmax(means))
+    text = f"{low:.3g} … {high:.3g} {unit}; noise of a row {noise:.2g} {unit}."
+    if nearest is not None:
+        ratio, rms = nearest.ratios[k], nearest.rms[k]
+        much = "slightly" if ratio < NEAR else "much"
+        verb = "agrees with" if ratio < AGREES else f"differs {much} from"
+        text += f" It {verb} {nearest.name}: residual {ratio:.3g} × noise ({rms:.2g} {unit}), rms."
+    if over.groups:
+        text += " Upright lines: how the rows of a pose scatter."
+    return numbers.minus(text)
 
 
 def _what(recording: Recording) -> dict[str, str]:
@@ -187,25 +249,3 @@ def _what(recording: Recording) -> dict[str, str]:
         figure = f"{len(np.unique(order))} poses at rest"
     source = recording.metadata.source or "an unstated source"
     return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}
-
-
-def _tool(robot: SimulatedRobot, fitted: Simulator) -> list[tuple[str, str]]:
-    """Label and text of a fit's tool."""
-    tool = robot.tool(fitted.theta)
-    place = ", ".join(f"{1e3 * float(x):.4g}" for x in tool.cog)
-    return [
-        ("mass", numbers.minus(f"{float(tool.mass):.4g} kg")),
-        ("centre of gravity", numbers.minus(f"({place}) mm")),
-    ]
-
-
-def _next(nearest: Agreement, fitted: bool, name: str) -> list[str]:
-    diagnose = f"wrenchbed diagnose {name} --out found"
-    if not nearest.differing:
-        return [
-            f"Use this simulator: no channel's residual reaches {AGREES:g} times its noise.",
-            f"{diagnose} tests for effects below the noise of a row.",
-        ]
-    if not fitted:
-        return [f"wrenchbed calibrate {name} --out fit.json fits mass, centre of gravity and bias."]
-    return [f"{diagnose} locates the residual and names its cause."]

@@ -112,18 +112,22 @@ class WrenchAnswer(Answer):
 
     @property
     def _hint(self) -> str:
-        if self.hinted:
-            return f"Only a hint: {listed([_the(name) for name in self.hinted])}"
+        if self.hint:
+            return f"Only a hint: {_the(self.hint)}"
         if self.d.where:
             subsystems = dict.fromkeys(_the(str(w["subsystem"])) for w in self.d.where)
             return f"Only in single rows: {listed(list(subsystems))}"
         return "Too little for a cause" if self._seen else "No place differs from noise"
 
     @property
-    def hinted(self) -> list[str]:
-        """Subsystems of ``where`` without enough evidence; empty where a cause is claimed."""
-        hints = (str(w["subsystem"]) for w in self.d.where if float(w["share"]) > 0.0)
-        return [] if self.d.which else list(dict.fromkeys(hints))
+    def hint(self) -> str:
+        """Part that ``where`` hints at most, a joint by its number; empty if none is."""
+        shares = (w for w in self.d.where if float(w["share"]) > 0.0)
+        most = max(shares, key=lambda w: float(w["share"]), default=None)
+        if most is None or self.d.which:
+            return ""
+        detail = str(most["detail"])
+        return detail if detail[-1:].isdigit() else str(most["subsystem"])
 
     @property
     def where(self) -> Sequence[str]:

@@ -11,7 +11,7 @@ from wrenchbed.pages.numbers import HUMAN, round_down
 from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Joint
-from wrenchbed.viewer.robot import BodyMotion
+from wrenchbed.simulation.shapes import BodyMotion
 from wrenchbed.viewer.stream import Canvas
 
 MEASURED = (40, 140, 220)
@@ -26,12 +26,6 @@ JOINTS = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44),
     (214, 39, 40), (148, 103, 189), (140, 86, 75),
 )  # fmt: skip
-_LEAST = (0.89, 0.90, 0.91)
-"""Colour of a part that nothing is wrong with: light grey."""
-_RAMP = np.array(
-    [_LEAST, (0.99, 0.84, 0.42), (0.98, 0.62, 0.28), (0.86, 0.27, 0.26), (0.50, 0.04, 0.16)]
-)
-"""Light grey, yellow, orange, red, dark red: darker the worse, also without colour."""
 _LONGEST_M = 0.3
 """Length of the longest arrow [m]."""
 _BESIDE_M = 0.012
@@ -40,15 +34,6 @@ _RADIUS_M = {"force": 0.006, "torque": 0.0035}
 _WIDTH, _BENEATH = 1.5, 3.5
 """Widths of curves, and of a measured one beneath the simulated ones [px]."""
 Colour = tuple[int, int, int]
-
-
-def heat(share: np.ndarray | float) -> np.ndarray:
-    """Colours (…, 3) of 0 … 255 for shares (…,) of 0 … 1."""
-    at = np.clip(np.asarray(share, dtype=float), 0.0, 1.0) * (len(_RAMP) - 1)
-    low = np.minimum(at.astype(int), len(_RAMP) - 2)
-    part = (at - low)[..., None]
-    mixed = _RAMP[low] * (1.0 - part) + _RAMP[low + 1] * part
-    return np.rint(255.0 * mixed).astype(np.uint8)
 
 
 @dataclass(frozen=True)

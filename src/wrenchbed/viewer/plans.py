@@ -13,6 +13,7 @@ from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import stream
 from wrenchbed.viewer.elements import (
@@ -22,7 +23,7 @@ from wrenchbed.viewer.elements import (
     log_joints,
     scale_for,
 )
-from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot, motion
+from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot
 from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 
 STAY_S = 1.0

@@ -8,6 +8,7 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages.document import markdown, provenance
 from wrenchbed.reports.recording_page import agreements, best
+from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, robot_of, simulators
 from wrenchbed.viewer import stream
@@ -20,7 +21,7 @@ from wrenchbed.viewer.elements import (
     log_joints,
     scale_for,
 )
-from wrenchbed.viewer.robot import frames, log_robot, motion
+from wrenchbed.viewer.robot import frames, log_robot
 from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 
 

@@ -93,6 +93,12 @@ def test_a_load_that_was_fitted_is_not_drawn_as_friction():
     fast = np.abs(measured.x) > 0.1
     expected = np.sign(measured.x) * level + VISCOUS[1] * measured.x
     assert np.abs(measured.y - expected)[fast].max() < 0.15 * level
+    (efforts,) = (c for c in effort_charts(found) if c.name == "efforts")
+    for above, beside in zip(efforts.panels[::2], efforts.panels[1::2], strict=True):
+        measured, *predicted = above.series
+        for series in predicted:  # none where a joint hardly moves, whose friction nobody knows
+            assert np.nanmax(np.abs(series.y)) < 1.5 * np.abs(measured.y).max()
+        assert any(np.isnan(series.y).any() for series in beside.series)
 
 
 @pytest.mark.sampled

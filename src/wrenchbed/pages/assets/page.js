@@ -105,6 +105,11 @@
     (best, v, n) => Math.abs(v - to) < Math.abs(values[best] - to) ? n : best, 0);
   const live = [];
   let last = null;
+  const tell = (from, id) => {
+    if (id === last) return;
+    last = id;
+    for (const other of live) if (other !== from) other.follow(id);
+  };
 
   class Figure {
     constructor(node, data) {
@@ -265,6 +270,9 @@
       this.ground.addEventListener("pointerenter", on(true));
       this.ground.addEventListener("pointerleave", on(false));
       this.chart.on("updateAxisPointer", event => this.share(event));
+      this.chart.on("mouseover", event => {
+        if (event.seriesType === "heatmap") this.shareCell(this.panelOf(event.seriesIndex), event.value);
+      });
       this.ground.addEventListener("keydown", event => {
         const step = {ArrowRight: 1, ArrowLeft: -1, Home: -1e9, End: 1e9}[event.key];
         if (step === undefined) return;
@@ -279,6 +287,8 @@
         this.at = Math.min(shown[seriesIndex].data.length - 1, Math.max(0, this.at + step));
         this.chart.dispatchAction({type: "showTip", seriesIndex, dataIndex: this.at});
         this.said.textContent = (this.last ?? []).join("; ");
+        if (shown[seriesIndex].type === "heatmap")
+          this.shareCell(shown[seriesIndex].xAxisIndex, shown[seriesIndex].data[this.at].value);
         if (walked) this.share({axesInfo: [{axisDim: "x", axisIndex: walked.k, value: walked.s.x[this.at]}]});
       });
       this.ground.addEventListener("blur", () => {
@@ -294,13 +304,35 @@
       if (!this.active || !at) return;
       const own = this.series.find(({s, k}) => s.ids && k === at.axisIndex && !this.off.has(s.name));
       if (!own) return;
-      const found = own.s.ids[nearest(own.s.x, at.value)];
-      if (found === last) return;
-      last = found;
-      for (const other of live) if (other !== this) other.follow(found);
+      tell(this, own.s.ids[nearest(own.s.x, at.value)]);
+    }
+
+    // of a cell the observation that differs most
+    shareCell(k, [column, row]) {
+      const ids = this.data.panels[k].matrix.ids;
+      if (this.active && ids.length) tell(this, ids[row][column]);
+    }
+
+    // the cells of the column that holds an observation are framed
+    mark(id) {
+      const shown = this.chart.getOption().series;
+      this.data.panels.forEach((p, k) => {
+        if (!p.matrix?.spans.length) return;
+        const seriesIndex = shown.findIndex(d => d.type === "heatmap" && d.xAxisIndex === k);
+        const column = p.matrix.spans.findIndex(([low, high]) => low <= id && id <= high);
+        const dataIndex = p.matrix.rows.map((_, row) => row * p.matrix.columns.length + column);
+        this.chart.dispatchAction({type: "downplay", seriesIndex});
+        if (column >= 0) this.chart.dispatchAction({type: "highlight", seriesIndex, dataIndex});
+      });
+    }
+
+    again() {
+      this.chart.resize({width: this.ground.clientWidth});
+      this.draw();
     }
 
     follow(id) {
+      this.mark(id);
       const shown = this.chart.getOption().series;
       const own = this.series.find(({s}) => s.ids && !this.off.has(s.name));
       if (!own) return;
@@ -334,14 +366,16 @@
     const data = JSON.parse(held.textContent);
     const begin = node => {
       if (node.classList.contains("alive") || !node.clientWidth) return;
-      live.push(new Figure(node, data[node.dataset.chart]));
+      const own = data[node.dataset.chart], page = {make, colour, role, nearest, tell, variable: name => VARIABLES[name]};
+      if (!own.parts) live.push(new Figure(node, own));
+      else if (RobotFigure.able()) live.push(new RobotFigure(node, own, page));
     };
     const near = new IntersectionObserver(entries => {
       for (const e of entries) if (e.isIntersecting) { near.unobserve(e.target); begin(e.target); }
     }, {rootMargin: "400px"});
     $("figure[data-chart]").forEach(node => near.observe(node));
     for (const fold of $("details")) fold.addEventListener("toggle", () => $("figure[data-chart]", fold).forEach(begin));
-    const again = () => live.forEach(f => { f.chart.resize({width: f.ground.clientWidth}); f.draw(); });
+    const again = () => live.forEach(f => f.again());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
     let width = innerWidth;
     addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; again(); } });
@@ -422,6 +456,13 @@
       const link = make("a", {className: "anchor", href: `#${heading.id}`, textContent: "#"});
       link.setAttribute("aria-label", `link to ${heading.textContent.trim()}`);
       heading.append(" ", link);
+    }
+    const titles = $("main h2[id]").filter(heading => !heading.closest(".cards"));
+    if (titles.length > 2) {
+      const links = titles.map(h => make("a", {href: `#${h.id}`, textContent: h.firstChild.textContent.trim()}));
+      const nav = make("nav", {className: "contents"}, ...links);
+      nav.setAttribute("aria-label", "contents");
+      $("main")[0].before(nav);
     }
     const open = () => {
       const at = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));

@@ -1,0 +1,218 @@
+"""Who is to blame: shares of the parts of a robot; and the robot of a diagnosis as a page shows it,
+coloured by them, with loads and residuals."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
+from wrenchbed.diagnosis.gap.result import Diagnosis, named_by
+from wrenchbed.pages import numbers
+from wrenchbed.pages.scene import Arrows, Part, Scene, heat
+from wrenchbed.physics.rotations import matrix
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.reports.claim import joints, joints_or
+from wrenchbed.reports.effort_answer import residuals_of, shown_rows
+from wrenchbed.reports.simulators import Evidence, along
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.simulation.shapes import bodies, geoms_of, motion, triangles
+from wrenchbed.simulation.simulation import Simulation
+
+MOST_MOMENTS = 150
+"""Moments of a robot on a page: as many as a plan has poses, ten a second of a short motion."""
+NOISE_M = 0.01
+"""Length of an arrow as large as the noise of a row [m]: equal on every page."""
+LONGEST_M = 0.5
+"""Length at which arrows end [m]: what is 50 times the noise is far off, and stays in view."""
+FORCE_M = 0.01
+"""Length of the arrow of a load of 1 N [m]."""
+_TENTHS = 4
+"""Decimals of places on a page [m]."""
+
+
+def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
+    """Posterior share (0 … 1) of each part, from a diagnosis as the contract has it.
+
+    Joints that a cause names have their own part, ``joint 2``, as have their drives. Rivals share
+    what their class has.
+    """
+    shares: dict[str, float] = {}
+    known = diagnosis["probabilities"]
+    for cause in diagnosis["which"]:
+        names = named_by(cause)
+        weights = [max(float(known.get(n, 0.0)), 1e-9) for n in names]
+        for name, weight in zip(names, weights, strict=True):
+            share = float(cause["probability"]) * weight / sum(weights)
+            part = str(name).split(".")[0].replace("drive", "joint")
+            blamed = joints(cause) if part in ("joint", "link") and name == names[0] else []
+            if len(blamed) > 1 and joints_or(cause):
+                share /= len(blamed)  # one of them
+            for place in [f"{part} {k}" for k in blamed] or [part]:
+                shares[place] = min(1.0, shares.get(place, 0.0) + share)
+    return shares
+
+
+def painted(simulation: Simulation, shares: Mapping[str, float]) -> dict[int, tuple[int, ...]]:
+    """Colour of each geom of the robot by its number: that of its part with the largest share."""
+    return {
+        g: tuple(int(c) for c in heat(max(shares.get(n, 0.0) for n in names)))
+        for g, names in part_of(simulation, "environment" in shares).items()
+    }
+
+
+def part_of(simulation: Simulation, shown_world: bool) -> dict[int, Sequence[str]]:
+    """Names of the parts that each geom of the robot shows, by its number; with ``shown_world``
+    also bench and floor.
+
+    A geom without a name belongs to the named one before it in the same body.
+    """
+    model, carried = simulation.model, _carriers(simulation)
+    tool = int(model.body("tool").id)
+    bodies = {model.geom(g).name: int(b) for g, b in enumerate(model.geom_bodyid)}
+    sensor, whole = bodies.get("sensor", tool), ("sensor",)
+    if "sensor_rim" not in bodies:
+        whole = ("sensor", "mount")
+    parts: dict[int, Sequence[str]] = {}
+    name, before = "", -1
+    for g, body in enumerate(map(int, model.geom_bodyid)):
+        name = model.geom(g).name or (name if body == before else "")
+        before = body
+        if body == 0:
+            parts |= {g: ("environment",)} if shown_world else {}
+        elif body not in (sensor, tool):
+            parts[g] = carried[body]
+        elif name.startswith("sensor_cable"):
+            parts[g] = ("cable",)
+        elif name == "sensor_rim":
+            parts[g] = ("mount", "sensor")
+        else:
+            parts[g] = whole if body != tool or name.startswith("sensor") else ("tool",)
+    return parts
+
+
+def _carriers(simulation: Simulation) -> dict[int, Sequence[str]]:
+    """For each body the parts that it shows: its joint and link if an actuated joint moves it, else
+    its link."""
+    model, joints = simulation.model, simulation.robot.joints
+    number = {int(model.joint(j.name).bodyid[0]): k for k, j in enumerate(joints, start=1)}
+    parts: dict[int, Sequence[str]] = {}
+    for b in range(1, model.nbody):
+        if b in number:
+            parts[b] = (f"joint {number[b]}", "joint", f"link {number[b]}", "link")
+        else:
+            parts[b] = ("link",) if int(model.body_parentid[b]) in parts else ("base",)
+    return parts
+
+
+@dataclass(frozen=True, eq=False)
+class _Moments:
+    """What a robot is shown at.
+
+    Attributes:
+        q: joint values (K, J).
+        ids: numbers of the observations (K,).
+        times: of the moments in words (K,).
+        rms: size of the residual (K,) [noise of a row].
+        arrows: at the sensor.
+    """
+
+    q: np.ndarray
+    ids: np.ndarray
+    times: Sequence[str]
+    rms: np.ndarray
+    arrows: Sequence[Arrows] = ()
+
+
+def wrench_scene(e: Evidence) -> Scene | None:
+    """The robot at the observations of a wrench; None without joints or without a model."""
+    p, robot = e.prepared, e.prepared.robot
+    if not isinstance(robot, SimulatedRobot) or not p.scene.jointed:
+        return None
+    held, arrows = p.scene.held, list[Arrows]()
+    readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
+    residuals = {name: (p.y - reading) / e.std for name, reading in readings.items()}
+    rms = np.sqrt((residuals[e.first] ** 2).mean(axis=1))
+    if e.names[:6] == CHANNELS:
+        arrows.append(Arrows("load", "box", FORCE_M * p.scene.load[held][:, :3]))
+        for k, part in ((0, "force"), (3, "torque")):
+            for role, name in zip(("before", "after"), residuals, strict=False):
+                vectors = _limited(residuals[name][:, k : k + 3])
+                arrows.append(Arrows(f"{part}, {name}", role, vectors, 1 + k // 3))
+    at, axis = along(p)
+    times = [f"{x:.2f} s" if axis.unit else f"pose {x:.0f}" for x in at]
+    moments = _Moments(p.scene.joints[held], e.ids, times, rms, arrows)
+    return _scene(e.findings.diagnosis, robot, p.scene.theta, moments)
+
+
+def effort_scene(f: EffortFindings) -> Scene:
+    """The robot in the stretch of a motion whose efforts are shown."""
+    scene, shown = f.d.scene, shown_rows(f)
+    residual = np.nan_to_num(residuals_of(f)["calibrated"][shown])
+    times = [f"{x:.2f} s" for x in scene.signals.t[scene.kept()][shown]]
+    q = scene.q.v[scene.kept()][shown]
+    moments = _Moments(q, shown, times, np.sqrt((residual**2).mean(axis=1)))
+    return _scene(f.diagnosis, scene.robot, scene.theta, moments)
+
+
+def _limited(residual: np.ndarray) -> np.ndarray:
+    """Arrows (K, 3) [m] of residuals [noise of a row]."""
+    length = NOISE_M * np.linalg.norm(residual, axis=1, keepdims=True)
+    shorter = np.minimum(1.0, LONGEST_M / np.maximum(length, 1e-9))
+    return np.asarray(NOISE_M * residual * shorter)
+
+
+def _scene(d: Diagnosis, robot: SimulatedRobot, theta: np.ndarray, m: _Moments) -> Scene:
+    """The robot at evenly spread moments, and at the one that differs most."""
+    worst, simulation = int(np.argmax(m.rms)), Simulation(robot, theta)
+    rows = np.linspace(0, len(m.q) - 1, min(len(m.q), MOST_MOMENTS)).astype(int)
+    rows = np.union1d(rows, [worst])
+    seen, shares = motion(simulation, m.q[rows]), blame(d.to_json())
+    turns = np.stack([matrix(x) for x in np.roll(seen.quaternion, 1, axis=-1).reshape(-1, 4)])
+    frames = np.concatenate([turns.reshape(*seen.position.shape, 3), seen.position[..., None]], -1)
+    sensor = np.concatenate([seen.rotation, seen.sensor[..., None]], axis=-1)
+    parts = _parts(simulation, shares)
+    arrows = [replace(a, vectors=a.vectors[rows].round(_TENTHS)) for a in m.arrows]
+    labels = [f"{m.times[k]}, residual {numbers.gap(float(m.rms[k]))} × noise" for k in rows]
+    eye = np.subtract(*robot.eye)
+    frames = np.concatenate([frames, sensor[:, None]], axis=1).round(_TENTHS)
+    return Scene(
+        "robot", "The robot, coloured by blame", parts, frames, arrows, labels, m.ids[rows],
+        int(np.searchsorted(rows, worst)), eye, _caption(shares, parts, arrows),
+        f"{len(rows)} of {len(m.q):,} moments." if len(rows) < len(m.q) else "",
+    )  # fmt: skip
+
+
+def _parts(simulation: Simulation, shares: Mapping[str, float]) -> list[Part]:
+    """Geoms of the robot, those of one body that stand for one part together."""
+    model, merged = simulation.model, dict[tuple[int, str, float], list[np.ndarray]]()
+    known = part_of(simulation, "environment" in shares)
+    for k, body in enumerate(bodies(model).values()):
+        for g in map(int, geoms_of(model, body)):
+            if g in known:
+                name = max(known[g], key=lambda n: shares.get(n, 0.0))
+                key = k, name, shares.get(name, 0.0)
+                merged.setdefault(key, []).append(triangles(model, g))
+    parts = []
+    for (k, name, share), surfaces in merged.items():
+        corners = np.concatenate(surfaces).reshape(-1, 3).round(_TENTHS)
+        places, faces = np.unique(corners, axis=0, return_inverse=True)
+        parts.append(Part(name, k, share, places, faces.reshape(-1, 3)))
+    return parts
+
+
+def _caption(shares: Mapping[str, float], parts: Sequence[Part], arrows: Sequence[Arrows]) -> str:
+    """What colours and arrows mean."""
+    named = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
+    text = f"Probability that the cause is there: {named}." if named else "No part is named."
+    drawn = {part.name for part in parts}
+    if missing := [part for part in shares if part not in drawn]:
+        text += f" Not to be seen on the robot: {', '.join(missing)}."
+    if arrows:
+        text += (
+            f" At the sensor: its axes, x red, y green, z blue; the load, {1e3 * FORCE_M:g} mm a "
+            f"newton; the residual of force and torque, {1e3 * NOISE_M:g} mm for the noise of a "
+            f"row, at most {1e3 * LONGEST_M:g} mm."
+        )
+    return f"{text} Still picture: the moment that differs most."
