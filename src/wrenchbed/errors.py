@@ -26,7 +26,7 @@ _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate
 
 
 def printable(text: str) -> str:
-    """A text whose control characters are spelled out (``\\x1b``); line feeds and tabs stay."""
+    """The text with control characters spelled out (``\\x1b``); line feeds and tabs stay."""
     return OBEYED.sub(lambda m: m[0].encode("unicode_escape").decode(), text)
 
 

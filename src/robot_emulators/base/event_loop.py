@@ -39,7 +39,7 @@ class LoopThread:
 
     @property
     def inside(self) -> bool:
-        """Whether the caller is in the thread."""
+        """Whether the caller runs in this thread."""
         return threading.current_thread() is self._thread
 
     def start(self) -> None:

@@ -1,4 +1,4 @@
-"""The frame of every made case: its kinds, what counts as a cause, how names and sizes are drawn.
+"""What all made cases share: kinds, the size from which a cause counts, draws of names and sizes.
 
 Look-alikes, the referee and the efforts fill it, each with physics of its own; this file has none.
 """

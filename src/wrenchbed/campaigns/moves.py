@@ -28,7 +28,7 @@ _HALVES = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Moves that reach a pose.
+    """Straight moves that lead to a pose of a plan.
 
     Attributes:
         row: of the plan.

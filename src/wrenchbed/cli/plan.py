@@ -94,7 +94,7 @@ def plan(
 
 
 def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -> None:
-    """Refuse arguments that do not go together."""
+    """Refuse arguments of `plan` that do not fit together."""
     if (motion.motion == "excite") != (motion.for_ == "dynamics"):
         raise PlanError("--motion excite goes with --for dynamics")
     for_pose = motion.for_ == "pose"

@@ -95,7 +95,7 @@ class Hand:
         self._inverse = jacobian.T @ np.linalg.inv(square)
 
     def _blocked(self, new: np.ndarray, length: float) -> bool:
-        """Whether a target is out of reach; far from the edge one look ahead is enough."""
+        """Whether a target (J,) is out of reach; far from the edge one look ahead is enough."""
         low, high = self._limits.T
         if ((new < low) | (new > high)).any():
             return True

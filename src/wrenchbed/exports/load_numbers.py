@@ -1,4 +1,4 @@
-"""The numbers of a fit or a twin that other programs use, each with ± and with where it is from.
+"""The numbers of a fit or a twin that other programs use, each with its ± and its origin.
 
 Every number is a function of the model's parameters θ. Its covariance is J C Jᵀ, with C of the fit
 and J by complex steps. A number that depends on a parameter of which the data fix only a

@@ -32,7 +32,7 @@ _START = (
 
 
 def end_with(parent: int) -> None:
-    """End this process within a second of its parent's end.
+    """Watch the parent from now on, and end this process within a second of its end.
 
     Its standard output becomes the null device, so that a reader of the parent's output sees the
     end of the parent.

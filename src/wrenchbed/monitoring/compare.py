@@ -103,7 +103,7 @@ def compare(a: str | Path, b: str | Path) -> Comparison:
 
 
 def _read(path: Path) -> tuple[str, checked.Fields]:
-    """Kind of a file, and what it states; of a recording the fit to it."""
+    """Kind of a file, and its fields; of a recording the fields of the fit to it."""
     path = path / "diagnosis.json" if (path / "diagnosis.json").is_file() else path
     if not path.is_file():
         raise ParameterError(f"{path}: there is no such file")

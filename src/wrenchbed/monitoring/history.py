@@ -1,4 +1,4 @@
-"""The history of a robot's checks: the recordings in its folder, and a table of what they gave.
+"""The history of a robot's checks: the recordings in its folder, and a table of their results.
 
 Every check is read from its recording, so that a later version judges all of them alike, and a
 check that went wrong goes with its recording. The table is one Parquet file, written as a whole:

@@ -1,4 +1,4 @@
-"""The report of a recording held against simulators: do these agree with it, channel by channel?"""
+"""The report of a recording and simulators: how far they agree, channel by channel."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -80,7 +80,7 @@ class Evidence:
         ]
 
     def of(self, twin: Twin) -> np.ndarray:
-        """Readings (H, C) of a simulator at the observations."""
+        """Readings (H, C) of a simulator, a `Twin`, at the observations."""
         return simulated(self.prepared, twin)[self.prepared.scene.held]
 
 

@@ -246,7 +246,7 @@ class ArmTree:
         return driven
 
     def _closure(self, n: int, frames: list[Frame], segment: np.ndarray) -> Closure:
-        """An equality as a closure between links, all joints at their reference values."""
+        """Closure between links of the n-th equality, all joints at their reference values."""
         model, data, e = self.model, self.data, self.equalities[n]
         name = _plain(model.equality(e).name or f"loop{n + 1}")
         one, two = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
@@ -260,7 +260,8 @@ class ArmTree:
         return Closure(name, ends[0] - 1, ends[1] - 1, np.array(at))
 
     def _segments(self) -> np.ndarray:
-        """The link of each body (B,) from 1 on, 0 of the base; −1 of the tool's and loose ones."""
+        """Link number of each body (B,): from 1 on, 0 of the base, −1 of the tool and loose
+        ones."""
         result = np.zeros(self.model.nbody, dtype=int)
         for body, above in enumerate(self._above):
             loose = any(self.model.jnt_type[j] == JOINT.mjJNT_FREE for j in above)

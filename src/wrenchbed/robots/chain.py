@@ -76,7 +76,7 @@ class SerialChain(MountedArm):
         return stack_jets([x, y, z]), position
 
     def frames(self, q: Value, theta: np.ndarray) -> Iterator[tuple[Value, Value, Value, Value]]:
-        """Axes x, y, z and origin (…, N, 3) of each link behind its joint; then the flange's."""
+        """Yield axes x, y, z and origin (…, N, 3) of each link behind its joint, then the end's."""
         turns, shifts = self.fixed(theta)
         at = q + self.zeros(theta)
         c, s = cos(at), sin(at)

@@ -328,5 +328,5 @@ def _split(at: np.ndarray) -> list[Value]:
 
 
 def _regular(inverse: np.ndarray) -> np.ndarray:
-    """Distance from singular poses (…, N): reciprocal norm of the inverse Jacobian."""
+    """Distance from singular poses (…, N): reciprocal of the inverse Jacobian's norm."""
     return np.asarray(1.0 / np.linalg.norm(inverse, axis=(-2, -1)))

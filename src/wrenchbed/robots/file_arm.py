@@ -104,7 +104,7 @@ class DescribedArm(MountedArm):
         return self.arm_model.base_shift
 
     def zeros(self, theta: np.ndarray) -> np.ndarray:
-        """Offset that is added to each driven joint's value (…, J)."""
+        """Offsets (…, J) that are added to the driven joints' values."""
         return np.asarray(theta[..., self._zeros])
 
     def _sampled(self, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

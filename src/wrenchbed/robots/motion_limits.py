@@ -119,7 +119,7 @@ class Limits:
             )
 
     def check_step(self, robot: Robot, last: np.ndarray, q: np.ndarray, seconds: float) -> str:
-        """Why a streamed target (J,) may not follow another so soon; empty if it may."""
+        """Reason why a streamed target (J,) may not follow the last so soon; empty if it may."""
         if q.shape != last.shape or not np.isfinite(q).all():
             return f"a target must be {len(last)} finite numbers"
         try:

@@ -46,7 +46,7 @@ def shape(
 
 
 def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-    """Numbers (K,) of the rows of joint values (N, J) to show: those that differ, and the end.
+    """Numbers (K,) of rows of joint values (N, J) to show: where they differ, and the end.
 
     Args:
         t: times (N,) [s] of a motion, of which at most `FRAMES_HZ` rows a second are shown.

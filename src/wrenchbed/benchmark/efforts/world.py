@@ -1,4 +1,4 @@
-"""What a robot with a fault makes its drives report, before noise.
+"""Simulates what the drives of a robot with a fault report, before noise.
 
 Ranges of friction, rotors and noise follow data sheets of collaborative arms roughly: estimates.
 """

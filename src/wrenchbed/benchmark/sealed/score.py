@@ -1,4 +1,4 @@
-"""The score of a sealed benchmark: commitments checked, claims held against answers.
+"""The score of a sealed benchmark: commitments checked, claims compared with answers.
 
 Claims are read from the contract's ``diagnosis.json``.
 """
@@ -172,8 +172,8 @@ def score(
     main: str | None = None,
     published: str | None = None,
 ) -> Score:
-    """Check what was committed to, also against a published SHA-256, and hold claims (one folder an
-    entrant) against answers; wrenchbed's diagnosis is judged if no other one is named, else the
+    """Check what was committed to, also against a published SHA-256, and compare claims (one folder
+    an entrant) with answers; wrenchbed's diagnosis is judged if no other one is named, else the
     first entrant.
 
     Raises:

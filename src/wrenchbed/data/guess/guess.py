@@ -207,7 +207,7 @@ def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str)
 
 
 def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
-    """Text of an error: why no convention fits, and the columns that were looked at."""
+    """Text of the error that no convention fits: why, and which columns were looked at."""
     names = ", ".join(n for s in tables for n in s.values)
     if not any(True for s in tables for _ in wrenches(s)):
         what = "no six columns that might be a wrench"

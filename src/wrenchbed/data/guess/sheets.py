@@ -269,7 +269,7 @@ def is_of_wrench(name: str) -> bool:
 
 
 def unit_of(name: str) -> str | None:
-    """The unit that a column's name states, as ``Fx [N]`` or ``time_ms``."""
+    """Unit that a column's name states, as in ``Fx [N]`` or ``time_ms``; None without one."""
     match = _UNIT_AT_END.match(name)
     if match and match[1] and match[2].lower() in _UNIT_NAMES:
         return _UNIT_NAMES[match[2].lower()]

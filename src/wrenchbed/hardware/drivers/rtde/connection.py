@@ -177,7 +177,7 @@ class ControlProcess:
         )
 
     def gone(self) -> str:
-        """Why the worker is gone; empty while it lives."""
+        """Reason why the worker is gone; empty while it runs."""
         if self._why:
             return self._why
         code = self._process.poll()
@@ -256,7 +256,7 @@ class Links:
 
     @property
     def ended(self) -> str:
-        """Why no more states will come; empty while the stream goes on."""
+        """Reason why no more states will come; empty while the stream goes on."""
         return self._receiver.ended if self._receiver else "the stream of states was not opened"
 
     def open_state(self) -> None:

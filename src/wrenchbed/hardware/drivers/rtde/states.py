@@ -328,7 +328,7 @@ class StateReceiver:
 
 
 def implausible(new: Snapshot, last: Snapshot) -> str:
-    """Why a robot cannot have sent this state; empty if it can."""
+    """Reason why a robot cannot have sent this state after the last one; empty if it can."""
     sixes = [(most, getattr(new, name)) for name, most in _LARGEST.items()]
     if not all(math.isfinite(v) for _, six in sixes for v in six) or not math.isfinite(new.stamp):
         return "numbers that are not finite"

@@ -324,7 +324,7 @@ class NetftTransducer(Transducer):
         return Health("ok", ", ".join(self._words(newest.status)), counters)
 
     def _trouble(self, newest: Received) -> str:
-        """Why a fresh record cannot be used; empty where it can."""
+        """Reason why a fresh record cannot be used; empty where it can."""
         frozen, status = newest.t - newest.since, newest.status
         if frozen >= FROZEN_S and newest.same > _SAME:
             return f"frozen: same counts for {frozen:.2f} s"
