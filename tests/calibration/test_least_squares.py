@@ -102,8 +102,10 @@ def test_variance_is_shared_out_over_channels_and_robust_with_a_robust_loss():
     assert problem(np.ones((1, 6)), designed(1, 9)[0]).dof == 1.0
     design, _ = designed(9, 1)
     y = np.outer([1.0, -2, 3, -4, 5, -6, 7, -8, 90], np.ones(6))
-    assert problem(y, design).found(np.zeros(0)) == pytest.approx((y**2).sum(axis=0) / 9)
-    robust = problem(y, design, loss="huber").found(np.zeros(0))
+    assert problem(y, design).residual_variance(np.zeros(0)) == pytest.approx(
+        (y**2).sum(axis=0) / 9
+    )
+    robust = problem(y, design, loss="huber").residual_variance(np.zeros(0))
     assert robust == pytest.approx(np.full(6, (1.4826 * 5.0) ** 2))
     scale = 1.4826 * 1.345
     residual = np.array([0.0, 0.5, 1.345, 2.69, -13.45])

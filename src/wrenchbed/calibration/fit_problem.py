@@ -84,7 +84,7 @@ class Problem:
             "jacobian", x, lambda y: self.model.jacobian(self.data.q, self.at(y), self.free), SAME
         )
 
-    def found(self, x: np.ndarray) -> np.ndarray:
+    def residual_variance(self, x: np.ndarray) -> np.ndarray:
         """Variance of the observations about the fit (6,) [N², (N·m)²]; robust if the loss is."""
         r = self.residual(x)
         if self.loss == "linear":

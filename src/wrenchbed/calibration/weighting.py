@@ -193,7 +193,7 @@ def _blind(problem: Problem) -> Outcome:
     solution = problem.solve(_rows(fallback_covariance(), np.ones(len(data))), problem.start)
     factor = 1.0
     for _ in range(_REWEIGHTINGS):
-        variance = problem.found(solution.x)
+        variance = problem.residual_variance(solution.x)
         if _exact(variance, data):
             whitened = solution.residual[: data.wrench.size]
             factor = float(whitened @ whitened) / (6 * problem.dof)
@@ -213,7 +213,7 @@ def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> O
     variance = np.zeros(6)
     for _ in range(_REWEIGHTINGS):
         # many parameters may swallow a channel's residual, never its noise
-        measured = np.maximum(problem.found(solution.x), expected)
+        measured = np.maximum(problem.residual_variance(solution.x), expected)
         time = _correlation_time(problem, solution.x)
         if np.allclose(measured * time, variance, rtol=_SETTLED, atol=0.0):
             break
@@ -286,7 +286,7 @@ def _noise(
 ) -> FitNoise:
     data = problem.data
     rows = float(np.mean(data.count))
-    scatter = np.sqrt(problem.found(solution.x))
+    scatter = np.sqrt(problem.residual_variance(solution.x))
     known = source != "residual"
     alone = np.sqrt(np.diagonal(data.row_covariance)) if known else scatter * np.sqrt(rows)
     return FitNoise(alone, source, alone / np.sqrt(rows), scatter, effective, rows, inflated)

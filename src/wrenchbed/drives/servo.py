@@ -124,13 +124,13 @@ def calibrate_servos(
     groups = (*FRICTION, CONSTANT, *(() if free and TOOL not in free else (TOOL,)))
     problem, starts = problem_of(recording, [p.signals for p in pieces], groups)
     check_moves(recording.name, problem)
-    about, solution, delay = _solved(problem, pieces)
+    about, solution, delay = _iterated(problem, pieces)
     noise = [p.noise(np.random.default_rng(k)) for k, p in enumerate(pieces)]
 
     def with_more(size: float) -> Solution:
         shaken = [p.shaken(size * n) for p, n in zip(pieces, noise, strict=True)]
         problem, _ = problem_of(recording, [p.signals for p in shaken], groups)
-        return solve(_about(problem, shaken, delay))
+        return solve(_linearised(problem, shaken, delay))
 
     once, twice = ([with_more(s), with_more(-s)] for s in (1.0, float(np.sqrt(2.0))))
     better = _extrapolated(solution, once, twice)
@@ -190,11 +190,11 @@ def _piece(signals: DriveSignals, target: np.ndarray) -> Piece:
     return Piece(signals, tuple(spline.antiderivative() for spline in splines))
 
 
-def _solved(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solution, np.ndarray]:
+def _iterated(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solution, np.ndarray]:
     """Iterate the delays (J,) [s]: last linearised problem, its solution, the delays."""
-    delay, most = _begun(problem, pieces), 1.0 / pieces[0].signals.rate
+    delay, most = _first_delays(problem, pieces), 1.0 / pieces[0].signals.rate
     for _ in range(_STEPS):
-        about = _about(problem, pieces, delay)
+        about = _linearised(problem, pieces, delay)
         solution = solve(about)
         change = _delays(about, solution.x)
         if np.abs(change).max() < _CLOSE:
@@ -203,7 +203,7 @@ def _solved(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solutio
     return about, solution, delay
 
 
-def _about(problem: Problem, pieces: Sequence[Piece], delay: np.ndarray) -> Problem:
+def _linearised(problem: Problem, pieces: Sequence[Piece], delay: np.ndarray) -> Problem:
     """Problem linearised about delays (J,) [s]: tracking errors, and two more columns of each
     joint, by the square of the targets' speed and, last, by its delay."""
     y = np.concatenate([p.error(delay) for p in pieces])
@@ -212,7 +212,7 @@ def _about(problem: Problem, pieces: Sequence[Piece], delay: np.ndarray) -> Prob
     return replace(problem, y=y, own=own, kinds=(*problem.kinds, _QUADRATIC, DELAY))
 
 
-def _begun(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
+def _first_delays(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
     """Initial delays (J,) [s]: those of a grid at which each joint alone fits best."""
     period, joints = 1.0 / pieces[0].signals.rate, problem.y.shape[1]
     grid = np.arange(-period, LATEST, period / _PER_ROW)
@@ -264,7 +264,7 @@ def _fit(
     values = values_of(drive, of_drive, starts, joints, covariance[: -len(joints), : -len(joints)])
     std = np.sqrt(np.diagonal(covariance))[-len(joints) :]
     delays_known = _delays(problem, solution.determined)
-    identified = [_own(p, joints) for p in values]
+    identified = [_as_servo(p, joints) for p in values]
     names = [(f"{DELAY}.{j}", "s") for j in range(1, len(joints) + 1)]
     identified += identified_values(names, late, std, np.zeros(len(joints)), delays_known, WIDE)
     errors = errors_of(problem, solution, [joint.unit for joint in joints])
@@ -277,7 +277,7 @@ def _fit(
     )  # fmt: skip
 
 
-def _own(p: IdentifiedValue, joints: Sequence[Joint]) -> IdentifiedValue:
+def _as_servo(p: IdentifiedValue, joints: Sequence[Joint]) -> IdentifiedValue:
     """Parameter under the name and unit of servos: a drive constant is a stiffness."""
     kind, _, number = p.name.rpartition(".")
     if kind != CONSTANT:

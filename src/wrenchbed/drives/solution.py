@@ -56,7 +56,7 @@ class Solution:
 
 def solve(problem: Problem) -> Solution:
     """Fit, weighted by each joint's residual; fits without a block are one more step from there."""
-    spread, known = problem.y.std(axis=0), _known(problem)
+    spread, known = problem.y.std(axis=0), _prior_precision(problem)
     x, weight = start(problem), 1.0 / np.where(spread > 0.0, spread, 1.0)
     for _ in range(_ROUNDS):
         normal, right = _normal(problem, x, weight)
@@ -75,7 +75,7 @@ def solve(problem: Problem) -> Solution:
     return Solution(x, np.array(folds), _determined(whole))
 
 
-def _known(p: Problem) -> np.ndarray:
+def _prior_precision(p: Problem) -> np.ndarray:
     """Prior precision (K,) of the parameters: of inertial changes, else 0. Rows of a block count as
     one, because model errors are alike in them."""
     result = np.zeros(len(start(p)))

@@ -151,7 +151,7 @@ def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     own gap decides. What values show needs no held-out row: a limit may be reached in few poses.
     """
     while verdict.causes:
-        shown = _shown(facts, verdict, gap)
+        shown = _closing(facts, verdict, gap)
         if not shown and _imitated(facts, verdict, gap):
             return verdict
         if not shown:
@@ -174,7 +174,7 @@ def _stands(facts: Facts[S], cause: Cause, gap: Closure) -> bool:
     return cause.part.name in facts.seen or confirmed(cause, gap)
 
 
-def _shown(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
+def _closing(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
     """Causes that close a gap on held-out rows, largest first, doubtful ones last."""
     together = gap.closed is not None and gap.closed.low > 0.0
     in_all = gap.in_all is not None and gap.in_all.low > 0.0

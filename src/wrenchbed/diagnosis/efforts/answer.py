@@ -6,7 +6,7 @@ from typing import Any
 from wrenchbed.diagnosis.answer import notes as of_gap
 from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.names import known, place, title
+from wrenchbed.diagnosis.efforts.names import all_effects, place, title
 from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks, facts_of
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
@@ -123,7 +123,7 @@ def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
     """Entries of ``next``: actions that would separate causes from their rivals."""
     steps: dict[str, dict[str, Any]] = {}
     for c in (c for c in v.causes if c.keys[1:]):
-        text = known()[c.part.name].remedy
+        text = all_effects()[c.part.name].remedy
         both = list(dict.fromkeys((c.part.name, c.keys[1][0])))
         sentence = f"{text[:1].upper()}{text[1:]}."
         steps[text] = {"action": text, "separates": both, "gain": 0.0, "sentence": sentence}

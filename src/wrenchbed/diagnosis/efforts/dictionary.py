@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.efforts.columns import (
     of_sensor,
     rows_of,
 )
-from wrenchbed.diagnosis.efforts.names import drive_effects, known
+from wrenchbed.diagnosis.efforts.names import all_effects, drive_effects
 from wrenchbed.diagnosis.efforts.noise import RowNoise, remains, row_noise
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.prepare.prepared import Material
@@ -102,7 +102,7 @@ class Dictionary:
 
     def sized(self, block: int) -> np.ndarray:
         """Indices of the columns whose amplitudes make the size of a named cause."""
-        begins = known()[self.blocks[block].effect].size.columns or ("",)
+        begins = all_effects()[self.blocks[block].effect].size.columns or ("",)
         return np.array([k for k in self.at[block] if self.names[k].startswith(begins)])
 
     @property

@@ -57,7 +57,7 @@ def drive_effects() -> Mapping[str, DriveEffect]:
 
 
 @cache
-def known() -> Mapping[str, DriveEffect | Carried]:
+def all_effects() -> Mapping[str, DriveEffect | Carried]:
     """Drive effects, and effects of what the drives carry, by name."""
     return {**drive_effects(), **OTHERS}
 
@@ -73,4 +73,4 @@ def place(key: Key) -> tuple[str, str]:
 
 def title(effect: str, joint: int | None) -> str:
     """Description of an effect with its joint's number, in lower case."""
-    return known()[effect].title.format(joint=joint)
+    return all_effects()[effect].title.format(joint=joint)

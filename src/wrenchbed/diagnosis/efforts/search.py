@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import softmax
 
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
-from wrenchbed.diagnosis.efforts.names import known
+from wrenchbed.diagnosis.efforts.names import all_effects
 from wrenchbed.diagnosis.evidence.likelihood import Products, gains
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 
@@ -65,7 +65,7 @@ class Evidence:
         return self.level.information(every)[0], score[:, 0]
 
     @cached_property
-    def _more(self) -> np.ndarray:
+    def _added_std(self) -> np.ndarray:
         """Standard deviation (P,) that a cause adds in quadrature to each of its columns' prior."""
         return np.sqrt(np.maximum(wide(self.d) ** 2 - self.level.V, 0.0))
 
@@ -79,13 +79,13 @@ class Evidence:
         shape = len(each), max(len(at) for at in each)
         columns, more = np.zeros(shape, dtype=int), np.zeros(shape)
         for k, at in enumerate(each):
-            columns[k, : len(at)], more[k, : len(at)] = at, self._more[at]
+            columns[k, : len(at)], more[k, : len(at)] = at, self._added_std[at]
         information, score = self.known
         p = information[columns[:, :, None], columns[:, None, :]]
         return gains(p, score[columns][:, :, None], more, np.ones(1))[:, 0, 0]
 
     @cached_property
-    def _each(self) -> np.ndarray:
+    def _block_prior(self) -> np.ndarray:
         """Log prior of each block (B,): the same for each cause, divided among its variants."""
         every = self.d.blocks
         counts = Counter({b.key: b.outside for b in every}.values())
@@ -95,16 +95,18 @@ class Evidence:
     def prior(self, blocks: Structure) -> float:
         """Log prior of a structure."""
         none = np.log(PRIOR[NONE]) if not blocks else (len(blocks) - 1) * np.log(MORE)
-        return float(none + self._each[list(blocks)].sum())
+        return float(none + self._block_prior[list(blocks)].sum())
 
     def possible(self, blocks: Structure) -> bool:
         """Whether all sizes that cannot be below zero come out so in a structure."""
         every = self.d.blocks
-        signed = [k for k in blocks if not every[k].outside and known()[every[k].effect].one_way]
+        signed = [
+            k for k in blocks if not every[k].outside and all_effects()[every[k].effect].one_way
+        ]
         if not signed:
             return True
         (information, score), at = self.known, self._freed(blocks)
-        x, more = np.zeros(len(score)), self._more[at] ** 2
+        x, more = np.zeros(len(score)), self._added_std[at] ** 2
         x[at] = more * np.linalg.solve(
             np.eye(len(at)) + information[np.ix_(at, at)] * more, score[at]
         )

@@ -12,7 +12,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.columns import LIGHT
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.names import known, place
+from wrenchbed.diagnosis.efforts.names import all_effects, place
 from wrenchbed.diagnosis.efforts.search import AMPLITUDE, Evidence
 from wrenchbed.diagnosis.efforts.simulator import Simulator, added
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot, reported_from
@@ -28,7 +28,7 @@ _UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inerti
 def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     """``parameters`` of an entry of ``which``: the size, and what else belongs to the cause."""
     d, b = fit.d, fit.d.blocks[block]
-    about, some = known()[b.effect], d.sized(block)
+    about, some = all_effects()[b.effect], d.sized(block)
     size = about.size
 
     def part(x: np.ndarray, k: int) -> float:
@@ -55,7 +55,7 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
 def unit_of(d: Dictionary, block: int) -> str:
     """Unit of a cause's size; that of a slide where its joint is one."""
     b = d.blocks[block]
-    unit = known()[b.effect].size.unit
+    unit = all_effects()[b.effect].size.unit
     if b.joint is None or not (d.joint[d.at[block]] >= 0).all():
         return unit
     return d.scene.robot.joints[b.joint - 1].own(unit)
@@ -121,7 +121,7 @@ def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
     for effect, number in _every(d):
         blocks = [k for k, b in enumerate(d.blocks) if b.key == (effect, number)]
         element = "" if number is None else place((effect, number))[1]
-        most = known()[effect].size.plausible * (d.blocks[blocks[0]].level if blocks else 1.0)
+        most = all_effects()[effect].size.plausible * (d.blocks[blocks[0]].level if blocks else 1.0)
         shown = min((shows_from(evidence, k) for k in blocks), default=np.inf)
         if shown > ABSURD * most:
             why = NOTHING if blocks else _why(effect)
@@ -143,13 +143,13 @@ def shows_from(evidence: Evidence, block: int) -> float:
     odds = np.array([evidence.prior((block,)) - evidence.prior(())])
     gap = np.array([max(added(d, one, block), 1e-300)])
     times = float(reported_from(information[None], np.array([[AMPLITUDE]]), odds, gap)[0])
-    whole = len(some) ** (0.5 if known()[d.blocks[block].effect].size.vector else 1.0)
+    whole = len(some) ** (0.5 if all_effects()[d.blocks[block].effect].size.vector else 1.0)
     return abs(_scale(d, block, np.zeros(len(one)))) * unit * times * whole
 
 
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
     """Effects, each with every joint, or every link that has a mass."""
-    for effect, about in known().items():
+    for effect, about in all_effects().items():
         if d.scene.commanded and effect == "drive.bandwidth":  # a delay stands for it
             continue
         if "{joint}" not in about.title:

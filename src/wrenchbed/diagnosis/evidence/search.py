@@ -63,7 +63,7 @@ class Searcher:
         self.d = dictionary
         self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
         self.kernels = tuple(dictionary.kernels)
-        self._known: dict[int, list[np.ndarray]] = {}
+        self._informations: dict[int, list[np.ndarray]] = {}
         self._last: tuple[np.ndarray, tuple[list[np.ndarray], np.ndarray]] | None = None
 
     @cached_property
@@ -191,10 +191,10 @@ class Searcher:
 
     def _information(self, rung: int) -> list[np.ndarray]:
         """Information of each batch's columns (b, k, k) on a rung."""
-        if rung not in self._known:
+        if rung not in self._informations:
             level = self.rungs[rung].level
-            self._known[rung] = level.informations(batch.columns for batch in self.batches)
-        return self._known[rung]
+            self._informations[rung] = level.informations(batch.columns for batch in self.batches)
+        return self._informations[rung]
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
         """Log prior of each rung (L,): equal for normal ones; larger ones are likely only if the

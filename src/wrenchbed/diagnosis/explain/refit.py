@@ -88,7 +88,7 @@ class Refitter(Case):
         prior sizes. A finalist without parts is fitted on ``rung``."""
         if not f.parts:
             return self.fit((h,), rung)
-        before, rungs, x, spread = self._begun(f, range(len(f.parts)))
+        before, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
         both = zip(before.parts, self.each, strict=True)
         s = Structure.of(self.each, [(*parts, r.like(h, self)) for parts, r in both])
         widest = s.widest
@@ -97,13 +97,13 @@ class Refitter(Case):
 
     def keeping(self, f: Finalist, keep: Sequence[int]) -> Finalist:
         """Refit with only some parts of a finalist, starting at their values."""
-        return self._fitted(*self._begun(f, keep), rough=False) if keep else self.nothing()
+        return self._fitted(*self._of_parts(f, keep), rough=False) if keep else self.nothing()
 
     def again(self, f: Finalist) -> Finalist:
         """Refit a finalist of other rows to this refitter's rows: variables and residual only."""
         views = tuple(self._views(f))
         if views not in self._again:
-            s, rungs, x, spread = self._begun(f, range(len(f.parts)))
+            s, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
             x, fitted = self._minimum(s, rungs, x, spread), list[Finalist]()
             for c, g, at in zip(self.each, views, s.at, strict=True):
                 residual = c.y - c.response(g.parts, x[at])
@@ -133,7 +133,7 @@ class Refitter(Case):
         views[self._place] = f
         return views
 
-    def _begun(
+    def _of_parts(
         self, f: Finalist, keep: Iterable[int]
     ) -> tuple[Structure, list[int], np.ndarray, np.ndarray]:
         """Structure of some parts of a finalist, its rungs, their variables and prior sizes
