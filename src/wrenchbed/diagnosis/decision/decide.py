@@ -170,7 +170,7 @@ def confirmed(cause: Cause, gap: Closure) -> bool:
 
 
 def _stands(facts: Facts[S], cause: Cause, gap: Closure) -> bool:
-    """Whether a cause depends on more than held-out means of wrenches."""
+    """Whether values of readings, or channels beside the wrench, support a cause by themselves."""
     return cause.part.name in facts.seen or confirmed(cause, gap)
 
 

@@ -46,7 +46,7 @@ class Facts(Generic[S]):
             ordinary spread, so that it may imitate causes.
         own_rest: whether the unexplained residual counts as noise: an answer without a cause is
             then ``unknown``.
-        seen: names of effects that the values of the readings show, whatever the means leave.
+        seen: names of effects that values of single readings show, whatever the means leave.
     """
 
     options: Sequence[Option[S]]

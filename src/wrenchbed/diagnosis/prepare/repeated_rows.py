@@ -30,7 +30,7 @@ often, and coarse counts to all."""
 
 
 def at_limits(wrench: np.ndarray) -> np.ndarray:
-    """Which readings (N, 6) stand at a limit of their channel, boolean."""
+    """Whether each reading (N, 6) is at a limit of its channel, at which many readings pile up."""
     result = np.zeros(wrench.shape, dtype=bool)
     for y, at in zip(wrench.T, result.T, strict=True):
         values, count = np.unique(y, return_counts=True)
