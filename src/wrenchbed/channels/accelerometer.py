@@ -21,10 +21,10 @@ turn gravity too little in the sensor."""
 
 @dataclass(frozen=True, eq=False)
 class Accelerometer(Channel):
-    """a = A Rᵀ g + b, R the sensor's orientation; A (3, 3) and b (3,) are nuisance.
+    """Readings of an accelerometer at rest, a = A Rᵀ g + b, R the sensor's orientation.
 
-    So mounting, scales, cross-axis sensitivity, sign and zero do not matter. Accelerometers are not
-    linear within their noise: square and cube of each axis are imperfections.
+    A (3, 3) and b (3,) are nuisance, so mounting, scales, cross-axis sensitivity, sign and zero do
+    not matter. No accelerometer is linear within its noise: square and cube are imperfections.
 
     Attributes:
         gain: Aᵀ as it fits the recording.

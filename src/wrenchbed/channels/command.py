@@ -20,10 +20,10 @@ USUAL_GIVE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class CommandedJoints(Channel):
-    """u − q = c τ + z: joint values q and targets u as read, and the torque τ that holds the arm.
+    """Targets beyond joint values, u − q = c τ + z, with the torque τ that holds the arm.
 
-    Readings are u − q. Nuisance are each servo's compliance c = 1/kp and its zero z. What speed,
-    acceleration, friction and delay add in motion is in `wrenchbed.drives.servo`.
+    Nuisance are each servo's compliance c = 1/kp and its zero z. What speed, acceleration, friction
+    and delay add in motion is in `wrenchbed.drives.servo`.
 
     Attributes:
         joints: number of columns.

@@ -29,11 +29,11 @@ upright carry none, yet their sensors and drives have zeros."""
 
 @dataclass(frozen=True, eq=False)
 class EffortAtRest(Channel):
-    """τ = −Σ m g·∂p/∂q − Jᵀ w: weight of all links, and the load w on the sensor.
+    """Joint torques at rest, τ = −Σ m g·∂p/∂q − Jᵀ w: weight of links, load w on the sensor.
 
     At rest static friction holds a joint anywhere within a band, so the scatter from pose to pose
-    is friction, whatever the rows of one pose scatter. Links have ordinary errors of mass and
-    centre, sensors of gain and zero.
+    is friction, whatever one pose's rows scatter. Links have ordinary errors of mass and centre,
+    sensors of gain and zero.
 
     Attributes:
         joints: number of columns.

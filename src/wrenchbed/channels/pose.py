@@ -27,7 +27,7 @@ they do not follow the arm: forces and torques of 12 or 40 poses leave 0.4 to 0.
 
 @dataclass(frozen=True, eq=False)
 class TargetPose(Channel):
-    """m = T (x + R p) + s, x and R the sensor's place and orientation.
+    """Tracked target m = T (x + R p) + s, x and R the sensor's place and orientation.
 
     Nuisance is where the tracker stands, T (3, 3) and s (3,), and where the target sits, p (3,) in
     sensor axes. So a zero of the first joint or a tilt of the base does not show, while all other

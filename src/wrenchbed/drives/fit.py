@@ -23,7 +23,7 @@ class JointError:
     """Errors of one joint in the filter's band [N·m, N of slides, or A], over the rows used.
 
     Attributes:
-        joint: from 1.
+        joint: number of the joint, from 1.
         measured: standard deviation of the torque or current itself.
         nominal: rms residual of the nominal robot; None of currents, whose constant is unknown.
         left: rms residual of the fit.

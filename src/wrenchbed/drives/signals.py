@@ -146,7 +146,7 @@ def efforts_of(recording: Recording) -> tuple[str, np.ndarray]:
 def as_torques(
     efforts: np.ndarray, prefix: str, constants: Sequence[float], name: str
 ) -> np.ndarray:
-    """Torques (N, J) of currents (N, J) [A] by drive constants (J,) [N·m/A, of slides N/A].
+    """Torques (N, J) from currents (N, J) [A] and drive constants (J,) [N·m/A, of slides N/A].
 
     Raises:
         ParameterError: the efforts are torques, or the constants do not fit.

@@ -55,8 +55,8 @@ def features(prepared: Prepared) -> dict[str, np.ndarray]:
 
 
 def _flowing(prepared: Prepared) -> np.ndarray:
-    """Readings (C R, k) of a centre of gravity that depends on earlier orientations, smoothly: a
-    thick liquid."""
+    """Columns (C R, k) of a tool whose CoG follows earlier orientations smoothly, as a thick
+    liquid."""
     scene, of = prepared.scene, prepared.families[0]
     force = scene.tool_force(scene.load)
     down = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)

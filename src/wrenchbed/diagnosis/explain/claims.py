@@ -259,7 +259,7 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
 
 
 def _stated(refitter: Refitter, f: Finalist, rung: int) -> Stated:
-    """`stated` beside the background of a rung."""
+    """Errors of the stated numbers as in `stated`, with the background of one rung."""
     d = refitter.d
     count, numbers = len(f.x), len(d.stated)
     columns = np.column_stack([d.E[:, d.stated], f.design[:, :count]])

@@ -101,7 +101,7 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
 
 
 def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
-    """Whether a hypothesis is a part with more numbers: a curve that is straight is a gain."""
+    """Whether a hypothesis ``wide`` has all columns of ``part``: a straight curve is a gain."""
     if part.variant.shape or not len(part.columns):
         return False
     unit = refitter.d.E / np.maximum(np.linalg.norm(refitter.d.E, axis=0), 1e-300)

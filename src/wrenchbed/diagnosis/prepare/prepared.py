@@ -284,7 +284,7 @@ class Prepared:
 
     @cached_property
     def at_limits(self) -> np.ndarray:
-        """Observations at rest with readings at a limit of their channel (H,), boolean."""
+        """Whether each observation (H,) at rest has readings at a channel's limit, boolean."""
         if self.scene.sampled or not self.recording.has_wrench:
             return np.zeros(len(self.y), dtype=bool)
         rows = at_limits(self.recording.wrench[usable(self.recording)]).any(axis=1)
