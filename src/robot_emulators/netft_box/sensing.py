@@ -87,7 +87,7 @@ class Sensing:
         self._offset = due - newest
 
     def simulated(self, host: float) -> float:
-        """Simulated time that is reported at a time of this machine [s]."""
+        """Simulated time that is reported when this machine's clock shows ``host`` [s]."""
         return host - self._offset - self._lag
 
     def warm_up(self) -> None:

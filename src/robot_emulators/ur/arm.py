@@ -150,7 +150,7 @@ class ControlledArm:
         return braking
 
     def release(self, motion: ArmMotion | None) -> None:
-        """Brake if this motion still moves the arm."""
+        """Brake if this motion still moves the arm, else do nothing."""
         if motion is not None and motion is self.motion and not motion.done:
             self.brake(SAFE_DECELERATION / 3)
         if motion is not None and motion is self._interrupted:

@@ -203,7 +203,7 @@ class Kinematics:
             yield [q1, q2, q3, q4, q5, q6]
 
     def within(self, q: np.ndarray) -> bool:
-        """Whether joint values (6,) keep the joints' limits."""
+        """Whether joint values (6,) lie within the joints' limits."""
         return bool(((q >= self.lower) & (q <= self.upper)).all())
 
     def elbow(self, q: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ class Event:
     text: str = ""
 
     def packed(self, timestamp: float) -> bytes:
-        """The message, at the controller's time [s]."""
+        """Bytes of the message, at the controller's time [s]."""
         micros = max(0, round(timestamp * 1e6))
         head = struct.pack(">BQBB", MESSAGE, micros, self.source, self.kind)
         payload = head + self.fields + _encoded(self.text)

@@ -285,7 +285,7 @@ class JointSpeed(ArmMotion):
 
     @property
     def reached(self) -> bool:
-        """Whether the speeds are those that were asked for."""
+        """Whether the speeds are those that were last commanded."""
         return bool(np.abs(self._speed - self._goal).max() < _STILL)
 
     def aim(self, speed: np.ndarray, acceleration: float) -> None:

@@ -47,7 +47,7 @@ class Inputs:
         self._owners = {name: held for name, held in self._owners.items() if held != owner}
 
     def write(self, values: dict[str, Values], now: float) -> None:
-        """Take the values of one packet."""
+        """Set the inputs to the values of one packet."""
         self.values.update(values)
         self.at.update(dict.fromkeys(values, now))
         self._written(values)

@@ -82,7 +82,7 @@ for _word, (_kind, _type) in _KINDS.items():
 
 
 def _bit(group: str, n: float) -> int:
-    """Number of an output's bit; standard outputs from 8 on are the tool's."""
+    """Index of an output's bit; standard outputs from 8 on are the tool's."""
     if group == "standard" and n >= 8:
         group, n = "tool", n - 8
     first, count = _GROUPS[group]

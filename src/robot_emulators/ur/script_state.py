@@ -77,7 +77,7 @@ def norm(_: Any, a: Any) -> float:
 
 @TABLE.add("get_list_length", "length")
 def length(_: Any, v: Any) -> int:
-    """Elements of a list, characters of a text."""
+    """Number of elements of a list, or of characters of a text."""
     if isinstance(v, list | str):
         return len(v)
     raise ScriptFaultError(f"{kind(v)} has no length")

@@ -180,8 +180,8 @@ def named(name: str, draw: Callable[P, AnyFault], *args: P.args, **options: P.kw
 
 
 def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]]:
-    """Draws of faults by name: each public function of modules of draws, in their order. The mark
-    replaces the first underscore: ``sensor_gain`` draws ``sensor.gain``."""
+    """Collect the functions that draw faults, by name: each public one of modules, in their order.
+    The mark replaces the first underscore: ``sensor_gain`` draws ``sensor.gain``."""
     functions = (
         f
         for module in modules

@@ -129,7 +129,7 @@ class Conventions:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """A whole map: files in order, the first sets the rows; rate of rows without a clock.
+    """A whole column map: its files, of which the first sets the rows; rate without a clock.
 
     ``mode`` is ``static``, ``dynamic`` or ``auto``: a log whose holds and moves are detected.
     """

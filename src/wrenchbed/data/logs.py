@@ -223,7 +223,7 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
 
 
 def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
-    """The topic that is read, or an error that lists those of the log."""
+    """Name of the topic to read; an error lists those of the log."""
     if topic is not None and topic in topics:
         return topic
     if topic is None and len(topics) == 1:

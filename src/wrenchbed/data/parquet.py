@@ -27,7 +27,7 @@ with noise reaches a multiple of 2, one of constant columns more."""
 
 
 def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The columns as `columns` gives them, and the JSON metadata of a file.
+    """Read a file: its columns as `columns` gives them, and its JSON metadata.
 
     A large file is unpacked column by column, so that it is never in memory twice.
 

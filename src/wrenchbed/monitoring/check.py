@@ -184,13 +184,13 @@ def _judged(robot: Robot, checks: Sequence[Check]) -> list[Check]:
 
 
 def _budget(series: History) -> float:
-    """Probability of a false alarm that the last check may spend."""
+    """Probability of a false alarm that is allowed to the last check."""
     years = series.years
     return 0.0 if len(years) < 2 else ALARMS_A_YEAR * float(min(years[-1] - years[-2], 1.0))
 
 
 def _level(series: History, count: int) -> float:
-    """Share of the budget for changes of numbers ``count`` checks ago, of `SINCE`."""
+    """Share of the false-alarm budget for changes ``count`` checks ago, one of `SINCE`."""
     return (1.0 - _OF_MISFIT) * SINCE[count] * _budget(series)
 
 

@@ -179,7 +179,7 @@ def _undone(a: ActiveEffect, twin: Twin) -> bool:
 
 
 def _scene(twin: Twin, q: np.ndarray, t: np.ndarray) -> Scene:
-    """Rest at joint values (N, J) at times (N,) [s]."""
+    """Scene of a robot at rest at joint values (N, J) at times (N,) [s]."""
     gravity, held = np.asarray(twin.model.gravity), np.ones(len(q), dtype=bool)
     return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held)
 

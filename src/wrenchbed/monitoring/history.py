@@ -249,7 +249,7 @@ def write(folder: Path, checks: Sequence[Check]) -> None:
 
 
 def _recordings(path: Path) -> set[str]:
-    """Recordings that a table names; its own path if it cannot be read."""
+    """Paths of the recordings that a table names; its own path if it cannot be read."""
     try:
         columns, raw = parquet.read(path, HistoryError)
     except HistoryError:

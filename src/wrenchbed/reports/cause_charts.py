@@ -66,7 +66,7 @@ def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
 
 
 def _over(title: str, x: Axis, y: Axis, series: Sequence[Series], caption: str) -> Chart:
-    """One panel of series over a variable."""
+    """Chart with one panel of series over a variable."""
     kept, note = thinned(series)
     panel = Panel(x, y, kept, zero=True, height=1.4)
     return Chart("", title, (panel,), caption=caption, note=note)
@@ -211,7 +211,7 @@ _OWN: Mapping[str, Callable[[Evidence, Cause, ActiveEffect], Chart | None]] = {
 
 
 def everywhere(e: Evidence, name: str) -> Chart:
-    """Largest residual channel over every joint, direction, time and load."""
+    """Chart of the residual of its largest channel over every joint, direction, time and load."""
     claimed = e.after is not None
     residual = (e.prepared.y - (e.before if e.after is None else e.after)) / e.std
     k = largest(residual)
@@ -253,7 +253,7 @@ def _variables(e: Evidence, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
 
 
 def scatter(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart:
-    """Rows about their means where a cause shows only between rows.
+    """Chart of rows about their means, of a cause that shows only between rows.
 
     Over time; of a motion their spectrum beneath: a vibration is a peak, noise is flat.
     """

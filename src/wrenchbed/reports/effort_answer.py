@@ -137,7 +137,7 @@ class EffortAnswer(Answer):
 
 
 def effort_charts(findings: EffortFindings) -> list[Chart]:
-    """Efforts over time, then the friction of the joints that matter most."""
+    """Charts of efforts over time, then of the friction of the joints that matter most."""
     return [_efforts(findings), *(_friction(findings, j) for j in _joints(findings))]
 
 
@@ -169,8 +169,8 @@ def _joints(findings: EffortFindings) -> list[int]:
 
 
 def _efforts(findings: EffortFindings) -> Chart:
-    """Efforts of all joints on held-out rows over a stretch of time, beside the residuals of the
-    predictions."""
+    """Chart of efforts of all joints on held-out rows over a stretch of time, beside the residuals
+    of the predictions."""
     scene, std = findings.d.scene, [c.noise.std for c in findings.d.channels]
     kept = scene.kept()
     t, measured, rows = (
@@ -203,7 +203,7 @@ def _efforts(findings: EffortFindings) -> Chart:
 
 
 def _friction(findings: EffortFindings, j: int) -> Chart:
-    """Friction of joint j over its speed: measured, stated and with the effects.
+    """Chart of joint j's friction over its speed: measured, stated and with the effects.
 
     The fitted effort of links and load is subtracted.
     """

@@ -396,7 +396,7 @@ def segment_distance(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> 
 
 @cache
 def models() -> Path:
-    """The folder of MJCF models: inside the installed package, or at the top of a checkout."""
+    """Folder of MJCF models: inside the installed package, or at the top of a checkout."""
     inside = Path(str(files("wrenchbed"))) / "models"
     checkout = Path(__file__).resolve().parents[3] / "models"
     for folder in (inside, checkout):

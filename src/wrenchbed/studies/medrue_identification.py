@@ -221,7 +221,7 @@ class Judge:
 def predict(
     setting: StudySetting, q: np.ndarray, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Wrench (N, 6) and tool position (N, 3) in closed form."""
+    """Predict wrench (N, 6) and tool position (N, 3) at q (N, 6) in closed form."""
     robot, model = setting.robot, setting.model
     robot_theta = robot.robot_theta(theta)
     with np.errstate(invalid="ignore"):  # a bad estimate cannot reach every configuration

@@ -295,7 +295,7 @@ def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool
 
 
 def _noise(setting: EffortSetting, rng: Rng) -> np.ndarray:
-    """Noise of a recording (N, J) [effort's unit], without quantisation."""
+    """Draw noise of a recording (N, J) [effort's unit], without quantisation."""
     rows, joints = len(setting.path.rows), len(setting.rated)
     pole = rng.uniform(0.3, 0.75)
     a = np.poly([pole, rng.uniform(-0.3, 0.3)])

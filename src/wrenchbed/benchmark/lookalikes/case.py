@@ -400,7 +400,7 @@ def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
 
 
 def row_noise(design: ExperimentDesign, rng: Rng, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """1/f wander over the run (N, 6), and noise of rows (N, samples, 6) [N, N·m], by a random law.
+    """Draw a 1/f wander over the run (N, 6), and noise of rows (N, samples, 6), by a random law.
 
     A share of rows is Student-t with 4 to 8 degrees of freedom. A share of the variance is AR(1).
     Channels are correlated, and each has a level of its own. In motion all rows are one run.

@@ -68,7 +68,7 @@ def relax(t: np.ndarray, signal: np.ndarray, time: float) -> np.ndarray:
 
 
 def slow_noise(rng: Rng, rows: int, columns: int) -> np.ndarray:
-    """1/f noise (rows, columns) of unit rms about a zero mean."""
+    """Draw 1/f noise (rows, columns) of unit rms about a zero mean."""
     spectrum = np.fft.rfft(rng.standard_normal((max(rows, 4), columns)), axis=0)
     frequency = np.arange(len(spectrum), dtype=float)
     frequency[0] = np.inf

@@ -94,7 +94,7 @@ def lowpass(y: np.ndarray, dt: float, time: float, stages: int) -> np.ndarray:
 
 
 def ornstein(t: np.ndarray, time: float, columns: int, rng: Rng) -> np.ndarray:
-    """Stationary Ornstein–Uhlenbeck signals (T, columns) of unit variance."""
+    """Draw stationary Ornstein–Uhlenbeck signals (T, columns) of unit variance."""
     keep = np.exp(-np.diff(t) / time)
     kicks = rng.standard_normal((len(t), columns))
     kicks[1:] *= np.sqrt(1.0 - keep * keep)[:, None]
@@ -150,7 +150,7 @@ def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
 
 
 def held(n: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
-    """Index of the row (N,) that is reported in each row's place: `RowChange.stale`."""
+    """Draw the index (N,) of the row that is reported in each row's place (`RowChange.stale`)."""
     chance, length = stale
     if chance == 0.0:
         return np.arange(n)
@@ -164,7 +164,7 @@ def held(n: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
 
 
 def _noise(setting: RefereeSetting, rng: Rng) -> np.ndarray:
-    """Noise (N, 6): Laplace and normal parts, AR(2), correlated as the sensor was measured."""
+    """Draw noise (N, 6): Laplace and normal parts, AR(2), correlated as the sensor was measured."""
     n = len(setting.path.rows)
     heavy = rng.uniform(0.0, 0.5)
     white = np.sqrt(1 - heavy) * rng.standard_normal((n, 6))
@@ -181,7 +181,7 @@ def _noise(setting: RefereeSetting, rng: Rng) -> np.ndarray:
 
 
 def _slow(setting: RefereeSetting, t: np.ndarray, rng: Rng) -> np.ndarray:
-    """A wander (N, 6) of four rates, together at most 0.3 noises of a row."""
+    """Draw a slow wander (N, 6) of four rates, together at most 0.3 noises of a row."""
     span = float(t[-1] - t[0])
     times = span * np.array([0.5, 0.1, 0.02, 0.004])
     every = np.linspace(t[0], t[-1], 2000)

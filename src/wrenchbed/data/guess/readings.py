@@ -57,7 +57,7 @@ class Reading:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
+        """Names of the columns that are read."""
         return tuple(self.targets.values())
 
 

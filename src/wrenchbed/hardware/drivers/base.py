@@ -197,7 +197,7 @@ class Driver(Device, ABC):
         return self._read_wrench()
 
     def write(self, q: np.ndarray) -> Applied:
-        """Stream one target (J,); the result is what was sent, or why it was refused."""
+        """Stream one target (J,); return what was sent, or why it was refused."""
         self._check_connected()
         if not self._active:
             return Applied(None, f"driver {self.name!r} is not active: call activate() first")

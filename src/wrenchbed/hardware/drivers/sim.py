@@ -253,7 +253,7 @@ class SimDriver(Driver):
         return WrenchSample(self._time, self._time, 0, 0.0, True, reading, status, status)
 
     def _write(self, q: np.ndarray) -> Applied:
-        """Follow a target for one control period."""
+        """Drive the joints towards a target for one control period; return what was applied."""
         why = self.limits.check_step(self.robot, self._plant.target, q, CONTROL_S)
         if why:
             return Applied(None, why)

@@ -86,7 +86,7 @@ class Following:
     def check(
         self, counts: np.ndarray, q: np.ndarray, target: np.ndarray
     ) -> tuple[int, str] | None:
-        """The first joint that does not follow, and a description; None if all follow.
+        """Number of the first joint that does not follow, and a description; None if all follow.
 
         Takes positions (J,) in counts and in units of the joints, and commanded values (J,).
         """
@@ -196,7 +196,7 @@ class Cycle:
 
     @property
     def alive(self) -> bool:
-        """Whether the exchange goes on."""
+        """Whether the thread of the exchange still runs."""
         return self._running and self._thread.is_alive()
 
     def clear(self) -> None:
