@@ -15,7 +15,6 @@ import numpy as np
 from wrenchbed.diagnosis.decision.facts import Decision, Facts
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
-from wrenchbed.diagnosis.explain.elements import DOUBT, RIVAL
 from wrenchbed.diagnosis.explain.reliability import key_of, tempered
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Key, Option, Part, S, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
@@ -83,7 +82,7 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
         word = max(others, key=lambda n: others[n])
         return Verdict(word, (), facts.options[0].explanation, others)
     claim = first[max(mass, key=lambda keys: mass[keys])]
-    main, *beside = (_cause(mass, claim, part, without) for part in claim.parts)
+    main, *beside = (_cause(facts, mass, claim, part, without) for part in claim.parts)
     causes = (main, *(c for c in beside if len(c.names) <= 1 + MOST_RIVALS))
     names = main.names
     members = names[: 1 + MOST_RIVALS]
@@ -98,8 +97,9 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
 
 
 def _cause(
-    mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part, without: Collection[str]
-) -> Cause:
+    facts: Facts[S], mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part,
+    without: Collection[str],
+) -> Cause:  # fmt: skip
     """Cause from one part of the claimed structure, with its rivals."""
     beside = claim.keys - {part.key}
     score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
@@ -108,10 +108,10 @@ def _cause(
     for keys, p in mass.items():
         if "rivals" not in without and beside <= keys and len(keys - beside) == 1:
             (key,) = keys - beside
-            score[key] = max(score.get(key, 0.0), p ** (1.0 / DOUBT))
+            score[key] = max(score.get(key, 0.0), p ** (1.0 / facts.doubt))
     total = max(sum(score.values()), 1e-300)
     rivals = sorted((k for k in score if k != part.key), key=lambda k: -score[k])
-    members = (part.key, *(k for k in rivals if score[k] > RIVAL * total))
+    members = (part.key, *(k for k in rivals if score[k] > facts.rival * total))
     present = sum(p for keys, p in mass.items() if keys & set(members))
     within = np.array([score[k] for k in members])
     shares = tuple((within / max(float(within.sum()), 1e-300)).tolist())

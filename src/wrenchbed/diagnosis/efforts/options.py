@@ -19,6 +19,10 @@ _SMALL = 1e-3
 _BESIDE = 0.25
 """Gap of causes without a name over that of named ones, from which nothing is named: the unnamed
 are then no small part."""
+_RIVAL = 0.1
+"""Share of a class from which another cause is a rival: odds of ten to one are those of two
+noises, which ordinary errors make. With the share of wrenches, and their doubt, a cable of no
+stiffness is a rival of every zero of a torque sensor."""
 BELIEVED = 0.85
 """Share of right answers where ordinary errors may imitate a cause, or causes leave a gap that
 counts: 79 % of `none` were right on the development seeds, half of all arms having a cause."""
@@ -107,12 +111,9 @@ def facts_of(
         return closure(each, names, BLOCKS, seed, stated=True)
 
     return Facts(
-        some,
-        unknown,
-        lambda verdict: measured(blocks(verdict.causes)),
-        _right,
-        ordinary_fitted=True,
-    )
+        some, unknown, lambda verdict: measured(blocks(verdict.causes)), _right,
+        doubt=1.0, rival=_RIVAL, ordinary_fitted=True,
+    )  # fmt: skip
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
