@@ -2,6 +2,6 @@
 Read first: `examine`, which states the order; then `rigid_load` (how well one load under gravity
 explains the readings) and `mistakes` (which mistake explains what it does not).
 Free: thresholds and order, judged by tests/calibration/test_checks and `scripts/corruptions`.
-Others rely on: the words of `REASONS` (a refusal in JSON); sentences name row and remedy.
+Others rely on: the words of `REASONS` (``wrenchbed list checks``, `scripts/corruptions`).
 Never: fit parameters of a robot, or mend a recording; it says what is wrong.
 """

@@ -1,6 +1,6 @@
 """What may be said: options, rivals on held-out rows, and the one decision.
 Read first: `decide`.
 Free: speed. Rules and numbers: first docs/explanation/decision.md and tests/diagnosis/test_decide.
-Others rely on: names in `RULES` (`scripts/ablations`); learnt probabilities are of these rules.
+Others rely on: names in `RULES` (`scripts/ablations`), odds (then `scripts/learn_reliability`).
 Never: a rule on verdicts elsewhere; `decide` is pure, knows `Facts` alone and has the last word.
 """
