@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
@@ -75,19 +75,21 @@ def serve(
         server.stop()
 
 
-class Device:
-    """An emulator for tests: its addresses, and its faults as methods.
+class Device(str):
+    """An emulator for tests: the address at which clients find it, and its faults as methods.
 
     ``robot.protective_stop()`` acts now, ``robot.drop(0.2)`` lasts 0.2 s, ``robot.drop()`` for
     ever. ``robot.stall(1.0, link="dashboard")`` names a link, else it is the first that knows the
-    fault; further values go by name. ``host`` is its address on this machine, ``addresses`` has
-    those of its links.
+    fault; further values go by name. ``addresses`` has those of its links.
     """
 
-    def __init__(
-        self, host: str, addresses: dict[str, str], order: Callable[[dict[str, object]], None]
-    ) -> None:
-        self.host, self.addresses, self._order = host, addresses, order
+    addresses: Mapping[str, str]
+    _order: Callable[[dict[str, object]], None]
+
+    @property
+    def host(self) -> str:
+        """The address as plain text."""
+        return str(self)
 
     def __getattr__(self, kind: str) -> Callable[..., None]:
         if kind.startswith("_"):
@@ -100,12 +102,15 @@ class Device:
 
 
 @contextmanager
-def device(kind: str, host: str = "", **setting: str) -> Iterator[Device]:
-    """Serve an emulator with the built-in plant while the block runs, in a process of its own:
-    client libraries may hold Python's lock while they wait.
+def device(
+    kind: str, plant: Plant | PlantMaker | None = None, host: str = "", **setting: str
+) -> Iterator[Device]:
+    """Serve an emulator while the block runs.
 
     Args:
         kind: a name of `EMULATORS`.
+        plant: the robot behind it, or what makes it, served in this process; if None the built-in
+            one in a process of its own: client libraries may hold Python's lock while they wait.
         host: address of this machine; if empty one of 16 million, so that many serve at once.
         setting: of the emulator, as ``series="e"``.
 
@@ -113,17 +118,15 @@ def device(kind: str, host: str = "", **setting: str) -> Iterator[Device]:
         EmulatorError: it cannot be served.
     """
     host = host or str(IPv4Address("127.1.0.1") + randrange(250 << 16))
-    words = [f"--set={name}={value}" for name, value in setting.items()]
-    command = [
-        sys.executable,
-        "-m",
-        "robot_emulators",
-        kind,
-        f"--host={host}",
-        "--faults=-",
-        *words,
-    ]
-    pipe = subprocess.PIPE
+    result = Device(host)
+    if plant is not None:
+        with serve(kind, plant, Options(host, setting=setting)) as server:
+            result.addresses = server.addresses
+            result._order = lambda raw: server.faults.inject(timed.parse(raw, "fault"))
+            yield result
+        return
+    words = [f"--host={host}", "--faults=-", *(f"--set={n}={v}" for n, v in setting.items())]
+    command, pipe = [sys.executable, "-m", "robot_emulators", kind, *words], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stdin and process.stdout and process.stderr
         said, asked, wrong = process.stdout, process.stdin, process.stderr
@@ -138,7 +141,9 @@ def device(kind: str, host: str = "", **setting: str) -> Iterator[Device]:
             ready, *links = said.readline().split() or [""]
             if not ready:
                 raise EmulatorError(wrong.read().strip())
-            yield Device(host, dict(link.split("=", 1) for link in links), order)
+            result.addresses = dict(link.split("=", 1) for link in links)
+            result._order = order
+            yield result
         finally:
             process.terminate()
 

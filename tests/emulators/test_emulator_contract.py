@@ -391,6 +391,17 @@ def test_a_process_of_its_own_is_ready_soon_and_leaves_nothing_behind():
         pass
 
 
+@pytest.mark.wire
+def test_a_plant_of_ones_own_is_served_here_and_its_device_is_its_address():
+    plant = KinematicPlant(known_arm("ur10e"), 0.002)
+    with ur5(plant, box="off") as address:
+        socket.create_connection((address, 30004), 5.0).close()
+        assert address == address.host and address.addresses["rtde"] == f"{address}:30004"
+        address.protective_stop()
+        with pytest.raises(FaultError, match="there is no fault"):
+            address.levitate()
+
+
 def test_a_load_weighs_what_it_should_in_any_pose():
     plant = KinematicPlant(known_arm("ur10e"), 0.002)
     for q in np.random.default_rng(1).uniform(-3.0, 3.0, (5, 6)):
