@@ -115,13 +115,17 @@ class Figure:
     @cached_property
     def drawn(self) -> Drawn:
         """The figure as HTML of a page."""
-        caption = f"{self.note} {self.chart.caption}".strip()
-        return draw(replace(self.chart, name=self.name, title=self.title, caption=caption))
+        return draw(self._named)
 
     @property
     def svg(self) -> str:
         """The figure as SVG for white paper."""
-        return svg(self.drawn.chart, themed=False)
+        return svg(self._named, themed=False)
+
+    @property
+    def _named(self) -> Chart:
+        caption = f"{self.note} {self.chart.caption}".strip()
+        return replace(self.chart, name=self.name, title=self.title, caption=caption)
 
     def markdown(self) -> str:
         """Markdown link to the figure's file."""

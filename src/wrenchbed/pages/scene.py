@@ -104,13 +104,14 @@ class Scene:
         surfaces = [x[p.faces] for x, p in zip(placed, self.parts, strict=True)]
         corners = np.concatenate(surfaces) @ look.T
         shares = np.repeat([p.share for p in self.parts], [len(p.faces) for p in self.parts])
-        vectors = [np.zeros(3), *(a.vectors[self.first] for a in self.arrows)]
+        vectors = np.stack([np.zeros(3), *(a.vectors[self.first] for a in self.arrows)])
         tips = (vectors @ frames[-1, :, :3].T + frames[-1, :, 3]) @ look.T
         every = np.concatenate([corners.reshape(-1, 3), tips])[:, :2]
         low, high = every.min(axis=0), every.max(axis=0)
-        scale = float(min((_WIDTH, _HEIGHT) - 2.0 * _EDGE * np.ones(2)) / (high - low).max())
+        size = np.array([_WIDTH, _HEIGHT], dtype=float)
+        scale = float(((size - 2.0 * _EDGE) / (high - low)).min())
         flip = np.array([scale, -scale])
-        middle = 0.5 * np.array([_WIDTH, _HEIGHT]) - 0.5 * (low + high) * flip
+        middle = 0.5 * size - 0.5 * (low + high) * flip
         begin, *ends = tips[:, :2] * flip + middle
         inside = _surfaces(corners, shares, corners[..., :2] * flip + middle, look)
         for arrow, end in zip(self.arrows, ends, strict=True):

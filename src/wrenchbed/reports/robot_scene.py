@@ -10,6 +10,7 @@ import numpy as np
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.gap.result import Diagnosis, named_by
 from wrenchbed.pages import numbers
+from wrenchbed.pages.chart import Role
 from wrenchbed.pages.scene import Arrows, Part, Scene, heat
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.wrench import CHANNELS
@@ -28,6 +29,7 @@ LONGEST_M = 0.5
 """Length at which arrows end [m]: what is 50 times the noise is far off, and stays in view."""
 FORCE_M = 0.01
 """Length of the arrow of a load of 1 N [m]."""
+_ROLES: tuple[Role, ...] = ("before", "after")
 _TENTHS = 4
 """Decimals of places on a page [m]."""
 
@@ -71,9 +73,8 @@ def part_of(simulation: Simulation, shown_world: bool) -> dict[int, Sequence[str
     model, carried = simulation.model, _carriers(simulation)
     tool = int(model.body("tool").id)
     bodies = {model.geom(g).name: int(b) for g, b in enumerate(model.geom_bodyid)}
-    sensor, whole = bodies.get("sensor", tool), ("sensor",)
-    if "sensor_rim" not in bodies:
-        whole = ("sensor", "mount")
+    sensor = bodies.get("sensor", tool)
+    whole = ("sensor",) if "sensor_rim" in bodies else ("sensor", "mount")
     parts: dict[int, Sequence[str]] = {}
     name, before = "", -1
     for g, body in enumerate(map(int, model.geom_bodyid)):
@@ -137,7 +138,7 @@ def wrench_scene(e: Evidence) -> Scene | None:
     if e.names[:6] == CHANNELS:
         arrows.append(Arrows("load", "box", FORCE_M * p.scene.load[held][:, :3]))
         for k, part in ((0, "force"), (3, "torque")):
-            for role, name in zip(("before", "after"), residuals, strict=False):
+            for role, name in zip(_ROLES, residuals, strict=False):
                 vectors = _limited(residuals[name][:, k : k + 3])
                 arrows.append(Arrows(f"{part}, {name}", role, vectors, 1 + k // 3))
     at, axis = along(p)
