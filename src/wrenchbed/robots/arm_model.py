@@ -185,7 +185,7 @@ def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
 
 
 def _connect(raw: Mapping[str, Any]) -> Closure:
-    """Make a closure from JSON, where recordings up to 2026-11 state its kind, and other kinds."""
+    """Make a closure from JSON; refuse kinds that recordings up to 2026-11 may state."""
     if raw.get("kind", "connect") != "connect":
         raise ValueError(f"{raw['name']} is a {raw['kind']}: only a connect closes a loop")
     return _made(Closure, {f.name: raw[f.name] for f in fields(Closure)})

@@ -50,8 +50,7 @@ class LoopArm(DescribedArm):
 
     @cached_property
     def lengths(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of the parameters of lengths: positions of links on moving links that readings
-        show."""
+        """Names of parameters of lengths: positions of links on moving links that readings show."""
         arm = self.arm_model
         places = zip(arm.links, arm.parents, strict=True)
         bodies = [link.body for link, before in places if before >= 0]

@@ -225,8 +225,7 @@ def _f1(s: np.ndarray) -> np.ndarray:
 
 
 def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Whether the first subsystem named is that of a true effect or one alike; None: not
-    counted."""
+    """Whether the first subsystem is a true effect's, or that of a rival in a class with one."""
     if not truth.effects:
         return None
     allowed = {subsystem(t) for t in truth.effects}

@@ -165,7 +165,7 @@ def enter(
 
 
 def _misuse(folder: Path) -> str:
-    """Empty an entrant's folder of what it may not hold; return a sentence on that, or ""."""
+    """Delete an entrant's folder that has a link or too many bytes; a sentence on that, else ""."""
     entries = [folder, *folder.rglob("*")]
     if any(entry.is_symlink() for entry in entries):
         misuse = "wrote a symbolic link"

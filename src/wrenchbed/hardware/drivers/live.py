@@ -70,8 +70,7 @@ _WAIT_POLL_S = 0.005
 
 
 def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
-    """Stop the robot after an error, hard after a limit, else soft; note in it if the stop
-    fails."""
+    """Stop the robot after an error, hard after a limit, else soft; note a failed stop in it."""
     try:
         stop("hard" if isinstance(error, LimitError) else "soft")
     except DriverError as failed:
@@ -135,8 +134,7 @@ class WatchedMove(Move):
 
 
 def pace(due: float, period: float) -> float:
-    """Sleep until ``due`` [s]; return the next due time, a period later or more if it was
-    missed."""
+    """Sleep until ``due`` [s]; return the next due time, a period after now if that was missed."""
     now = time.monotonic()
     if now < due:
         time.sleep(due - now)

@@ -142,7 +142,7 @@ def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -
 
 
 def _check_server(host: str, port: int, channel: str) -> None:
-    """Connect to a socketcand server with a deadline: python-can has none, and leaks its socket."""
+    """Shake hands with a socketcand server within a deadline: python-can has none."""
     where = f"CAN server at {host}:{port}"
     try:
         with socket.create_connection((host, port), OPENING_S) as trial:

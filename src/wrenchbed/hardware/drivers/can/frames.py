@@ -84,7 +84,7 @@ class Pairs:
         self._excess: list[float] = []
 
     def poll(self, t: float) -> bool:
-        """Whether a request may be sent at a time [s]; it then counts as sent."""
+        """Whether to send a request at a time [s], then counted as sent; False while one waits."""
         if self._waiting:
             if t - self._asked > PATIENCE_S:
                 self.lost += 1

@@ -159,8 +159,7 @@ class SharedNumbers:
 
 
 def printed(lost: Callable[[str], None]) -> deque[str]:
-    """Collect the last lines that the library prints; call ``lost`` with one that reports a
-    loss."""
+    """Collect the last lines that the library prints; call ``lost`` with one on a lost link."""
     last: deque[str] = deque(maxlen=8)
     out, into = os.pipe()
     for standard in (1, 2):

@@ -246,8 +246,7 @@ class RtdeDriver(LiveDriver):
             raise StoppedError(trouble[1] if trouble else f"{why}: call recover()")
 
     def _heed_slider(self, scaling: float) -> None:
-        """Give moves the time that the speed slider makes them take, and report when it is
-        moved."""
+        """Give moves the time that the speed slider makes them take; warn when it is moved."""
         before, self.pace = self.pace, max(scaling, _SLOWEST)
         if self.pace < _FULL and abs(self.pace - before) > 1.0 - _FULL:
             warnings.warn(
