@@ -378,14 +378,11 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
 def _target_rms(
     problem: Problem, outcome: Outcome, theta: np.ndarray, agreement: Agreement | None
 ) -> float | None:
-    if not problem.prior or (agreement is not None and agreement.doubtful):
-        return None
     robot = problem.model.robot
-    target = robot.target()
-    if target is None:
+    target = robot.target() if problem.prior else None
+    if target is None or (agreement is not None and agreement.doubtful):
         return None
-    goal = Goal(tip_jacobian(robot, target, theta, problem.free))
-    return goal.rms(outcome.covariance)
+    return Goal(tip_jacobian(robot, target, theta, problem.free)).rms(outcome.covariance)
 
 
 def _observability(problem: Problem, theta: np.ndarray) -> Observability:

@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.calibration.observability import Observability
 from wrenchbed.calibration.touches import Agreement
-from wrenchbed.data.metadata import carried_robot
+from wrenchbed.data.metadata import model_field
 from wrenchbed.files import write_json
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
@@ -186,7 +186,7 @@ def head(recording: str, robot: str, status: str, refuted: str | None) -> dict[s
     """First entries of every fit's JSON file, with the description of a user's robot."""
     named = {"format": FORMAT, "recording": recording, "robot": robot, "status": status}
     said = {} if refuted is None else {"refuted": refuted}
-    return named | said | carried_robot(robot)
+    return named | said | model_field(robot)
 
 
 def entries(identified: Sequence[IdentifiedValue]) -> dict[str, dict[str, Any]]:

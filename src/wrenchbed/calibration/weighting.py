@@ -55,12 +55,6 @@ class Wander:
         root = np.sqrt(self.independent + self.level * self.spread[:, None])
         return turned / root.reshape(root.shape + (1,) * (rows.ndim - 2))
 
-    @property
-    def mean_variance(self) -> np.ndarray:
-        """Variance (6,) of the best estimate of a constant."""
-        ones = self.whiten(np.ones((len(self.spread), 6)))
-        return 1.0 / (ones**2).sum(axis=0)
-
 
 def kernel(t: np.ndarray) -> np.ndarray:
     """Covariance (N, N) at times (N,) [s] of unit 1/f noise, ∫ cos(2πfτ)/f df.
@@ -242,7 +236,8 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
             return last(slow.whiten(rows[order]))
 
         solution = problem.solve(whiten, solution.x)
-    effective = np.diagonal(data.row_covariance) / slow.mean_variance
+    constant = slow.whiten(np.ones((len(data), 6)))
+    effective = np.diagonal(data.row_covariance) * (constant**2).sum(axis=0)
     noise = _noise(problem, solution, data.source, effective, inflated=True)
     return Outcome(solution, solution.covariance, problem.dof, noise)
 

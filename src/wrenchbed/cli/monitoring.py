@@ -20,7 +20,7 @@ from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.cli.record import DeviceArguments, LimitArguments, ready
 from wrenchbed.cli.small_verbs import compared
-from wrenchbed.data.metadata import stated_robot
+from wrenchbed.data.metadata import known_name
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError, WrenchbedWarning
 from wrenchbed.exports.load_numbers import calibrated_twin
@@ -168,7 +168,7 @@ def live_(
         raise ParameterError(f"--rate {run.rate:g}: must be at least {1.0 / _LONGEST_S:.3g} Hz")
     if run.seconds is not None and not 0.0 < run.seconds < np.inf:
         raise ParameterError(f"--seconds {run.seconds:g}: must be above 0 and finite")
-    name = stated_robot(raw, raw["robot"])
+    name = known_name(raw, raw["robot"])
     link = kind(device.options(kind, name, LimitArguments().limits(True)))
     noise = np.asarray(wb.load("sensors", link.robot.sensor).noise.row_std)
     compensate = Compensator(calibrated_twin(file), noise, run.frame, run.follow == "on")

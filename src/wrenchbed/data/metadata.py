@@ -69,29 +69,21 @@ class Metadata:
             "gravity": self.gravity,
         }
         stated = _stated({k: v for k, v in raw.items() if v != {}}) | dict(self.extra)
-        return stated | _carried("robots", self.robot) | _carried("sensors", self.sensor.model)
+        return stated | model_field(self.robot) | model_field(self.sensor.model, "sensors")
 
 
-def carried_robot(name: str) -> dict[str, Any]:
-    """Field of a file that carries a described robot; empty for a robot that ships."""
-    return _carried("robots", name)
-
-
-def stated_robot(raw: Mapping[str, Any], name: str) -> str:
-    """Robot's name in a file that may carry the robot, or name a user's TOML.
-
-    Raises:
-        NotFoundError, ParameterError: the user's TOML cannot be read.
-    """
-    return _known("robots", raw, name)
-
-
-def _carried(kind: str, name: str | None) -> dict[str, Any]:
+def model_field(name: str | None, kind: str = "robots") -> dict[str, Any]:
+    """Field of a file that carries a described robot or sensor; empty for one that ships."""
     record = registry.record_of(kind, str(name))
     return {} if record is None else {_MODELS[kind]: dict(record)}
 
 
-def _known(kind: str, raw: Mapping[str, Any], name: str) -> str:
+def known_name(raw: Mapping[str, Any], name: str, kind: str = "robots") -> str:
+    """Name of a robot or sensor in a file that may carry its model, or name a user's TOML.
+
+    Raises:
+        NotFoundError, ParameterError: the user's TOML cannot be read.
+    """
     record = raw.get(_MODELS[kind])
     if isinstance(record, Mapping):
         registry.remember(kind, name, record)
@@ -125,13 +117,13 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
     if gravity is not None and not _LEAST_GRAVITY < math.hypot(*gravity) < _MOST_GRAVITY:
         raise fields.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     return Metadata(
-        robot=stated_robot(raw, robot),
+        robot=known_name(raw, robot),
         mode=mode,
         source=fields.text("source"),
         rate_hz=fields.number("rate_hz", "Hz", positive=True),
         tool=ToolInfo(tool.number("mass", "kg", positive=True), tool.numbers("cog", 3), inertia),
         sensor=SensorInfo(
-            model=None if model is None else _known("sensors", raw, model),
+            model=None if model is None else known_name(raw, model, "sensors"),
             noise_std=sensor.numbers("noise_std", 6, nonnegative=True),
             mass=sensor.number("mass", "kg", nonnegative=True),
             pose_flange=pose,

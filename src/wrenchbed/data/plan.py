@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.data import parquet
-from wrenchbed.data.metadata import MODES, carried_robot, stated_robot
+from wrenchbed.data.metadata import MODES, known_name, model_field
 from wrenchbed.data.recording import POINT, effort_prefix, holds_readings, joint_columns
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError, PlanError
@@ -93,7 +93,7 @@ class Plan:
         fields = Fields(raw, f"{path}: metadata ", PlanError)
         mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'", default="static")
         rate = fields.number("rate_hz", "Hz", positive=True)
-        robot = stated_robot(raw, fields.stated_text("robot", "must be a name"))
+        robot = known_name(raw, fields.stated_text("robot", "must be a name"))
         if points and (len(points) != 3 or mode != "static"):
             raise PlanError(f"{path}: touches need all of px py pz, in a static plan")
 
@@ -115,7 +115,7 @@ class Plan:
         raw: dict[str, Any] = {"format": parquet.FORMAT, "robot": self.robot, "mode": self.mode}
         if self.rate_hz is not None:
             raw["rate_hz"] = self.rate_hz
-        raw |= carried_robot(self.robot)
+        raw |= model_field(self.robot)
         parquet.write(Path(path), parquet.table_of(data, raw))
 
 

@@ -115,8 +115,11 @@ class RecordingWriter:
         batch = pa.RecordBatch.from_pydict(joined)
         first = self._stream is None
         try:
-            if first:
-                self._begin(batch.schema)
+            if first:  # a file that is there, also of a killed writer, gets another name
+                self._kept = set_aside(self.path, self._aside, JOURNAL)
+                self._sink = open_new(self._journal_path)
+                schema = batch.schema.with_metadata(self._key())
+                self._stream = pa.ipc.new_stream(self._sink, schema)
             assert self._stream is not None and self._sink is not None
             self._stream.write_batch(batch)
             self._sink.flush()
@@ -125,12 +128,6 @@ class RecordingWriter:
                 self._undo()
             raise OSError(error.errno, error.strerror, str(self._journal_path)) from error
         self._batches.append(batch)
-
-    def _begin(self, schema: pa.Schema) -> None:
-        """Open the journal; a file that is there, also of a killed writer, gets another name."""
-        self._kept = set_aside(self.path, self._aside, JOURNAL)
-        self._sink = open_new(self._journal_path)
-        self._stream = pa.ipc.new_stream(self._sink, schema.with_metadata(self._key()))
 
     def _key(self) -> dict[bytes, bytes]:
         metadata = json.dumps(self.metadata.to_json(), ensure_ascii=False)

@@ -119,13 +119,13 @@ def calibrate_at_rest(
     gain, x = _gains(problem)
     columns = _columns(problem, gain, x)
     joint = np.tile(np.arange(y.shape[1]), len(t))
-    fit = posterior(columns.y, columns.free, columns.ordinary, columns.friction, joint)
+    fit = posterior(*columns, joint)
     identified, covariance = _identified(scene, problem, gain, fit)
     sizes = dict(zip(problem.ordinary, fit.sizes.tolist(), strict=True))
     units = [joint.own(EFFORT_UNITS[prefix]) for joint in robot.joints]
     nominal = None if problem.gains else y - problem.nominal
     unseen, use = _held_out(columns, fit, y.shape[1]), np.ones(y.shape, dtype=bool)
-    rest = (columns.y - fit.fitted).reshape(y.shape)
+    rest = (columns[0] - fit.fitted).reshape(y.shape)
     errors = joint_errors(y, nominal, rest, unseen, use, units)
     result = DriveFit(
         recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified,
@@ -201,15 +201,9 @@ def _of_gains(body: np.ndarray) -> np.ndarray:
     return np.asarray(body[:, :, None] * np.eye(body.shape[1]))
 
 
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """Linearised fit: residual efforts (N,), columns (N, …) of free parameters and gains, of
-    ordinary errors by kind, and of friction."""
-
-    y: np.ndarray
-    free: np.ndarray
-    ordinary: tuple[np.ndarray, ...]
-    friction: np.ndarray
+_Columns = tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...], np.ndarray]
+"""Linearised fit: residual efforts (N,), columns (N, …) of free parameters and gains, of ordinary
+errors by kind, and of friction."""
 
 
 def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
@@ -221,17 +215,16 @@ def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
     def flat(torques: np.ndarray) -> np.ndarray:
         return (gain[:, None] * torques).reshape(p.y.size, -1)
 
-    return _Columns(
-        (p.y - gain * p.nominal).ravel(), free.reshape(p.y.size, -1),
-        tuple(flat(torques) for torques in p.ordinary.values()), flat(p.friction),
-    )  # fmt: skip
+    ordinary = tuple(flat(torques) for torques in p.ordinary.values())
+    y = (p.y - gain * p.nominal).ravel()
+    return y, free.reshape(p.y.size, -1), ordinary, flat(p.friction)
 
 
-def _held_out(c: _Columns, fit: Posterior, joints: int) -> np.ndarray:
+def _held_out(columns: _Columns, fit: Posterior, joints: int) -> np.ndarray:
     """Errors of efforts (H, J) at poses left out of a fit with the same noise and sizes."""
-    y, free = c.y, c.free
-    ordinary = (s * errors for s, errors in zip(fit.sizes, c.ordinary, strict=True))
-    wide = np.column_stack([free, *ordinary, c.friction])
+    y, free, ordinary, friction = columns
+    sized = (s * errors for s, errors in zip(fit.sizes, ordinary, strict=True))
+    wide = np.column_stack([free, *sized, friction])
     weight = 1.0 / np.tile(fit.noise, len(y) // joints)
     prior = np.diag(np.repeat([0.0, 1.0], [free.shape[1], wide.shape[1] - free.shape[1]]))
     fold = np.arange(len(y)) // joints % FOLDS

@@ -22,7 +22,7 @@ from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual,
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.physics.wrench import Tool, about_centre, six_of, symmetric
+from wrenchbed.physics.wrench import about_centre, six_of, symmetric
 from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjcf import at_home, link_inertias
@@ -158,7 +158,8 @@ def _of_piece(
         spread = np.full(len(changes), np.inf)
     elif "tool" in groups:
         loads, changes = y[..., carrier_columns(robot)] @ load_columns(robot, theta), LOAD
-        starts = dict(zip(changes, about_origin(robot.tool(theta)), strict=True))
+        tool = replace(robot.tool(theta), sensor_mass=np.zeros(()))
+        starts = dict(zip(changes, tool.inertial, strict=True))
         reach = float(np.linalg.norm(robot.sensor_pose(np.asarray(robot.home)[None], theta)[1]))
         spread = inertias.phi[:, 0].sum() * (_LEVER * reach) ** _POWER
     else:
@@ -205,13 +206,6 @@ def check_moves(name: str, problem: Problem) -> None:
         lazy = [j + 1 for j in range(use.shape[1]) if not use[:, j].any()]
         why = f"joint {lazy[0]} never moves" if lazy else f"{rows} rows are left after the filter"
         raise CalibrationError(f"{name}: {why}: record a longer motion of all joints")
-
-
-def about_origin(tool: Tool) -> np.ndarray:
-    """Parameters `LOAD` (10,) of a tool: mass, first moments and inertia about the origin."""
-    mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
-    second = np.asarray(tool.inertia) + mass * _second(cog, cog)
-    return np.array([mass, *(mass * cog), *six_of(second)])
 
 
 def carrier_columns(robot: SimulatedRobot) -> slice:
@@ -314,16 +308,11 @@ def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray
     gain, change, friction = parts(p, x)
     change = change + [starts[c] for c in p.changes]
     if p.changes == LOAD:
-        change = _about_cog(change)
+        mass, cog, inertia = about_centre(change)
+        change = np.array([mass, *cog, *six_of(inertia)])
     known = [[starts.get(f"{k}.{j + 1}", 0.0) for k in p.kinds] for j in range(len(gain))]
     friction = friction / gain[:, None] + known
     return np.concatenate([1.0 / gain if p.gains else gain[:0], change, friction.T.ravel()])
-
-
-def _about_cog(load: np.ndarray) -> np.ndarray:
-    """Mass, CoG and inertia about the CoG (10,) from the parameters `LOAD` (10,)."""
-    mass, cog, inertia = about_centre(load)
-    return np.array([mass, *cog, *six_of(inertia)])
 
 
 def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:

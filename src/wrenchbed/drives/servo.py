@@ -29,12 +29,7 @@ from wrenchbed.drives.identify import (
     refutation,
     values_of,
 )
-from wrenchbed.drives.signals import (
-    DriveSignals,
-    encoder_noise,
-    motion_signals,
-    signals_of_pieces,
-)
+from wrenchbed.drives.signals import DriveSignals, encoder_noise, motion_signals, signals_of_pieces
 from wrenchbed.drives.solution import Problem, Solution, solve
 from wrenchbed.errors import CalibrationError, ParameterError
 from wrenchbed.robots.base import Joint
@@ -196,7 +191,7 @@ def _iterated(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solut
     for _ in range(_STEPS):
         about = _linearised(problem, pieces, delay)
         solution = solve(about)
-        change = _delays(about, solution.x)
+        change = _of_joints(about, solution.x)[:, -1]
         if np.abs(change).max() < _CLOSE:
             break
         delay = np.clip(delay + np.clip(change, -most, most), -most, LATEST)
@@ -229,13 +224,9 @@ def _first_delays(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
     return np.array(best)
 
 
-def _delays(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Entries (…, J) of parameters (…, K) that are the joints' delays."""
-    return np.asarray(_of_joints(problem, x)[..., -1])
-
-
 def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Entries (…, J, F) of parameters (…, K) that belong to columns of single joints."""
+    """Entries (…, J, F) of parameters (…, K) that belong to columns of single joints, the last of
+    which is the delay's."""
     joints = problem.y.shape[1]
     numbers = x[..., joints + len(problem.changes) :]
     return numbers.reshape(*x.shape[:-1], joints, -1)
@@ -252,18 +243,18 @@ def _fit(
         np.delete(solution.x, more), np.delete(solution.folds, more, axis=1),
         np.delete(solution.determined, more),
     )  # fmt: skip
-    late = delay + _delays(problem, solution.x)
+    late = delay + _of_joints(problem, solution.x)[:, -1]
 
     def all_published(x: np.ndarray) -> np.ndarray:
         of_servos = published(drive, np.delete(x, more), starts)
-        return np.concatenate([of_servos, delay + _delays(problem, x)])
+        return np.concatenate([of_servos, delay + _of_joints(problem, x)[:, -1]])
 
     shift = all_published(solution.x + doubt) - all_published(solution.x)
     covariance = jackknife(np.array([all_published(x) for x in solution.folds]))
     covariance += np.outer(shift, shift)
     values = values_of(drive, of_drive, starts, joints, covariance[: -len(joints), : -len(joints)])
     std = np.sqrt(np.diagonal(covariance))[-len(joints) :]
-    delays_known = _delays(problem, solution.determined)
+    delays_known = _of_joints(problem, solution.determined)[:, -1]
     identified = [_as_servo(p, joints) for p in values]
     names = [(f"{DELAY}.{j}", "s") for j in range(1, len(joints) + 1)]
     identified += identified_values(names, late, std, np.zeros(len(joints)), delays_known, WIDE)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.data.metadata import stated_robot
+from wrenchbed.data.metadata import known_name
 from wrenchbed.errors import ExportError
 from wrenchbed.files import checked
 from wrenchbed.physics.rotations import exp
@@ -280,7 +280,7 @@ def _of_fit(fields: checked.Fields) -> _Calibrated:
     names, robot = fields.part("theta").raw, ORIENTED
     if set(names) != set(Model.of(ORIENTED).parameters.names):
         with fields.naming("robot"):
-            robot = registry.load("robots", stated_robot(raw, str(raw.get("robot"))))
+            robot = registry.load("robots", known_name(raw, str(raw.get("robot"))))
     gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
     model = Model(robot, gravity or tuple(robot.gravity))
     with fields.naming("theta"):

@@ -20,7 +20,7 @@ import numpy as np
 from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.observations import observe
 from wrenchbed.data import parquet
-from wrenchbed.data.metadata import carried_robot
+from wrenchbed.data.metadata import model_field
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import HistoryError, RecordingError, WrenchbedError, WrenchbedWarning
@@ -179,7 +179,7 @@ def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
     temperature = said.get("temperature", np.nan) if warm is None else np.mean(warm)
     sensor = metadata.sensor.model or robot.sensor
     nominal = robot.parameters.nominal.tolist()
-    known_robot = [robot.name, carried_robot(robot.name), nominal, list(robot.gravity), sensor]
+    known_robot = [robot.name, model_field(robot.name), nominal, list(robot.gravity), sensor]
     return Check(
         time=time, robot=robot.name, sensor=sensor,
         robot_digest=_digest(json.dumps(known_robot).encode()), recording=file_of(time),
@@ -245,7 +245,7 @@ def write(folder: Path, checks: Sequence[Check]) -> None:
         warnings.warn(text, WrenchbedWarning, stacklevel=2)
     data = {n: np.array([r[n] for r in rows]) for n in rows[0]}
     raw: dict[str, Any] = {"format": parquet.FORMAT, "kind": _KIND, "robot": checks[0].robot}
-    parquet.write(path, parquet.table_of(data, raw | carried_robot(checks[0].robot)))
+    parquet.write(path, parquet.table_of(data, raw | model_field(checks[0].robot)))
 
 
 def _recordings(path: Path) -> set[str]:

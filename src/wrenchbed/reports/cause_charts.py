@@ -40,13 +40,7 @@ _OF_UNIT = {"N": "force", "N·m": "torque", "s": "time", "K": "temperature"}
 
 
 def own_chart(e: Evidence, c: Cause, name: str) -> Chart | None:
-    """Chart of a claimed cause over its own variable; None if it has none, or the data lack it.
-
-    Args:
-        e: the simulators.
-        c: the cause.
-        name: of the chart.
-    """
+    """Chart of a claimed cause over its own variable; None if it has none, or the data lack it."""
     draw = None if c.active is None else _OWN.get(c.active.effect.shown)
     chart = None if draw is None or c.active is None else draw(e, c, c.active)
     return None if chart is None else replace(chart, name=name)
@@ -111,11 +105,7 @@ def _joint(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
 def _joint_error(
     e: Evidence, c: Cause, shift: np.ndarray
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-    """Error of a wrong joint's value that each row shows.
-
-    Args:
-        e, c: the simulators and the cause.
-        shift: of the joints by the cause (H, J).
+    """Error of a wrong joint's value that each row shows, of a cause that shifts joints by (H, J).
 
     Returns:
         Number of the joint from 0; rows that show an error (R,); their errors (R,) [rad or m];

@@ -22,28 +22,17 @@ from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 
 def recording_facts(recording: Recording, name: str, observed: str = "") -> list[tuple[str, str]]:
-    """Label and text of each fact that a recording states or that follows from it.
-
-    Args:
-        name: under which it was given.
-        observed: what was made of its rows, before a comma.
-    """
+    """Label and text of each fact on a recording, given under a name; ``observed`` is what was made
+    of its rows, before a comma."""
     stated = recording.metadata
     rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
     rows = f"{observed}{len(recording):,} rows{rate}, source: {stated.source or 'not stated'}"
-    return [
-        ("recording", name),
-        ("sensor", stated.sensor.model or "not stated"),
-        ("data", rows),
-    ]
+    return [("recording", name), ("sensor", stated.sensor.model or "not stated"), ("data", rows)]
 
 
 def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
-    """The page of a diagnosis of a wrench.
-
-    Args:
-        findings: from ``diagnose``.
-        command: that made it; stated without options if not given.
+    """The page of a diagnosis of a wrench, made by a command that is stated without options if not
+    given.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -64,11 +53,7 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
 
 
 def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
-    """The page of a diagnosis of joint efforts.
-
-    Args:
-        findings: from ``diagnose_efforts``.
-        command: that made it; stated without options if not given.
+    """The page of a diagnosis of joint efforts; ``command`` as in `diagnosis_page`.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -85,13 +70,8 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
 def _page(
     words: Answer, command: str, data: Facts, charts: list[Chart], more: Mapping[str, Any]
 ) -> ReportPage:
-    """Page of an answer.
-
-    Args:
-        data: where it comes from.
-        charts: what shows the causes.
-        more: what one kind of page shows besides, figures among it.
-    """
+    """Page of an answer: charts show the causes, ``more`` is what one kind of page shows besides,
+    figures among it."""
     d, comparisons = words.d, [draw(chart) for chart in charts]
     recordings = (d.recording, *d.others)
     context = {

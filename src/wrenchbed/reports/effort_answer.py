@@ -30,14 +30,7 @@ _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
 
 
 class EffortAnswer(Answer):
-    """A diagnosis of joint efforts in words.
-
-    Args:
-        findings: from ``diagnose_efforts``.
-
-    Attributes:
-        channels: what was diagnosed.
-    """
+    """A diagnosis of joint efforts in words; ``channels`` says what was diagnosed."""
 
     fitted = "what is not stated fitted; what is stated stays within its ordinary spread"
     observations = "blocks of time"
@@ -63,9 +56,8 @@ class EffortAnswer(Answer):
         return claims
 
     def claim_of(self, entry: Mapping[str, Any]) -> Claim:
-        return claim(
-            entry, title(entry["effect"], entry["parameters"].get("joint", {}).get("value"))
-        )
+        joint = entry["parameters"].get("joint", {}).get("value")
+        return claim(entry, title(entry["effect"], joint))
 
     @property
     def no_claim(self) -> str:

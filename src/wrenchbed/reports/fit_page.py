@@ -14,6 +14,7 @@ from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thi
 from wrenchbed.pages.document import provenance
 from wrenchbed.pages.draw import draw
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.reports.claim import capital
 
 MOST_PRINTED = 14
 """Parameters up to which each correlation is printed in its cell."""
@@ -21,12 +22,7 @@ _CORRELATION = Scale("correlation", -1.0, 1.0, (-1.0, 0.0, 1.0), diverging=True)
 
 
 def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
-    """The page of a fit.
-
-    Args:
-        fit: from `calibrate`.
-        recording: that it was fitted to.
-        command: that made it; left out if empty.
+    """The page of a fit to a recording, made by a command that is left out if empty.
 
     Raises:
         MissingExtraError: matplotlib or jinja2 is not installed.
@@ -40,7 +36,6 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
     correlation = draw(_correlation(fit)) if several else None
     channel, times = worst_channel(fit)
     verdict, badge, steps = _verdict(fit, name)
-    of_poses = fit.rows != fit.poses
     context = {
         "verdict": verdict,
         "badge": badge,
@@ -54,7 +49,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
         "worst": f"{times:.1f} × noise",
         "worst_channel": channel,
         "blind": _blind(fit, words),
-        "of_what": "means of poses" if of_poses else "rows",
+        "of_what": "means of poses" if fit.rows != fit.poses else "rows",
         "largest": _largest(white, order, axis),
         "each": each,
         "correlation": correlation,
@@ -89,7 +84,7 @@ def _verdict(fit: Fit, name: str) -> tuple[str, str, list[str]]:
 def _headline(words: FitWords) -> str:
     if words.refuted:
         return f"The data refute these values: {words.refuted.rstrip('.')}."
-    return _sentence("; ".join(words.status.split("; ")[:2]))
+    return f"{capital('; '.join(words.status.split('; ')[:2]))}."
 
 
 def _load(fit: Fit, words: FitWords) -> dict[str, str]:
@@ -110,11 +105,7 @@ def _blind(fit: Fit, words: FitWords) -> dict[str, str]:
     silent, alike = len(fit.observability.no_effect), len(fit.observability.redundancies)
     parts = [f"{silent} parameters change no reading"] * bool(silent)
     parts += [f"{alike} combinations of others change none"] * bool(alike)
-    return {"figure": words.limits[0], "text": f"{_sentence('; '.join(parts))} Listed below."}
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
+    return {"figure": words.limits[0], "text": f"{capital('; '.join(parts))}. Listed below."}
 
 
 def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, Axis]:

@@ -29,9 +29,6 @@ _BLIND = ". These data cannot show "
 class WrenchAnswer(Answer):
     """A diagnosis of a wrench in words.
 
-    Args:
-        findings: from ``diagnose``.
-
     Attributes:
         row_effects: claimed effects that show between rows only.
         row_sentences: on all effects that show between rows only.

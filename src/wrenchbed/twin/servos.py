@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.metadata import stated_robot
+from wrenchbed.data.metadata import known_name
 from wrenchbed.errors import ExportError
 from wrenchbed.files import atomic_folder, checked, write_text
 from wrenchbed.robots.base import SimulatedRobot
@@ -54,7 +54,7 @@ def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
     if refuted := fields.raw.get("refuted"):
         raise ExportError(f"{path}: its own data refute it: {refuted}")
     with fields.naming("robot"):
-        robot = registry.load("robots", stated_robot(fields.raw, str(fields.raw.get("robot"))))
+        robot = registry.load("robots", known_name(fields.raw, str(fields.raw.get("robot"))))
     assert isinstance(robot, SimulatedRobot)  # a fit of commands needs one
     parts = fields.part("parameters")
     value = {

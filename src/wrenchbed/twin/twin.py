@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.metadata import ROBOT_MODEL, carried_robot, stated_robot
+from wrenchbed.data.metadata import ROBOT_MODEL, known_name, model_field
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import ActiveEffect, EffectChain
@@ -64,7 +64,7 @@ class Twin:
         if fields.raw.get("format") != FORMAT:
             raise fields.error("format", f"must be {FORMAT}")
         with fields.naming("robot"):
-            name = stated_robot(fields.raw, str(fields.raw.get("robot")))
+            name = known_name(fields.raw, str(fields.raw.get("robot")))
             robot = registry.load("robots", name)
         gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
         model = Model(robot, gravity or tuple(robot.gravity))
@@ -106,7 +106,7 @@ class Twin:
                 {"effect": a.effect.name, "parameters": dict(a.values)} for a in self.active
             ],
             "recording": self.recording,
-            **carried_robot(self.model.robot.name),
+            **model_field(self.model.robot.name),
         }
 
     def write(self, path: str | Path) -> None:

@@ -100,10 +100,10 @@ def channel_mistake(seen: Observed, before: Load) -> Finding | None:
     """
     if before.channel.max() < WRONG:
         return None
-    for mend, after in zip(_all_mends(), seen.moments.mended(_matrices()), strict=True):
+    for after, finding in _mended(seen.moments, float(before.phi[0])):
         better = after.channel.max() < CLEARLY * before.channel.max()
         if better and after.share < CLEAN and after.share < before.share:
-            return mend.finding(float(before.phi[0]))
+            return finding
     return None
 
 
@@ -120,34 +120,21 @@ def part(seen: Observed, rows: np.ndarray) -> Observed:
 
 
 def _of_channels(seen: Observed) -> Iterator[Mistake]:
-    moments = seen.moments
-    mass = float(moments.fit(without=(3, 4, 5)).phi[0])
-    for mend, load in zip(_all_mends(), moments.mended(_matrices()), strict=True):
-        yield Mistake(load, mend.finding(mass))
+    yield from _mended(seen.moments, float(seen.moments.fit(without=(3, 4, 5)).phi[0]))
 
 
-class _Mend(NamedTuple):
-    """A mistake in the channels, and the matrix (6, 6) that undoes it on the readings."""
-
-    words: str
-    reason: str
-    matrix: np.ndarray
-
-    def finding(self, mass: float) -> Finding:
-        """Finding that names the mistake, for forces of a mass [kg]."""
-        return Finding(self.reason, self.words.format(mass=mass))
+def _mended(moments: Moments, mass: float) -> Iterator[Mistake]:
+    """Possible mistakes in the channels, the simplest first, for forces of a mass [kg]."""
+    words, reasons, matrices = _all_mends()
+    for text, reason, load in zip(words, reasons, moments.mended(matrices), strict=True):
+        yield Mistake(load, Finding(reason, text.format(mass=mass)))
 
 
 @cache
-def _all_mends() -> tuple[_Mend, ...]:
-    """All possible corrections of channels, the simplest first."""
-    return tuple(_Mend(*each) for each in _mends())
-
-
-@cache
-def _matrices() -> np.ndarray:
-    """Matrices (B, 6, 6) of all corrections in `_all_mends`."""
-    return np.stack([m.matrix for m in _all_mends()])
+def _all_mends() -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
+    """Sentences, reasons, and the matrices (B, 6, 6) that undo the mistakes on the readings."""
+    words, reasons, matrices = zip(*_mends(), strict=True)
+    return words, reasons, np.stack(matrices)
 
 
 def _mends() -> Iterator[tuple[str, str, np.ndarray]]:
@@ -225,8 +212,8 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
         (turn, "the wrench was turned with the inverse of the sensor's orientation: give it as the "
          "sensor shows it"),
     ):  # fmt: skip
-        finding = Finding("frame of the wrench", words)
-        yield _fitted(seen, seen.design, _turned(rotation, seen.y), finding)
+        y = apply(rotation[:, None], seen.y.reshape(-1, 2, 3)).reshape(-1, 6)
+        yield _fitted(seen, seen.design, y, Finding("frame of the wrench", words))
     if not seen.robot.joints:
         yield from _of_orientations(seen)
     best = None if seen.turns else best_turn(-seen.seen.origin.T, seen.y[:, :3])
@@ -351,20 +338,13 @@ def _joint_mistakes(seen: Observed) -> Iterator[tuple[str, Value]]:
     for a, b in combinations(range(len(names)), 2):
         order = np.arange(len(names))
         order[[a, b]] = b, a
-        words = f"q{a + 1} and q{b + 1} are swapped: check the order of joints"
-        yield words, _columns(seen, order)
+        yield f"q{a + 1} and q{b + 1} are swapped: check the order of joints", seen.q[:, order]
     for j in range(len(names)):
         for degrees in (90.0, -90.0, 180.0):
             off = np.zeros(len(names))
             off[j] = np.deg2rad(degrees)
             zero = f"{-degrees:.0f} (in deg; {-off[j]:.6f} in rad)"
             yield f"q{j + 1} has another zero: state zero = {zero} with it", seen.q + off
-
-
-def _columns(seen: Observed, order: np.ndarray) -> Value:
-    if isinstance(seen.q, Jet):
-        return Jet(seen.q.v[:, order], seen.q.d[:, order], seen.q.dd[:, order])
-    return seen.q[:, order]
 
 
 def _designs(seen: Observed, tried: Sequence[Value]) -> list[np.ndarray | None]:
@@ -391,8 +371,3 @@ def _design(seen: Observed, q: Value) -> np.ndarray:
 
 def _fitted(seen: Observed, design: np.ndarray, y: np.ndarray, finding: Finding) -> Mistake:
     return Mistake(Moments.of(design, y, seen.noise).fit(), finding)
-
-
-def _turned(rotation: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Forces and torques (M, 6) rotated by matrices (M, 3, 3)."""
-    return np.concatenate([apply(rotation, y[:, :3]), apply(rotation, y[:, 3:])], axis=1)

@@ -194,22 +194,15 @@ def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
     for k, (pairing, reading) in enumerate(pairs):
         key = id(pairing.load), id(pairing.sheet), reading.kind, reading.names
         of_reading.setdefault(key, []).append(k)
-    loads = {id(pairing.load): pairing.load for pairing, _ in pairs}
-    some = {key: _few(load) for key, load in loads.items()}
     for members in of_reading.values():
         pairing, reading = pairs[members[0]]
-        rows, few = some[id(pairing.load)]
+        rows = np.unique(np.linspace(0, len(pairing.load) - 1, _FEW_ROWS).astype(int))
         turn = _turn(pairing, reading, rows)
         if turn is not None:
+            few = {name: values[rows] for name, values in pairing.load.values.items()}
             forces = [[few[pairs[k][0].wrench[c]] for c in CHANNELS[:3]] for k in members]
             shares[members] = unexplained(turn, np.array(forces, dtype=float).swapaxes(1, 2))
     return shares
-
-
-def _few(sheet: Sheet) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Some rows of a table, and its columns there."""
-    rows = np.unique(np.linspace(0, len(sheet) - 1, _FEW_ROWS).astype(int))
-    return rows, {name: values[rows] for name, values in sheet.values.items()}
 
 
 def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:

@@ -8,12 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.data.column_map import (
-    ACCELERATION,
-    ANGLES,
-    ROTATION,
-    UNITS,
-)
+from wrenchbed.data.column_map import ACCELERATION, ANGLES, ROTATION, UNITS
 from wrenchbed.data.recording import QUATERNION
 from wrenchbed.data.text_table import SKIP, Columns, read_text
 from wrenchbed.errors import MapError
