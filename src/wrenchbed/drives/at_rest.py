@@ -47,6 +47,9 @@ _NOTHING = 0.5
 arms leave less than a tenth."""
 _SMALL = 1e-3
 """Step of central differences of what is published, in standard uncertainties."""
+_Columns = tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...], np.ndarray]
+"""Linearised fit: residual efforts (N,), columns (N, …) of free parameters and gains, of ordinary
+errors by kind, and of friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,11 +202,6 @@ def _gains(p: RestProblem) -> tuple[np.ndarray, np.ndarray]:
 def _of_gains(body: np.ndarray) -> np.ndarray:
     """Columns (H, J, J) of each joint's gain: its torque in torques (H, J), 0 elsewhere."""
     return np.asarray(body[:, :, None] * np.eye(body.shape[1]))
-
-
-_Columns = tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...], np.ndarray]
-"""Linearised fit: residual efforts (N,), columns (N, …) of free parameters and gains, of ordinary
-errors by kind, and of friction."""
 
 
 def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
