@@ -74,13 +74,7 @@ def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
 
 
 def itinerary(
-    robot: Robot,
-    plan: Plan,
-    start: np.ndarray,
-    limits: Limits,
-    rows: Sequence[int],
-    *,
-    clear: bool,
+    robot: Robot, plan: Plan, start: np.ndarray, limits: Limits, rows: Sequence[int], *, clear: bool
 ) -> tuple[Leg, ...]:
     """Plan moves that visit rows of a static plan in this order, from ``start`` (J,) on.
 

@@ -118,9 +118,6 @@ def record(
 
     Args:
         driver: connected; it is activated, if it is not yet, once the plan is checked.
-        plan: static or dynamic.
-        path: of the recording.
-        settings: how the plan is run.
         progress: called as poses or rows are done.
         changes: fields of `RunSettings` by name, as ``samples=50``.
 
@@ -186,7 +183,11 @@ class _Run:
                 self.progress(1)
             for leg in legs[len(rows) :]:
                 last = self._visit(leg, again, writer)
-        drift = _drift(self.first, last) if self.first and last else None
+        drift = None
+        if self.first and last:
+            (t0, first), (t1, end) = self.first, last
+            variance = sum(w.var(axis=0, ddof=min(1, len(w) - 1)) / len(w) for w in (first, end))
+            drift = Drift(end.mean(axis=0) - first.mean(axis=0), np.sqrt(variance), t1 - t0)
         return RunProgress(self.path, len(rows), writer.rows, self.t, self.tried_again, drift)
 
     def motion(self) -> RunProgress:
@@ -321,9 +322,3 @@ class _Run:
         self.shift = max(old.elapsed, self.t + 1.0) - here
         self.first = old.first(int(self.plan.segment[0]))
         self.progress(len(old.poses))
-
-
-def _drift(first: Hold, last: Hold) -> Drift:
-    (t0, before), (t1, after) = first, last
-    variance = sum(w.var(axis=0, ddof=min(1, len(w) - 1)) / len(w) for w in (before, after))
-    return Drift(after.mean(axis=0) - before.mean(axis=0), np.sqrt(variance), t1 - t0)

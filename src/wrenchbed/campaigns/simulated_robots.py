@@ -221,25 +221,16 @@ def recorded(fleet: Fleet, k: int) -> tuple[Recording, np.ndarray]:
     """Simulate the recording of robot k; also return its true parameters (P,)."""
     model = Model.of(fleet.model_robot())
     path = course(fleet, k) if "poses" in fleet.vary else _shared_course(fleet)
-    twin = Twin(model, draw(fleet, k, model, _visited(path)))
-    return simulate(twin, path, noise="real", seed=_seed(fleet, k)), twin.theta
+    first = np.r_[True, np.diff(path.columns["segment"]) != 0]  # row of each rest
+    visited = path.q if path.metadata.mode == "dynamic" else path.q[first]
+    twin, seed = Twin(model, draw(fleet, k, model, visited)), fleet.rng(k, "noise").integers(2**31)
+    return simulate(twin, path, noise="real", seed=int(seed)), twin.theta
 
 
 @lru_cache(1)
 def _shared_course(fleet: Fleet) -> Recording:
     """The course that all robots of a fleet follow, where they share their poses."""
     return course(fleet, 0)
-
-
-def _visited(path: Recording) -> np.ndarray:
-    """Joint values (H, J) of each rest, or (N, J) of a motion."""
-    if path.metadata.mode == "dynamic":
-        return path.q
-    return path.q[np.r_[True, np.diff(path.columns["segment"]) != 0]]
-
-
-def _seed(fleet: Fleet, k: int) -> int:
-    return int(fleet.rng(k, "noise").integers(2**31))
 
 
 def _of_fit(fleet: Fleet, theta: np.ndarray, fit: Fit) -> Row:
@@ -291,7 +282,6 @@ def campaign(
     Robots whose rows are in the folder already are not simulated again.
 
     Args:
-        fleet: the robots and what differs from one to the next.
         folder: gets ``robots.parquet`` and, while it works, ``parts/``.
         workers: processes.
         progress: called with how many more robots are done.

@@ -1,6 +1,5 @@
 """The summary of a campaign: distributions of errors, and coverage of intervals."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -41,9 +40,8 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
         sections.append(_failed(table))
     made = f"Row k of `{ALL}` follows from `{SETTING}` and k alone, but for its times."
     origin = provenance([folder / ALL, folder / SETTING], command, fleet.seed)
-    cards = tuple(_cards(table))
     title = f"Campaign of {fleet.robot}"
-    return Document(title, lead, tuple(sections), made, figures(table), origin, cards)
+    return Document(title, lead, tuple(sections), made, figures(table), origin, _cards(table))
 
 
 def figures(table: pa.Table) -> dict[str, float | None]:
@@ -78,14 +76,15 @@ def _finite(values: np.ndarray) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _cards(table: pa.Table) -> Iterator[Card]:
-    """Cards of the accuracy of calibration."""
+def _cards(table: pa.Table) -> tuple[Card, ...]:
+    """Card of the accuracy of calibration, if there is one."""
     before, after = (_finite(1e3 * numbers(table, f"force.{w}")) for w in _WHEN)
-    if len(after):
-        words = f"Median rms force error at new poses of {len(after):,} robots"
-        start = float(np.median(before)) if len(before) else 0.0
-        words += f"; before calibration {render(start)} mN." if start > 0.0 else "."
-        yield Card("After calibration", f"{render(float(np.median(after)))} mN", words)
+    if not len(after):
+        return ()
+    words = f"Median rms force error at new poses of {len(after):,} robots"
+    start = float(np.median(before)) if len(before) else 0.0
+    words += f"; before calibration {render(start)} mN." if start > 0.0 else "."
+    return (Card("After calibration", f"{render(float(np.median(after)))} mN", words),)
 
 
 def _calibration(table: pa.Table) -> Section:
@@ -125,11 +124,13 @@ def _coverage(fleet: Fleet, table: pa.Table) -> Section:
             continue
         z, (unit, factor) = (error / std)[known], HUMAN.get(units[name], (units[name], 1.0))
         hits = int((np.abs(z) < NORMAL_95).sum())
-        low, high = _interval(hits, len(z))
+        # exact interval of the share (Clopper & Pearson 1934)
+        low, high = (100.0 * x for x in binomtest(hits, len(z)).proportion_ci(0.95, "exact"))
         rows.append((
             f"{name} [{unit}]", len(z), factor * float(np.std(error[known])),
             factor * float(np.median(std[known])), float(np.mean(z)),
-            _rms(z), _share(hits, len(z)), "✓" if low <= 95 <= high else "✗",
+            _rms(z), f"{100 * hits / len(z):.0f} % ({low:.0f}–{high:.0f})",
+            "✓" if low <= 95 <= high else "✗",
         ))  # fmt: skip
     columns = ("parameter", "robots", "spread of errors", "stated uncertainty", "mean z", "rms z",
                "within ±1.96 (95 %)", "95 % held")  # fmt: skip
@@ -139,18 +140,6 @@ def _coverage(fleet: Fleet, table: pa.Table) -> Section:
         "✓ where the interval of the share holds 95 %, ✗ where it does not."
     )
     return Section("Uncertainty", lead, (Table.of("Coverage", columns, rows),))
-
-
-def _share(hits: int, count: int) -> str:
-    """Text of a share with its 95 % interval: ``38 % (20–58)``."""
-    low, high = _interval(hits, count)
-    return f"{100 * hits / count:.0f} % ({low:.0f}–{high:.0f})"
-
-
-def _interval(hits: int, count: int) -> tuple[float, float]:
-    """Ends of the exact 95 % interval of a share [%] (Clopper & Pearson 1934)."""
-    low, high = binomtest(hits, count).proportion_ci(0.95, "exact")
-    return 100.0 * float(low), 100.0 * float(high)
 
 
 def _failed(table: pa.Table) -> Section:

@@ -64,12 +64,8 @@ _VERBS = {
 """Module and function of each verb."""
 _GROUPS = ("blind",)
 """Verbs that consist of other verbs."""
-_WHEN_STOPPED = {
-    "campaign": "; what was done so far is on disk, and the same command goes on",
-    "study": "; what was done so far is on disk, and the same command goes on",
-    "blind": "; what was done so far is on disk, and the same command goes on",
-}
-"""What a stopped verb leaves."""
+_GOES_ON = ("campaign", "study", "blind")
+"""Verbs that go on where they were stopped when the same command is given again."""
 _COLUMNS = 80
 _GB = 1e9
 _LEAST = 1.2e9
@@ -108,7 +104,8 @@ def main(arguments: list[str] | None = None) -> int:
         try:
             return _run(words)
         except KeyboardInterrupt as stop:
-            notes = getattr(stop, "__notes__", [_WHEN_STOPPED.get(words[0], "")])
+            usual = "; what was done so far is on disk, and the same command goes on"
+            notes = getattr(stop, "__notes__", [usual * (words[0] in _GOES_ON)])
             print(f"wrenchbed: stopped{notes[0]}", file=sys.stderr)
             return 130
     match words:
@@ -170,9 +167,6 @@ def _check_memory(verb: str) -> None:
     """Refuse an address space that is limited below what a verb needs.
 
     A limited process also loads its linear algebra with one thread: each reserves memory.
-
-    Raises:
-        ShortageError: names the limit, the need and the remedy.
     """
     need = _LEAST_DRAWN if verb in _DRAWN else _LEAST
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
@@ -188,11 +182,8 @@ def _check_memory(verb: str) -> None:
 
 
 def _check_epoch() -> None:
-    """Refuse a SOURCE_DATE_EPOCH that is no time: numpy throws on it wherever it is loaded.
-
-    Raises:
-        ParameterError: it is no whole number of seconds before the year 10000.
-    """
+    """Refuse a SOURCE_DATE_EPOCH that is no whole number of seconds before the year 10000: numpy
+    throws on it wherever it is loaded."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "0")
     if not (epoch.isascii() and epoch.isdecimal() and len(epoch) < 12):
         raise ParameterError(
@@ -230,11 +221,8 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _check_interrupt(error: BaseException | None) -> None:
-    """Raise the interrupt that a library's import turned into another error, if it was one.
-
-    Raises:
-        KeyboardInterrupt: it is among the error's causes.
-    """
+    """Raise the interrupt that a library's import turned into another error, if one is among the
+    error's causes."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
             raise error

@@ -12,7 +12,7 @@ from rich.text import Text
 
 import wrenchbed as wb
 from wrenchbed.calibration.fit import IdentifiedValue
-from wrenchbed.calibration.fit_words import FitWords, fit_words, parameter_words
+from wrenchbed.calibration.fit_words import fit_words, parameter_words
 from wrenchbed.calibration.tracker_fit import TrackerFit
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
@@ -155,7 +155,11 @@ def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group
     """
     words = fit_words(result)
     head = Text.assemble(("calibration ", "bold"), f"{result.recording}  {words.data}")
-    parts: list[Any] = [head, "", _parameters(result.identified, truth), "", _residuals(words)]
+    channels = (f">{channel:>8}" for channel in CHANNELS)
+    residuals = console.table("|per channel [N, N·m]", *channels, space=1)
+    for label, values in words.residuals:
+        residuals.add_row(label, *values)
+    parts: list[Any] = [head, "", _parameters(result.identified, truth), "", residuals]
     for title, lines in words.sections:
         parts += console.section(title, lines)
     return Group(*parts)
@@ -175,14 +179,6 @@ def _parameters(
             error = f"{(p.value - true) / p.std:+.1f} σ" if p.std else ""
             cells += [f"{true * factor:.7g}", error]
         table.add_row(*cells)
-    return table
-
-
-def _residuals(words: FitWords) -> Table:
-    channels = (f">{channel:>8}" for channel in CHANNELS)
-    table = console.table("|per channel [N, N·m]", *channels, space=1)
-    for label, values in words.residuals:
-        table.add_row(label, *values)
     return table
 
 

@@ -51,11 +51,7 @@ _WORDS: list[str] = []
 
 
 def pairs(words: Sequence[str]) -> dict[str, str]:
-    """Split words NAME=VALUE into values by name, as text.
-
-    Raises:
-        ParameterError: a word is not NAME=VALUE.
-    """
+    """Split words into values by name, as text; refuse a word that is not NAME=VALUE."""
     split = [word.partition("=") for word in words]
     for word, (name, equals, _) in zip(words, split, strict=True):
         if not name or not equals:

@@ -91,11 +91,7 @@ def robot(
 
 
 def sensor(
-    rest: tyro.conf.Positional[Path],
-    /,
-    out: Path,
-    like: str | None = None,
-    as_json: Json = False,
+    rest: tyro.conf.Positional[Path], /, out: Path, like: str | None = None, as_json: Json = False
 ) -> None:
     """Learn a sensor's noise from a minute at rest; OUT then stands wherever a sensor's name does.
 
@@ -187,10 +183,7 @@ class EmulatorArguments:
 
 
 def twin(
-    name: tyro.conf.Positional[str],
-    /,
-    device: EmulatorArguments,
-    faults: str | None = None,
+    name: tyro.conf.Positional[str], /, device: EmulatorArguments, faults: str | None = None
 ) -> None:
     """Serve a robot's or sensor's protocols on this machine, backed by MuJoCo.
 

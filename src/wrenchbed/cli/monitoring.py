@@ -100,7 +100,8 @@ def check(
     judgement = wb.check(
         arm, history, recording, time=time, temperature=how.temperature, baseline=how.new_baseline
     )
-    return _answer(judgement, as_json)
+    console.answer(judgement.to_json(), as_json, compared(judgement.comparison))
+    return EXIT[judgement.verdict]
 
 
 def _record(
@@ -119,12 +120,6 @@ def _record(
         wb.record(link, plan, out, samples=how.samples, rate=how.rate, revisit=False,
                   progress=report, limits=limits)  # fmt: skip
     return wb.Recording.read(out)
-
-
-def _answer(judgement: wb.Judgement, as_json: bool) -> int:
-    """Print the verdict and the numbers; return the exit code."""
-    console.answer(judgement.to_json(), as_json, compared(judgement.comparison))
-    return EXIT[judgement.verdict]
 
 
 @dataclass(frozen=True)

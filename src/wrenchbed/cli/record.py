@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 import wrenchbed as wb
-from wrenchbed.campaigns.moves import Leg, LiveLimits, itinerary, live_limits
+from wrenchbed.campaigns.moves import LiveLimits, itinerary, live_limits
 from wrenchbed.campaigns.run import RunProgress
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json, Repeated
@@ -211,13 +211,8 @@ def _version(path: Path) -> tuple[int, int] | None:
 
 
 def _left_behind(new: bool, static: bool, resumed: bool) -> str:
-    """Text on what a stopped recording leaves on disk, and how to continue it.
-
-    Args:
-        new: the file was written.
-        static: a live driver visited poses, which alone can be resumed.
-        resumed: with --resume: an existing recording was to be continued.
-    """
+    """Text on what a stopped recording leaves on disk (``new`` if the file was written), and how to
+    continue it (``static``: a live driver visited poses, which alone can be resumed)."""
     what = "; what was recorded is on disk" if new else "; nothing was recorded"
     return f"{what}, and `record … --resume` goes on" if static and (new or resumed) else what
 
@@ -246,17 +241,14 @@ def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments) -> None:
     for leg in legs[:_MOST_LEGS]:
         joints = " ".join(f"{v:+.2f}" for v in plan.q[leg.row])
         table.add_row(str(leg.row), joints, str(len(leg.via) - 1), f"{leg.seconds:.1f}")
-    console.answer(None, False, table, _total(legs, limits))
-
-
-def _total(legs: tuple[Leg, ...], limits: Limits) -> str:
     more = f"… and {len(legs) - _MOST_LEGS} more. " if len(legs) > _MOST_LEGS else ""
     around = sum(len(leg.via) > 1 for leg in legs)
     seconds = sum(leg.seconds for leg in legs)
-    return (
+    total = (
         f"{more}Every move is within reach and touches nothing; {around or 'none'} of them lead "
         f"around something. Moves take {seconds:.0f} s at {limits.speed:.0%} of top speed."
     )
+    console.answer(None, False, table, total)
 
 
 def _answer(done: RunProgress, plan: wb.Plan, driver: str, as_json: bool) -> None:
@@ -344,11 +336,7 @@ def _shown(link: LiveDriver, plan: wb.Plan) -> LiveLimits:
 
 
 def _agree(address: str) -> None:
-    """Ask at the terminal whether the robot may move.
-
-    Raises:
-        ParameterError: the answer is not yes.
-    """
+    """Ask at the terminal whether the robot may move; refuse if the answer is not yes."""
     console.note(f"The robot at {address} will move. Is nobody in its reach? [y/N]")
     if sys.stdin.readline().strip().lower() not in _YES:
         raise ParameterError("not agreed: nothing was moved")

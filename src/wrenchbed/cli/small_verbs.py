@@ -24,11 +24,7 @@ _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", 
 """Word and style of a grade of the doctor."""
 
 
-def list_(
-    kind: tyro.conf.Positional[Kinds],
-    /,
-    as_json: Json = False,
-) -> None:
+def list_(kind: tyro.conf.Positional[Kinds], /, as_json: Json = False) -> None:
     """List what exists, one line each.
 
     Args:
@@ -78,10 +74,7 @@ def simulate(
 
 
 def compare(
-    a: tyro.conf.Positional[Path],
-    b: tyro.conf.Positional[Path],
-    /,
-    as_json: Json = False,
+    a: tyro.conf.Positional[Path], b: tyro.conf.Positional[Path], /, as_json: Json = False
 ) -> None:
     """Say what changed from A to B, and by how many σ: two fits, recordings or diagnoses.
 

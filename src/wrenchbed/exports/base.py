@@ -75,10 +75,7 @@ class Export(ABC):
 
 
 def export_to(
-    format_name: str,
-    numbers: LoadNumbers,
-    out: str | Path,
-    options: ExportOptions | None = None,
+    format_name: str, numbers: LoadNumbers, out: str | Path, options: ExportOptions | None = None
 ) -> tuple[list[Path], list[str]]:
     """Write a calibration in the format of another program.
 

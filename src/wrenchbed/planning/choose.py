@@ -72,11 +72,7 @@ def informative(
 
 
 def for_tracker(
-    robot: Robot,
-    n: int,
-    pool: int,
-    seed: int,
-    progress: Callable[[float], None] = lambda _: None,
+    robot: Robot, n: int, pool: int, seed: int, progress: Callable[[float], None] = lambda _: None
 ) -> Plan:
     """n poses of a pool after which geometry fitted to a tracker is best on the whole pool.
 

@@ -20,7 +20,7 @@ from wrenchbed.pages.document import Document, provenance
 
 def steps(paper: str, quick: bool, robots: int | None) -> int:
     """Number of steps of the study of a paper, ``medrue`` or ``ur5``."""
-    return int(_module(paper).steps(quick, robots))
+    return int(import_module(f"{__name__}.{paper}").steps(quick, robots))
 
 
 def run(
@@ -43,7 +43,7 @@ def run(
     for library in ("matplotlib", "jinja2"):
         registry.require(library, "report")
     folder.mkdir(parents=True, exist_ok=True)
-    page = _module(paper).run(folder, quick, robots, seed, report)
+    page = import_module(f"{__name__}.{paper}").run(folder, quick, robots, seed, report)
     made = provenance(sorted(folder.glob("*.parquet")), command, seed)
     page = replace(page, data=made, summary=_finite(page.summary))
     page.write(folder, paper, page.summary)
@@ -57,7 +57,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list):
         return [_finite(v) for v in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _module(paper: str) -> Any:
-    return import_module(f"wrenchbed.studies.{paper}")

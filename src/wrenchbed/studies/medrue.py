@@ -12,7 +12,7 @@ import pyarrow as pa
 from scipy import stats
 
 from wrenchbed.calibration.observability import Observability, analyse, null_space
-from wrenchbed.jobs.parts import Parts, Row, key, write_table
+from wrenchbed.jobs.parts import Parts, key, write_table
 from wrenchbed.jobs.parts import run as run_parts
 from wrenchbed.jobs.workers import Progress
 from wrenchbed.pages.document import Document, Figure, Section, Table
@@ -117,10 +117,7 @@ def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, d
 
 
 def _summary(
-    setting: StudySetting,
-    chosen: dict[str, PoseDesign],
-    observed: Observability,
-    one: PaperRobot,
+    setting: StudySetting, chosen: dict[str, PoseDesign], observed: Observability, one: PaperRobot
 ) -> dict[str, Any]:
     o1, target = chosen["O1"].chosen, chosen["target"].certificate
     return {
@@ -295,17 +292,12 @@ def population_section(table: pa.Table, one: PaperRobot) -> Section:
     )
 
 
-def _printed(one: PaperRobot, quantity: str, place: str) -> dict[str, Row]:
-    """Rows of Table 1's robot: before, and with the column that the paper prints."""
-    rows = [r for r in one.printed if (r["quantity"], r["workspace"]) == (quantity, place)]
-    return {str(r["method"]): r for r in rows}
-
-
 def _improvements(table: pa.Table, one: PaperRobot) -> Table:
     rows = []
     for (quantity, place), printed in published.IMPROVEMENT.items():
         of = {"quantity": quantity, "place": place}
-        evaluated = _printed(one, **of)
+        labelled = ((r["quantity"], r["workspace"], r) for r in one.printed)
+        evaluated = {r["method"]: r for q, p, r in labelled if (q, p) == (quantity, place)}
         for statistic, paper in zip(_THREE, printed, strict=True):
             before = column(table, statistic, method="before", **of)
             remaining = evaluated["printed"][statistic] / evaluated["before"][statistic]

@@ -153,8 +153,7 @@ class Playback:
         rows = np.r_[np.arange(last), np.full(n, last)]
         later = t[-1] + 1.0 + np.arange(ahead)
         scene = self.twin.scene(
-            np.concatenate([self._q[rows], self._ahead]),
-            np.concatenate([self._t[:last], t, later]),
+            np.concatenate([self._q[rows], self._ahead]), np.concatenate([self._t[:last], t, later])
         )
         load = np.concatenate([self._load[rows], self._ahead_load])
         if n > 1:  # the hold's end: what creeps has crept

@@ -115,11 +115,7 @@ def dahl(x: np.ndarray, reach: float) -> np.ndarray:
 
 
 def rows(
-    setting: RefereeSetting,
-    ride: Ride,
-    clean: np.ndarray,
-    faults: Sequence[RefereeFault],
-    rng: Rng,
+    setting: RefereeSetting, ride: Ride, clean: np.ndarray, faults: Sequence[RefereeFault], rng: Rng
 ) -> tuple[np.ndarray, np.ndarray]:
     """Make the recorded wrenches (N, 6) [N, N·m] of a clean signal (T, 6), with noise and faults
     between rows, and the reported joints (N, J)."""

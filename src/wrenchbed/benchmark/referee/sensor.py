@@ -7,15 +7,7 @@ saturation and quantization have the same formula there; here only their sizes a
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import (
-    Rng,
-    at_times,
-    by_channel,
-    by_pair,
-    elapsed,
-    log_uniform,
-    sign,
-)
+from wrenchbed.benchmark.frame import Rng, at_times, by_channel, by_pair, elapsed, log_uniform, sign
 from wrenchbed.benchmark.referee import fault
 from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, about, shifted, touched
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass

@@ -75,10 +75,7 @@ def page(score: Score, command: str = "") -> Document:
             "What it says, and how often that is right",
             "Stated probability of the first answer against how often it was right; how often "
             "single effects are noticed and isolated, against the gap that they add.",
-            (
-                _reliability(rows),
-                Table.of("Detection against size", *metrics.size_cells(rows)),
-            ),
+            (_reliability(rows), Table.of("Detection against size", *metrics.size_cells(rows))),
         ),
         Section(
             "Effects one by one",

@@ -166,11 +166,7 @@ class Score:
 
 
 def score(
-    cases: Path,
-    claims: Path,
-    answers: Path,
-    main: str | None = None,
-    published: str | None = None,
+    cases: Path, claims: Path, answers: Path, main: str | None = None, published: str | None = None
 ) -> Score:
     """Check what was committed to, also against a published SHA-256, and compare claims (one folder
     an entrant) with answers; wrenchbed's diagnosis is judged if no other one is named, else the

@@ -112,11 +112,7 @@ def pool(robot: Robot, n: int, seed: int, orientations: int = ORIENTATIONS) -> n
 
 
 def _at_a_place(
-    robot: Robot,
-    places: "qmc.Sobol",
-    z: float,
-    n: int,
-    rng: np.random.Generator,
+    robot: Robot, places: "qmc.Sobol", z: float, n: int, rng: np.random.Generator
 ) -> np.ndarray:
     for _ in range(_TRIES):
         place = np.array([*(LOW + places.random(1)[0] * np.subtract(HIGH, LOW)), z])
