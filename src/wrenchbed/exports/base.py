@@ -77,17 +77,10 @@ class Export(ABC):
 def export_to(
     format_name: str, numbers: LoadNumbers, out: str | Path, options: ExportOptions | None = None
 ) -> tuple[list[Path], list[str]]:
-    """Write a calibration in the format of another program.
+    """Write a calibration in the format of another program, by its name in ``list exports``.
 
-    Args:
-        format_name: of ``list exports``.
-        numbers: see `load_numbers`.
-        out: the file.
-        options: what some formats ask for.
-
-    Returns:
-        The files that were written, and the notes that stand in them: every number with its ±,
-        and what the format leaves out.
+    Returns the files that were written, and the notes that stand in them: every number with its ±,
+    and what the format leaves out.
 
     Raises:
         ExportError: the data did not determine what the format needs.

@@ -80,11 +80,8 @@ class Quantity:
     why: str = ""
 
     def needed(self, by: str) -> np.ndarray:
-        """The value (K,), for a format that cannot do without it.
-
-        Raises:
-            ExportError: the data did not determine it.
-        """
+        """The value (K,), for a format that cannot do without it; an `ExportError` if the data did
+        not determine it."""
         if self.origin is Origin.UNDETERMINED:
             raise ExportError(
                 f"{self.name} was not determined, and {by} needs it: {self.why}. Record more "
@@ -165,10 +162,8 @@ class _Calibrated(NamedTuple):
 def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> LoadNumbers:
     """Read fit.json or twin.json.
 
-    Args:
-        path: of the file.
-        mount: place of the sensor in the flange, x y z [m] qw qx qy qz, for robots whose model
-            knows no flange. The numbers are then in flange axes.
+    For robots whose model knows no flange ``mount`` is the place of the sensor in it, x y z [m] qw
+    qx qy qz. The numbers are then in flange axes.
 
     Raises:
         ExportError: it is neither, its data refute it, it did not converge, or ``mount`` is wrong

@@ -144,10 +144,7 @@ def check_folders(
 ) -> None:
     """Make the folders of a run, or check that they belong to a run with the same settings.
 
-    Args:
-        settings_file: JSON that the run keeps in one of the folders.
-        settings: names and values that must be in it.
-        error: what is raised.
+    The run keeps its settings in ``settings_file``, JSON in one of the folders.
     """
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)

@@ -238,10 +238,8 @@ def check(
     """Check a recording of a robot's plan against its history, which then holds it.
 
     Args:
-        robot: whose history it is.
         folder: of the history; see `plan_of` for the plan in it.
-        recording: of that plan.
-        time: when it was made; what the recording states if None.
+        time: when the recording was made; what it states if None.
         temperature: of sensor or room [°C], where the recording has no column of it.
         baseline: why the robot differs from here on.
 

@@ -149,13 +149,8 @@ def serve(
 ) -> Iterator[Emulator]:
     """Serve an emulated robot or sensor while the block runs.
 
-    Args:
-        name: see ``names("emulators")``.
-        options: address, true parameters, noise, effects.
-        faults: TOML script of timed faults; their time counts from the start of the block.
-
-    Yields:
-        The server; ``addresses`` names each link, ``failed`` is set if it breaks down.
+    Its ``addresses`` name each link, and ``failed`` is set if it breaks down. The time in a TOML
+    script of ``faults`` counts from the start of the block.
 
     Raises:
         NotFoundError: there is no such emulator.

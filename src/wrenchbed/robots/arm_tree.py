@@ -87,7 +87,13 @@ class ArmTree:
                 self.behind.add(body)
         if model.body_jntnum[self._end]:
             self.behind.remove(self._end)
-        self._refuse_loads_beside()
+        for e in range(model.neq):  # a load must be connected to the arm through the sensor alone
+            one_body, other_body = self._sides(e)
+            if (one_body in self.behind) != (other_body in self.behind):
+                raise self._refusal(
+                    f"the file {self._words(e)}, across the sensor: part of the load goes past it, "
+                    "and no wrench follows from weights alone. Name a frame that carries all of it"
+                )
         self.chain, self.equalities = self._joined()
         self._refuse_kinds(self.chain)
         for one, other, offset in source.mimics():
@@ -197,16 +203,6 @@ class ArmTree:
             return f"couples joints {model.joint(one).name!r} and {other}"
         first, second = (model.body(b).name for b in self._sides(e))
         return f"closes a loop between {first!r} and {second!r}"
-
-    def _refuse_loads_beside(self) -> None:
-        """Refuse a load that is connected to the arm other than through the sensor."""
-        for e in range(self.model.neq):
-            one, two = self._sides(e)
-            if (one in self.behind) != (two in self.behind):
-                raise self._refusal(
-                    f"the file {self._words(e)}, across the sensor: part of the load goes past it, "
-                    "and no wrench follows from weights alone. Name a frame that carries all of it"
-                )
 
     def _joined(self) -> tuple[list[int], list[int]]:
         """Joints from the base to the sensor and those that move with them because of loops, in

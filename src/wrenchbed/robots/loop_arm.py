@@ -108,13 +108,14 @@ class LoopArm(DescribedArm):
         """Random poses (n, J) within the limits of driven and passive joints, where the loops
         close."""
         low, high = self._sampled(self.home)
-        return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self._feasible)
-
-    def _feasible(self, q: np.ndarray) -> np.ndarray:
         links, passive = self.arm_model.links, self._loops.passive
-        low, high = np.array([(links[k].lower, links[k].upper) for k in passive]).T
-        x = self._loops.solved(q)[:, passive]
-        return np.asarray(((x >= low) & (x <= high)).all(axis=1))
+        least, most = np.array([(links[k].lower, links[k].upper) for k in passive]).T
+
+        def feasible(q: np.ndarray) -> np.ndarray:
+            x = self._loops.solved(q)[:, passive]
+            return np.asarray(((x >= least) & (x <= most)).all(axis=1))
+
+        return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), feasible)
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
         """MuJoCo's joint coordinates (N, nq); zeros are in the MJCF's bodies, not in these."""

@@ -128,22 +128,16 @@ def content(path: Path) -> bytes:
     )
 
 
-def _declared(text: str) -> str:
-    """Declare, at the root of an XML text, prefixes of elements that it does not declare, such as
-    Drake's ``<drake:joint>``: MuJoCo reads such files."""
-    for prefix in dict.fromkeys(_PREFIX.findall(text)):
-        if f"xmlns:{prefix}=" not in text:
-            text = re.sub(r"<(robot|mujoco)\b", rf'<\1 xmlns:{prefix}="{prefix}"', text, count=1)
-    return text
-
-
 def _xml(path: Path) -> tuple[str, Element]:
     """Text and root element of a file."""
     try:
         text = content(path).decode()
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
             raise ParameterError(f"{path}: defines entities: leave them out, no robot needs them")
-        text = _declared(text)
+        for prefix in dict.fromkeys(_PREFIX.findall(text)):  # as Drake's <drake:joint>
+            if f"xmlns:{prefix}=" not in text:  # MuJoCo reads files that do not declare it
+                root = rf'<\1 xmlns:{prefix}="{prefix}"'
+                text = re.sub(r"<(robot|mujoco)\b", root, text, count=1)
         return text, ElementTree.fromstring(text)
     except UnicodeDecodeError:
         raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None

@@ -37,8 +37,12 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
     spec, inside = _spec(twin)
     mjcf, outside = folder / f"{robot.name}.xml", folder / "effects.json"
     springs = any(MARK in joint.name for joint in spec.joints)
-    if springs:
-        _weigh_in_full(spec)
+    if springs:  # gravity compensation off, and servos stiffer
+        for body in spec.bodies:
+            body.gravcomp = float(body.name == "base")  # bolted down
+        for servo in spec.actuators:
+            servo.gainprm[0] *= STIFFER
+            servo.biasprm[:3] *= STIFFER
     _stand(spec)
     model = spec.compile()
     read = README.format(robot=robot.name, weights=_IN_FULL if springs else "")
@@ -60,7 +64,11 @@ def exact(xml: str, model: mujoco.MjModel) -> str:
         if element.tag == "body":
             _set_body(element, model, model.body(name).id)
         elif element.tag == "joint" and element.get("type", "hinge") in ("hinge", "slide"):
-            _set_joint(element, model, model.joint(name).id)
+            k = model.joint(name).id
+            at = model.jnt_qposadr[k]
+            element.set("pos", _words(model.jnt_pos[k]))
+            element.set("axis", _words(model.jnt_axis[k]))
+            element.set("ref", _words(model.qpos0[at : at + 1]))
         elif element.tag == "site":
             k = model.site(name).id
             element.set("pos", _words(model.site_pos[k]))
@@ -84,13 +92,6 @@ def _set_body(element: ElementTree.Element, model: mujoco.MjModel, k: int) -> No
         inertial.set("diaginertia", _words(model.body_inertia[k]))
 
 
-def _set_joint(element: ElementTree.Element, model: mujoco.MjModel, k: int) -> None:
-    at = model.jnt_qposadr[k]
-    element.set("pos", _words(model.jnt_pos[k]))
-    element.set("axis", _words(model.jnt_axis[k]))
-    element.set("ref", _words(model.qpos0[at : at + 1]))
-
-
 def _words(values: np.ndarray) -> str:
     return " ".join(repr(float(v)) for v in values)
 
@@ -105,15 +106,6 @@ def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
             inside.add(a.effect.name)
     spec = edited(robot, theta, twin.model.gravity, twin.active)
     return spec, inside | {name.partition(MARK)[0] for name in marked(spec)}
-
-
-def _weigh_in_full(spec: mujoco.MjSpec) -> None:
-    """Switch gravity compensation off and stiffen the servos by `STIFFER`, in place."""
-    for body in spec.bodies:
-        body.gravcomp = float(body.name == "base")  # bolted down
-    for servo in spec.actuators:
-        servo.gainprm[0] *= STIFFER
-        servo.biasprm[:3] *= STIFFER
 
 
 def _stand(spec: mujoco.MjSpec) -> None:

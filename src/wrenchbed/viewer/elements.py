@@ -68,11 +68,8 @@ def log_arrows(
     colour: Colour,
     side: float = 0.0,
 ) -> None:
-    """Log wrenches on the sensor (K, 6) in its axes [N, N·m] over the canvas's axis at (K,).
-
-    Args:
-        side: −1 … 1: two arrows that are alike are seen side by side.
-    """
+    """Log wrenches on the sensor (K, 6) in its axes [N, N·m] over the canvas's axis at (K,); by
+    ``side`` −1 … 1 two arrows that are alike are seen side by side."""
     faint = tuple(round(0.5 * c + 0.5 * 255) for c in colour)
     start = motion.sensor + side * _BESIDE_M * motion.rotation[:, :, 0]
     parts = {"force": (0, scale.force, colour), "torque": (3, scale.torque, faint)}

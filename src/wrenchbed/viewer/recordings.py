@@ -28,11 +28,8 @@ from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 def recording_view(
     recording: Recording, path: str | Path, files: Sequence[str | Path] = ()
 ) -> None:
-    """Write the view of a recording; the last of some fits and twins is compared with it.
-
-    Args:
-        path: of the ``.rrd``.
-        files: fit.json or twin.json, at most three.
+    """Write the view of a recording to an ``.rrd``; the last of at most three files, fit.json or
+    twin.json, is compared with it.
 
     Raises:
         ParameterError: a file is no fit or twin of this robot.

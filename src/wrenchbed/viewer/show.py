@@ -38,11 +38,7 @@ def command(file: str | Path, *, port: int = PORT) -> list[str]:
 
 
 def show(file: str | Path, *, port: int = PORT) -> None:
-    """Show a file in a viewer until its window is closed.
-
-    Args:
-        file: to show.
-        port: of its data.
+    """Show a file in a viewer, with its data on a port, until its window is closed.
 
     Raises:
         ParameterError: there is no screen for a window.
