@@ -178,11 +178,7 @@ class _Task:
 
     def rehearsed(self, chosen: Chosen, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Rms tool errors in the target, (`ROBOTS`,) [m], of robots before and after they run the
-        plan.
-
-        Raises:
-            PlanError: a robot leaves its workspace.
-        """
+        plan; a `PlanError` if one leaves its workspace."""
         results = [self._one(chosen, np.random.default_rng([seed, k])) for k in range(ROBOTS)]
         before, after = np.array(results).T
         if not np.isfinite(after).all():

@@ -97,12 +97,8 @@ class RealTimeDrives:
         return self._past[0]
 
     def step(self, plant: ServoDrivenRobot, q: np.ndarray, qd: np.ndarray) -> None:
-        """Evaluate torques and currents after one control cycle of the plant.
-
-        Args:
-            plant: the simulated body after the cycle.
-            q, qd: joint values and speeds (J,) before the cycle.
-        """
+        """Evaluate torques and currents from the plant after a control cycle, and from joint values
+        and speeds (J,) before it."""
         train, model, data = self.train, plant.model, plant.data
         constant, spring, damper = model.actuator_biasprm[:, :3].T
         given = model.actuator_gainprm[:, 0] * data.ctrl + constant
@@ -166,7 +162,12 @@ class Body:
 
     def __init__(self, options: BodyOptions, cycle: float, surface: Surface | None = None, *,
                  drives: bool = False) -> None:  # fmt: skip
-        robot = self.robot = _robot(options)
+        robot: object = options.robot
+        if isinstance(robot, str):
+            robot = registry.load("robots", robot)
+        if not isinstance(robot, SimulatedRobot):
+            raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
+        self.robot = robot
         self.cycle = cycle
         self.model = Model(robot, tuple(robot.gravity))
         of_drives, others = apart(options.parameters) if drives else ({}, options.parameters)
@@ -229,12 +230,9 @@ class Body:
                 self._sensor_effects.advance(self._rows)
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Readings (n, 6) [N, N·m] and saturated channels (n,), as bits 0 … 5.
-
-        Args:
-            t: times (n,) [s], increasing from call to call; after the newest state that state is
-                read; times before the last call are moved on by a nanosecond each.
-        """
+        """Readings (n, 6) [N, N·m] and saturated channels (n,), as bits 0 … 5, at times (n,) [s]
+        that increase from call to call: after the newest state that state is read; times before the
+        last call are moved on by a nanosecond each."""
         with self._lock:
             t = np.minimum(t, self.newest[1])
             t = np.maximum(t, self._last_read + 1e-9 * np.arange(1, len(t) + 1))
@@ -263,12 +261,3 @@ class Body:
         loads = np.array([row.load for row in recent])
         load = np.stack([np.interp(t, times, loads[:, k]) for k in range(6)], axis=-1)
         return self.model.read(load, self.theta)
-
-
-def _robot(options: BodyOptions) -> SimulatedRobot:
-    robot: object = options.robot
-    if isinstance(options.robot, str):
-        robot = registry.load("robots", options.robot)
-    if not isinstance(robot, SimulatedRobot):
-        raise NotFoundError(f"robot {options.robot!r} has no MuJoCo model to simulate")
-    return robot

@@ -125,9 +125,11 @@ class SensorWithEffects:
         now = rows[-1]
         self._calm = self._calm + 1 if np.abs(now.qd).max() < STILL else 0
         if self._calm >= _CALM_CYCLES:
-            if not self._resting:
-                self._arrive(now)
-            elif now.t > self._knots[-1]:
+            if not self._resting and self._departure is not None:
+                self._playback.forget(_REMEMBERED)
+                self._playback.way((self._departure[0], now.t), self._departure[1], now.q)
+            if not self._resting or now.t > self._knots[-1]:
+                self._resting = True
                 self._rest(now)
             return
         if self._resting:
@@ -153,13 +155,6 @@ class SensorWithEffects:
         self._times = np.append(self._times, t)
         seed = self._playback.seed + 7919 * self._epoch
         return self._twin.corrupt(self._since, self._times, seed)[-len(rows) :]
-
-    def _arrive(self, now: SensorRow) -> None:
-        if self._departure is not None:
-            self._playback.forget(_REMEMBERED)
-            self._playback.way((self._departure[0], now.t), self._departure[1], now.q)
-        self._resting = True
-        self._rest(now)
 
     def _rest(self, now: SensorRow) -> None:
         """Compute ahead the readings of the robot at rest; a surface pushes as it does now."""

@@ -64,11 +64,7 @@ def modelled(recording: Recording) -> bool:
 
 
 def robot_of(recording: Recording) -> SimulatedRobot:
-    """The recording's robot.
-
-    Raises:
-        ParameterError: it has no model that could be shown.
-    """
+    """The recording's robot; a `ParameterError` if it has no model that could be shown."""
     name = recording.metadata.robot
     robot = registry.load("robots", name) if registry.is_known("robots", name) else None
     if not isinstance(robot, SimulatedRobot) or not recording.joints:

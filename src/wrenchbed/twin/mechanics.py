@@ -157,8 +157,7 @@ class Mechanism:
     """One robot with the joints that effects add, compiled in MuJoCo.
 
     Args:
-        robot: the robot.
-        theta: its parameters (P,), with the effects on them.
+        theta: parameters of the robot (P,), with the effects on them.
         gravity: in world axes (3,) [m/s²].
         active: effects; those that MuJoCo can carry are written into the model.
     """
@@ -199,13 +198,10 @@ class Mechanism:
         )
 
     def balance(self, q: Value, coming: np.ndarray) -> np.ndarray:
-        """Positions of the added joints in balance (M, E) [rad or m].
+        """Positions of the added joints in balance (M, E) [rad or m] at joint values (M, J), jets
+        in motion; ``coming`` (M, J) is the direction in which each joint last moved.
 
         Springs by the fixed point e ← e + force/k; joints with backlash by the force in its middle.
-
-        Args:
-            q: joint values (M, J), jets in motion.
-            coming: direction in which each joint last moved (M, J).
         """
         give = np.zeros((len(value(q)), len(self._added)))
         if not self._added:
@@ -258,13 +254,8 @@ class Mechanism:
         )
 
     def _settle_play(self, give: np.ndarray, force: np.ndarray, coming: np.ndarray) -> None:
-        """Move each added joint with backlash to where the force on it pushes it, in place.
-
-        Args:
-            give: positions of the added joints (M, E) [rad or m]; those with backlash are written.
-            force: on each added joint in the middle of its backlash (M, E) [N·m or N].
-            coming: direction in which each joint of the robot last moved (M, J).
-        """
+        """Write into ``give`` (M, E) [rad or m] where each added joint with backlash is pushed by
+        the force (M, E) [N·m or N] that acts in its middle; ``coming``: see `balance`."""
         for k, a in enumerate(self._added):
             if a.half is not None:
                 give[:, k] = a.side(force[:, k], coming)

@@ -35,11 +35,7 @@ _LOAD = ("tool.mass", *(f"tool.cog.{a}" for a in "xyz"))
 
 
 def is_of_servos(path: str | Path) -> bool:
-    """Whether a JSON file is a fit of commands (position servos).
-
-    Raises:
-        ExportError: it is no JSON file.
-    """
+    """Whether a JSON file is a fit of commands (position servos)."""
     raw = checked.load(path, ExportError)
     return isinstance(raw, dict) and raw.get("channels") == "command"
 

@@ -29,11 +29,7 @@ PICTURE = "diagnosis.rrd"
 
 
 def command(file: str | Path, *, port: int = PORT) -> list[str]:
-    """Command line of rerun's viewer for a file.
-
-    Raises:
-        MissingExtraError: rerun is not installed.
-    """
+    """Command line of rerun's viewer for a file."""
     return [str(_binary()), "--bind", HOST, "--port", str(port), str(file)]
 
 

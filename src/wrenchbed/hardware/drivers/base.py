@@ -221,11 +221,8 @@ class Driver(Device, ABC):
         self._stop(kind)
 
     def recover(self, unlock: bool = False) -> None:
-        """Clear what can be cleared after a stop or a fault; nothing moves.
-
-        Args:
-            unlock: also clear a stop by which the robot protected itself, or a drive's fault:
-                somebody has looked at the robot.
+        """Clear what can be cleared after a stop or a fault, with ``unlock`` also a stop by which
+        the robot protected itself, or a drive's fault: somebody has looked at it. Nothing moves.
 
         Raises:
             SafetyStopError: it protected itself, and ``unlock`` is False.

@@ -78,12 +78,8 @@ def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
 
 
 def check_ready(health: Health) -> None:
-    """Raise the error of a device whose health is not ok.
-
-    Raises:
-        StoppedError: the robot stopped or is in fault.
-        LinkError: it is silent or gone.
-    """
+    """Raise the error of a device whose health is not ok: `StoppedError` if the robot stopped or is
+    in fault, `LinkError` if it is silent or gone."""
     if health.state in ("stopped", "fault"):
         raise StoppedError(health.detail)
     if not health.ok:

@@ -85,11 +85,7 @@ class BoardQueries:
         raise LinkError("the sensor's board sends another matrix each time")
 
     def row(self, axis: int) -> tuple[float, ...]:
-        """A row of the active matrix, 0 … 5 for Fx … Tz.
-
-        Raises:
-            LinkError: the board does not answer.
-        """
+        """A row of the active matrix, 0 … 5 for Fx … Tz; a `LinkError` without an answer."""
         parts = dict(self._collect(frames.MATRIX, bytes([axis]), 3))
         if sorted(parts) != [2, 3, 4]:
             raise LinkError("the sensor's board sent a matrix row in pieces that do not fit")
@@ -180,11 +176,8 @@ class GaugeBoard(Transducer):
         self._link = link
 
     def poll(self) -> None:
-        """Request one reading; nothing happens before `connect` and after `close`.
-
-        Raises:
-            LinkError: the bus is gone.
-        """
+        """Request one reading; nothing happens before `connect` and after `close`. A `LinkError` if
+        the bus is gone."""
         if self._link is not None and self._running:
             now = time.monotonic()
             self._doubt_after_silence(now)

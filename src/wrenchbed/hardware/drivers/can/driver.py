@@ -40,11 +40,7 @@ _STUCK = (*IN_FAULT, DriveStatus.QUICK_STOP, DriveStatus.ENABLED)
 
 
 class CanDriver(LiveDriver):
-    """MedRUE on a CAN bus.
-
-    Args:
-        options: of bus, drives and sensor.
-    """
+    """MedRUE on a CAN bus, by options of bus, drives and sensor."""
 
     name = "can"
     title = "MedRUE: CiA 402 drives and ATI NETCANOEM on one CAN bus"
@@ -264,7 +260,12 @@ class CanDriver(LiveDriver):
         cycle, link = self._cycle, self._link
         if cycle is None or link is None:
             return Health("lost", "the CAN bus is not open: call recover()")
-        counters = self._counters(cycle, link)
+        counters = {
+            "cycles": float(cycle.cycles), "incomplete": float(cycle.incomplete),
+            "overruns": float(cycle.overruns), "clipped": float(self._setpoints.clipped),
+            "error frames": float(link.error_frames), "odd frames": float(link.failures),
+            "queue full": float(link.full), "bus_load": self.setting.bus_load,
+        } | (self._network.counters if self._network else {})  # fmt: skip
         if link.dead:
             return Health("lost", f"CAN bus: {link.dead}", counters)
         if cycle.latched is not None:
@@ -276,14 +277,6 @@ class CanDriver(LiveDriver):
         """Age of the drives' newest answers [s]."""
         answers = None if self._cycle is None else self._cycle.answers
         return np.inf if answers is None else time.monotonic() - answers.t
-
-    def _counters(self, cycle: Cycle, link: CanLink) -> dict[str, float]:
-        return {
-            "cycles": float(cycle.cycles), "incomplete": float(cycle.incomplete),
-            "overruns": float(cycle.overruns), "clipped": float(self._setpoints.clipped),
-            "error frames": float(link.error_frames), "odd frames": float(link.failures),
-            "queue full": float(link.full), "bus_load": self.setting.bus_load,
-        } | (self._network.counters if self._network else {})  # fmt: skip
 
     def _running(self) -> Cycle:
         if self._cycle is None:

@@ -82,11 +82,8 @@ def broken(status: int) -> bool:
 
 
 def decode(data: bytes) -> np.ndarray:
-    """Records (n,) of complete datagrams: ``rdt``, ``ft``, ``status`` and ``counts`` (6,) of each.
-
-    Raises:
-        DriverError: not an integer number of records.
-    """
+    """Records (n,) of complete datagrams: ``rdt``, ``ft``, ``status`` and ``counts`` (6,) of each;
+    a `DriverError` if they are no whole number."""
     if len(data) % SIZE:
         raise DriverError(f"{len(data)} bytes are no whole number of RDT records")
     return np.frombuffer(data, dtype=_RECORD)
