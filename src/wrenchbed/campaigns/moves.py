@@ -92,19 +92,15 @@ def itinerary(
         via = [q] if among is None else among.way(here, q, where)
         seconds = 0.0
         for end in via:
-            _check(robot, limits, here, end, where)
+            path = straight(here, end)
+            if bad := robot.infeasible(path, robot.parameters.nominal):
+                why = next(iter(bad.values()))
+                raise PlanError(f"{where}: on the straight way to this pose {why}")
+            limits.check_path(robot, path, f"{where}: on the way to this pose")
             seconds += duration(robot, here, end, limits.speed)
             here = end
         legs.append(Leg(row, tuple(via), seconds))
     return tuple(legs)
-
-
-def _check(robot: Robot, limits: Limits, start: np.ndarray, end: np.ndarray, where: str) -> None:
-    path = straight(start, end)
-    bad = robot.infeasible(path, robot.parameters.nominal)
-    if bad:
-        raise PlanError(f"{where}: on the straight way to this pose {next(iter(bad.values()))}")
-    limits.check_path(robot, path, f"{where}: on the way to this pose")
 
 
 @dataclass(frozen=True)

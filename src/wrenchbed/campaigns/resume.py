@@ -57,10 +57,8 @@ def retries(driver: Driver, error: DriverError) -> Retries:
     if sample is not None:
         if sample.safety not in _HARMLESS or sample.mode == "fault":
             return Retries.NEVER
-        at_work = (
-            ("running",) if sample.program else ("running", "idle")
-        )  # drives idle when stopped
-        if arm.state == "stopped" and sample.mode not in at_work:
+        at_rest = sample.mode == "idle" and not sample.program  # drives idle when stopped
+        if arm.state == "stopped" and sample.mode != "running" and not at_rest:
             return Retries.NEVER
     unread = arm.state != "stopped" and not driver.health().ok
     return Retries.LINK if unread or isinstance(error, LinkError) else Retries.STOPPED

@@ -264,20 +264,17 @@ class _Run:
                 if failed:
                     self.driver.recover(unlock=False)
                     leg = self._legs([leg.row], self.driver.position())[0]
-                self._go(leg)
+                for q in leg.via[:-1]:
+                    self.driver.move(q).wait()
+                if self.plan.points is None:
+                    self.driver.move(leg.via[-1]).wait()
+                else:
+                    self.driver.touch(leg.via[-1], self.plan.points[leg.row])
+                self.driver.settle()
                 return self._hold(leg.row, segment, writer, taken)
             except DriverError as error:
                 remedy = "go on: `record … --resume" if writer.rows else "begin anew: `record …"
                 self._failed(f"pose {leg.row}", error, failed, TRIES, remedy)
-
-    def _go(self, leg: Leg) -> None:
-        for q in leg.via[:-1]:
-            self.driver.move(q).wait()
-        if self.plan.points is None:
-            self.driver.move(leg.via[-1]).wait()
-        else:
-            self.driver.touch(leg.via[-1], self.plan.points[leg.row])
-        self.driver.settle()
 
     def _hold(
         self, row: int, segment: int, writer: RecordingWriter, taken: list[np.ndarray]

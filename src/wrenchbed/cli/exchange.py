@@ -177,23 +177,19 @@ def export(
     if [to, mjcf, mcap].count(None) != 2:
         raise ParameterError("give --to FORMAT, --mjcf for a twin or --mcap for a recording")
     if mcap is not None:
-        _export_log(file, mcap, force, as_json)
+        from wrenchbed.data.logs import write_mcap
+
+        console.check_out(mcap, Kind.LOG, file, force=force)
+        recording = wb.Recording.read(file)
+        keeping(mcap, partial(write_mcap, recording))
+        text = f"exported {len(recording):,} rows → {mcap}"
+        console.answer({"mcap": str(mcap), "rows": len(recording)}, as_json, text)
     elif mjcf is not None:
         _export_model(file, mjcf, as_json)
     else:
         if out is None:
             raise ParameterError(f"export --to {to} needs --out, a file")
         _export_numbers(str(to), file, out, numbers, as_json)
-
-
-def _export_log(file: Path, mcap: Path, force: bool, as_json: bool) -> None:
-    from wrenchbed.data.logs import write_mcap
-
-    console.check_out(mcap, Kind.LOG, file, force=force)
-    recording = wb.Recording.read(file)
-    keeping(mcap, partial(write_mcap, recording))
-    text = f"exported {len(recording):,} rows → {mcap}"
-    console.answer({"mcap": str(mcap), "rows": len(recording)}, as_json, text)
 
 
 def _export_model(file: Path, mjcf: Path, as_json: bool) -> None:

@@ -47,10 +47,7 @@ _ZEROED = 25
 
 
 class Hand:
-    """Computes joint targets that lead the tip of a nominal robot.
-
-    Args:
-        robot: at its home pose.
+    """Computes joint targets that lead the tip of a nominal robot, from its home pose on.
 
     Attributes:
         q: joint targets (J,).
@@ -73,7 +70,11 @@ class Hand:
         At a limit of the joints or of the workspace the robot stops.
         """
         if self._gone >= _FAR or self._age >= _OFTEN:
-            self._linearise()
+            rotation, tip, jacobian = self._slopes()
+            error = np.concatenate([self.tip - tip, _vector(self.orientation @ rotation.T)])
+            self._back, self._age, self._gone = error / _CORRECTED, 0, 0.0
+            square = jacobian @ jacobian.T + _DAMPING * np.eye(6)
+            self._inverse = jacobian.T @ np.linalg.inv(square)
         twist = self._back.copy() if self._age < _CORRECTED else np.zeros(6)
         twist[:3] += shift
         new = self.q + self._inverse @ twist
@@ -85,14 +86,6 @@ class Hand:
         self.q, self.tip = new, self.tip + shift
         self._age, self._gone = self._age + 1, self._gone + length
         return np.asarray(line)
-
-    def _linearise(self) -> None:
-        """Evaluate the Jacobian here, and the error of the last moves."""
-        rotation, tip, jacobian = self._slopes()
-        error = np.concatenate([self.tip - tip, _vector(self.orientation @ rotation.T)])
-        self._back, self._age, self._gone = error / _CORRECTED, 0, 0.0
-        square = jacobian @ jacobian.T + _DAMPING * np.eye(6)
-        self._inverse = jacobian.T @ np.linalg.inv(square)
 
     def _blocked(self, new: np.ndarray, length: float) -> bool:
         """Whether a target (J,) is out of reach; far from the edge one look ahead is enough."""

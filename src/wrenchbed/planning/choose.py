@@ -11,7 +11,6 @@ from wrenchbed.errors import PlanError
 from wrenchbed.planning.criteria import INDICES, InverseTrace
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.robots.base import Robot, SimulatedRobot
-from wrenchbed.robots.motion_limits import minimum_jerk
 from wrenchbed.simulation.closed_form import Model
 
 BASE_PERIOD_S = 10.0
@@ -118,7 +117,7 @@ def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
         raise PlanError(f"a motion takes at least {2 * _FADE_S + 1:.0f} s at 10 Hz or more")
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate
-    fade = minimum_jerk(np.clip(np.minimum(t, t[-1] - t) / _FADE_S, 0.0, 1.0))
+    fade = _smooth(np.minimum(t, t[-1] - t) / _FADE_S)
     reach = np.array([_REACH_M if j.unit == "m" else _REACH for j in robot.joints])
     top = np.array([j.speed for j in robot.joints]) * _SPEED_SHARE
     for _ in range(50):
@@ -139,3 +138,8 @@ def _wave(t: np.ndarray, joints: int, rng: np.random.Generator) -> np.ndarray:
     weight = rng.uniform(0.3, 1.0, (HARMONICS, joints))
     turn = 2 * np.pi * t[:, None] / BASE_PERIOD_S
     return np.asarray(sum(weight[k] * np.sin((k + 1) * turn + phase[k]) for k in range(HARMONICS)))
+
+
+def _smooth(share: np.ndarray) -> np.ndarray:
+    s = np.clip(share, 0.0, 1.0)
+    return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))

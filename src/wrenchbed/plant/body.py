@@ -62,13 +62,11 @@ class RealTimeDrives:
     """Computes what the drives of a robot report, cycle by cycle.
 
     Args:
-        robot: which one.
-        theta: its true parameters (P,).
+        theta: true parameters of the robot (P,).
         given: true parameters of the drives where they differ from nominal.
         effects: texts of the drives' faults, and of all other effects: those of the robot's own
             parameters change its weight.
         noise: ``real``, ``white`` or ``off``.
-        seed: of the noise.
         cycle: period [s].
         behind: cycles after which a state is reported.
     """

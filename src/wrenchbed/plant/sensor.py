@@ -98,12 +98,8 @@ class SensorRow(NamedTuple):
 
 
 class SensorWithEffects:
-    """A sensor with effects, fed one control cycle at a time.
-
-    Args:
-        playback: the robot with its effects.
-        touching: whether the tool may press on a surface.
-    """
+    """A sensor with effects, fed one control cycle at a time; ``touching`` if the tool may press on
+    a surface."""
 
     def __init__(self, playback: Playback, touching: bool = False) -> None:
         self._playback, self._twin, self._touching = playback, playback.twin, touching

@@ -33,15 +33,7 @@ from wrenchbed.simulation.drives.faults import faults_apart
 
 
 class MujocoPlant(Body):
-    """The plant that an emulator asks for, simulated in MuJoCo.
-
-    Args:
-        options: of the emulator.
-        request: of the emulator.
-
-    Raises:
-        NotFoundError, ParameterError: as `Body` does.
-    """
+    """The plant that an emulator asks for, simulated in MuJoCo; raises as `Body` does."""
 
     def __init__(self, options: "EmulatorOptions", request: PlantRequest) -> None:
         body = BodyOptions(

@@ -118,12 +118,7 @@ def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
 
 
 class Playback:
-    """Makes a twin's readings pose by pose, with the memory of earlier poses.
-
-    Args:
-        twin: the robot with its effects.
-        seed: of the effects' random parts.
-    """
+    """Makes a twin's readings pose by pose, with the memory of earlier poses."""
 
     def __init__(self, twin: Twin, seed: int) -> None:
         self.twin, self.seed = twin, seed

@@ -36,7 +36,12 @@ def recording_view(
         MissingExtraError: rerun is not installed.
     """
     if not files and not modelled(recording):
-        _readings_alone(recording, path)
+        (at, axis), about = _over(recording), [stream.document("/report", "about")]
+        with to_file(
+            path, stream.page(stream.channels("wrench", (axis, at)), about, axis), axis
+        ) as canvas:
+            log_channels(canvas, "wrench", at, {"measured": recording.wrench})
+            _log_words(canvas, recording, (), "there are none without a model of the robot")
         return
     known = simulators(recording, files)
     robot, best = robot_of(recording), known[-1]
@@ -62,15 +67,6 @@ def recording_view(
         log_channels(canvas, "residual", at, {"residual": residual}, [RESIDUAL])
         log_joints(canvas, at, q, robot.joints)
         _log_words(canvas, recording, known, scale.sentence)
-
-
-def _readings_alone(recording: Recording, path: str | Path) -> None:
-    """Write the view of a robot without a model: its sensor's readings alone."""
-    at, axis = _over(recording)
-    left, right = stream.channels("wrench", (axis, at)), [stream.document("/report", "about")]
-    with to_file(path, stream.page(left, right, axis), axis) as canvas:
-        log_channels(canvas, "wrench", at, {"measured": recording.wrench})
-        _log_words(canvas, recording, (), "there are none without a model of the robot")
 
 
 def _over(recording: Recording) -> tuple[np.ndarray, str]:

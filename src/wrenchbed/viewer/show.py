@@ -43,19 +43,12 @@ def show(file: str | Path, *, port: int = PORT) -> None:
     """
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ParameterError("there is no screen: write a file with --rrd and open it elsewhere")
-    if _listens(port):
+    with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
         raise DriverError(f"port {port} is taken, perhaps by a viewer that is open: close it")
     with quiet() as environment, contextlib.suppress(KeyboardInterrupt):
         done = subprocess.run(bound(command(file, port=port)), env=environment, check=False)
         if done.returncode not in (0, -signal.SIGINT):
             raise DriverError(f"rerun's viewer ended with code {done.returncode}")
-
-
-def _listens(port: int) -> bool:
-    """Whether a program accepts connections to a port of this machine."""
-    with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
-        return True
-    return False
 
 
 @contextmanager
@@ -93,7 +86,6 @@ def view(
         file: recording or plan in Parquet, folder of a diagnosis, or an ``.rrd`` file.
         against: fit.json and twin.json files whose simulators are compared with the recording.
         rrd: file to write; then nothing is opened.
-        port: of the viewer's data, on 127.0.0.1.
 
     Raises:
         ParameterError: the file cannot be shown, or cannot be compared.

@@ -26,12 +26,7 @@ Window = tuple[str, np.ndarray]
 
 
 class Canvas:
-    """A place to log data for the viewer: once, at a step, or as columns over one timeline.
-
-    Args:
-        stream: of rerun.
-        axis: timeline of `columns`.
-    """
+    """A stream of rerun to log data: once, or as columns over one timeline, its ``axis``."""
 
     def __init__(self, stream: Any, axis: str = TIME) -> None:
         self.stream, self.axis = stream, axis
@@ -102,23 +97,19 @@ def channels(name: str, window: Window, *, residual: bool = False) -> Any:
 
 def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> Any:
     """View of curves that shows all of a window at first."""
-    b = rr.blueprint
-    axis = b.TimeAxis(link=b.components.LinkAxis.Independent, view_range=_all_of(*window))
+    b, (timeline, at) = rr.blueprint, window
+    unit = "seq" if timeline == ROW else "seconds"
+    low, high = (float(at[k]) for k in (0, -1))
+    ends = (int(x) if timeline == ROW else x for x in (low, max(high, low + 1e-3)))
+    start, end = (rr.TimeRangeBoundary.absolute(**{unit: x}) for x in ends)
+    whole = rr.TimeRange(start=start, end=end)
+    axis = b.TimeAxis(link=b.components.LinkAxis.Independent, view_range=whole)
     return b.TimeSeriesView(
         origin=origin,
         name=name,
         axis_x=axis,
         plot_legend=b.PlotLegend(corner=b.Corner2D.RightTop, visible=legend),
     )
-
-
-def _all_of(timeline: str, at: np.ndarray) -> Any:
-    """Time range of the viewer from the first to the last row, or time."""
-    unit = "seq" if timeline == ROW else "seconds"
-    low, high = (float(at[k]) for k in (0, -1))
-    ends = (int(x) if timeline == ROW else x for x in (low, max(high, low + 1e-3)))
-    start, end = (rr.TimeRangeBoundary.absolute(**{unit: x}) for x in ends)
-    return rr.TimeRange(start=start, end=end)
 
 
 def document(origin: str, name: str) -> Any:

@@ -220,10 +220,6 @@ def _calibration(s: np.ndarray) -> np.ndarray:
     return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
 
 
-def _f1(s: np.ndarray) -> np.ndarray:
-    return np.asarray(2 * s[..., 0] / (2 * s[..., 0] + s[..., 1] + s[..., 2]))
-
-
 def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
     """Whether the first subsystem is a true effect's, or that of a rival in a class with one."""
     if not truth.effects:
@@ -304,7 +300,8 @@ METRICS = {
     ),
     "pairs": Metric(
         "two effects: F1", "≥ 85 %",
-        lambda truth, claim: matched(truth, claim) if truth.kind == "pair" else None, _f1,
+        lambda truth, claim: matched(truth, claim) if truth.kind == "pair" else None,
+        lambda s: np.asarray(2 * s[..., 0] / (2 * s[..., 0] + s[..., 1] + s[..., 2])),
     ),
     "where": Metric("first subsystem right", "≥ 97 %", _where),
     "coverage": Metric("90 % intervals hold the truth", "87–93 %", _coverage, ours=True),

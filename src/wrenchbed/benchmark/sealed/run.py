@@ -312,11 +312,8 @@ def run(
 def _remaining(
     entrants: Sequence[Entrant], claims: Path, name: str, recording: str
 ) -> list[Entrant]:
-    """Entrants that have not answered a case, whose recording has a SHA-256.
-
-    Raises:
-        BenchmarkError: one has answered another case of that name.
-    """
+    """Entrants that have not answered a case, whose recording has a SHA-256; a `BenchmarkError` if
+    one has answered another case of that name."""
     remaining = []
     for entrant in entrants:
         path = claims / entrant.name / name / RUN
