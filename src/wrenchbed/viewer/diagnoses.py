@@ -14,7 +14,7 @@ from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import stream
 from wrenchbed.viewer.robot import log_pose, log_shapes, log_world
-from wrenchbed.viewer.stream import Canvas, log_words, to_file
+from wrenchbed.viewer.stream import log_words, to_file
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
@@ -30,7 +30,10 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
     with to_file(path, stream.page(scene, words, timeline=None)) as canvas:
         shares = blame(findings.diagnosis.to_json()) if jointed else {}
         if jointed and isinstance(robot, SimulatedRobot):
-            _log_robot(canvas, robot, shares)
+            log_world(canvas)
+            simulation = Simulation(robot, robot.parameters.nominal)
+            log_shapes(canvas, "world/real", simulation.model, painted(simulation, shares))
+            log_pose(canvas, "world/real", motion(simulation, robot.home[None]))
         log_words(canvas, "report", answers(findings, shares, command))
 
 
@@ -61,11 +64,3 @@ def _claimed(c: Claim) -> str:
     """Markdown of a cause: its probability and all its parameters."""
     sizes = (f"{size.name} {size.value}" for size in c.sizes)
     return f"- {c.names} {c.probability}: {', '.join([text for _, text in c.choices] + [*sizes])}"
-
-
-def _log_robot(canvas: Canvas, robot: SimulatedRobot, shares: Mapping[str, float]) -> None:
-    """Log the robot at home, coloured by the parts' shares."""
-    log_world(canvas)
-    simulation = Simulation(robot, robot.parameters.nominal)
-    log_shapes(canvas, "world/real", simulation.model, painted(simulation, shares))
-    log_pose(canvas, "world/real", motion(simulation, robot.home[None]))

@@ -24,7 +24,7 @@ from wrenchbed.viewer.elements import (
     scale_for,
 )
 from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot
-from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
+from wrenchbed.viewer.stream import ROW, TIME, log_words, to_file
 
 STAY_S = 1.0
 """Shown at a pose whose plan leaves the time to the recorder."""
@@ -34,13 +34,10 @@ _DOT_M, _LINE_M = 0.008, 0.0015
 
 
 def plan_view(plan: Plan, path: str | Path) -> None:
-    """Write the view of a plan.
+    """Write the view of a plan to an ``.rrd``.
 
     Poses are reached from home as a campaign would reach them; a plan that cannot be run is shown
     pose by pose, and why it cannot.
-
-    Args:
-        path: of the ``.rrd``.
 
     Raises:
         ParameterError: the robot has no model.
@@ -65,7 +62,13 @@ def plan_view(plan: Plan, path: str | Path) -> None:
         log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
         log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])
         log_joints(canvas, at, q, robot.joints)
-        _log_marks(canvas, plan, simulation, seen.sensor)
+        canvas.once("world/way", rr.LineStrips3D([seen.sensor], colors=WAY, radii=_LINE_M))
+        if plan.mode == "static":
+            rests = motion(simulation, plan.q).sensor
+            canvas.once("world/poses", rr.Points3D(rests, colors=WAY, radii=_DOT_M))
+        if plan.points is not None:
+            touches = rr.Points3D(plan.points, colors=SIMULATED, radii=_DOT_M)
+            canvas.once("world/touches", touches)
         log_words(canvas, "report", _words(plan, at, blocked, scale.sentence))
 
 
@@ -86,12 +89,8 @@ def _course(robot: SimulatedRobot, plan: Plan) -> tuple[str, np.ndarray, np.ndar
 def along(
     robot: SimulatedRobot, legs: Sequence[Leg], dwell: np.ndarray, speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (K, J) and times (K,) [s] of a campaign from home: moves, a stay at each pose.
-
-    Args:
-        dwell: stays by row of the plan [s]; `STAY_S` where it is 0.
-        speed: share of the joints' top speed.
-    """
+    """Joint values (K, J) and times (K,) [s] of a campaign from home: moves at a share ``speed`` of
+    the joints' top speed, a stay at each pose (by row of the plan [s]; `STAY_S` where it is 0)."""
     here, now = np.asarray(robot.home, dtype=float), 0.0
     q, at = [here], [now]
     for leg in legs:
@@ -105,16 +104,6 @@ def along(
         q.append(here)
         at.append(now)
     return np.array(q), np.array(at)
-
-
-def _log_marks(canvas: Canvas, plan: Plan, simulation: Simulation, way: np.ndarray) -> None:
-    """Log the sensor's way, its rests, and the points that the tip shall touch."""
-    canvas.once("world/way", rr.LineStrips3D([way], colors=WAY, radii=_LINE_M))
-    if plan.mode == "static":
-        rests = motion(simulation, plan.q).sensor
-        canvas.once("world/poses", rr.Points3D(rests, colors=WAY, radii=_DOT_M))
-    if plan.points is not None:
-        canvas.once("world/touches", rr.Points3D(plan.points, colors=SIMULATED, radii=_DOT_M))
 
 
 def _words(plan: Plan, at: np.ndarray, blocked: str, scale: str) -> str:

@@ -71,7 +71,11 @@ def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyM
     log_world(canvas)
     simulation = Simulation(robot, robot.parameters.nominal)
     log_shapes(canvas, "world/real", simulation.model)
-    log_motion(canvas, "world/real", at, real)
+    for k, name in enumerate(real.names):
+        where = rr.Transform3D.columns(
+            translation=real.position[:, k], quaternion=real.quaternion[:, k]
+        )
+        canvas.columns(f"world/real/{name}", at, where)
 
 
 def log_shapes(
@@ -83,15 +87,6 @@ def log_shapes(
     """Log the shapes of all bodies, with bench and floor, under ``root/<body>``; see `shape`."""
     for name, body in bodies(model).items():
         canvas.once(f"{root}/{name}/shape", shape(model, body, paint))
-
-
-def log_motion(canvas: Canvas, root: str, at: np.ndarray, motion: BodyMotion) -> None:
-    """Log where each body is, over the canvas's axis at (K,)."""
-    for k, name in enumerate(motion.names):
-        where = rr.Transform3D.columns(
-            translation=motion.position[:, k], quaternion=motion.quaternion[:, k]
-        )
-        canvas.columns(f"{root}/{name}", at, where)
 
 
 def log_pose(canvas: Canvas, root: str, motion: BodyMotion) -> None:

@@ -229,7 +229,10 @@ def make(
     kind = kind_of(seed, number, wrench)
     robot = robots[int(rng.integers(len(robots)))]
     setting = world.draw_setting(robot, rng)
-    family = _family(kind, number, wrench)
+    names = {"none": ("none",), "single": tuple(FAMILIES), "outside": tuple(OUTSIDE)}[kind]
+    if wrench and kind == "single" and number % 2:  # the wrench shows tool and base
+        names = tuple(n for n in names if not n.startswith(("drive.", "link.")))
+    family = names[(number // 2 if wrench else number) % len(names)]  # they take turns
     if family == "drive.temperature":
         setting = world.warmed(setting, rng.uniform(*WARMING), rng)
     if kind == "none":
@@ -256,14 +259,6 @@ def _counted(
     if kind == "single":
         return gap, classed(fault, gap, gaps)
     return gap, (fault.name,) if min(gaps.values()) >= IMITATED else ()
-
-
-def _family(kind: str, number: int, wrench: bool) -> str:
-    """Family of faults of a case: families take turns by its number."""
-    names = {"none": ("none",), "single": tuple(FAMILIES), "outside": tuple(OUTSIDE)}[kind]
-    if wrench and kind == "single" and number % 2:  # the wrench shows tool and base
-        names = tuple(n for n in names if not n.startswith(("drive.", "link.")))
-    return names[(number // 2 if wrench else number) % len(names)]
 
 
 def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool) -> Recording:

@@ -52,28 +52,6 @@ def write_recording(recording: Recording, path: Path) -> None:
         os.utime(file.fileno(), (EPOCH, EPOCH))
 
 
-def forget_times(folder: Path) -> None:
-    """Rewrite all files of a folder in the order of their names, and give them one time stamp.
-
-    Creation times in the file system would show which cases took longer to make: the hard ones.
-    """
-    for path in sorted(folder.iterdir()):
-        write_bytes(path, path.read_bytes())
-    for path in (*folder.iterdir(), folder):
-        os.utime(path, (EPOCH, EPOCH))
-
-
-def check_separate(out: Path, answers: Path) -> None:
-    """Refuse folders that are the same or hold each other.
-
-    Raises:
-        BenchmarkError: they are, or do.
-    """
-    a, b = out.resolve(), answers.resolve()
-    if a == b or a in b.parents or b in a.parents:
-        raise BenchmarkError(f"{answers}: answers must lie apart from the cases in {out}")
-
-
 @dataclass(frozen=True)
 class Commitment:
     """SHA-256 of a recording's file and of its answer's file."""
@@ -113,7 +91,11 @@ def commit(
     data = (json.dumps(document, indent=1) + "\n").encode()
     write_bytes(out / COMMITMENTS, data)
     write_bytes(answers / FAMILY, family(about, digest(data)))
-    forget_times(out)
+    # creation times in the file system would show which cases took longer to make: the hard ones
+    for path in sorted(out.iterdir()):
+        write_bytes(path, path.read_bytes())
+    for path in (*out.iterdir(), out):
+        os.utime(path, (EPOCH, EPOCH))
     return digest(data)
 
 

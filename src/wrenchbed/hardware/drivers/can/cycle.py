@@ -123,9 +123,7 @@ class Rest:
 
     def moving(self, answers: CycleAnswers | None) -> np.ndarray:
         """Which joints move (J,), by their newest answers."""
-        return (
-            np.zeros(len(self._slow), bool) if answers is None else np.abs(answers.qd) > self._slow
-        )
+        return (np.zeros_like(self._slow) if answers is None else np.abs(answers.qd)) > self._slow
 
     def reached(self, answers: CycleAnswers | None) -> bool:
         """Whether all axes stand still: by their answers, or by a silence in which all stop."""
@@ -225,20 +223,17 @@ class Cycle:
         if service == ids.TPDO1:
             self._answer(drive, data)
         elif service == ids.EMCY:
-            self._emergency(drive, data)
+            bare = drive.trouble(enabled=False) if not drive.error else None
+            drive.take_emergency(data)
+            trouble = drive.trouble(enabled=False)
+            if trouble is not None and self.want is not Want.RESET:
+                if self.latched is not None and self.latched == bare:
+                    self.latched = trouble  # the state came first, the reason later
+                self.halt(*trouble)
         elif service == ids.HEARTBEAT:
             for other in self.drives:
                 other.others += 1
             drive.take_heartbeat(data)
-
-    def _emergency(self, drive: DriveState, data: bytes) -> None:
-        bare = drive.trouble(enabled=False) if not drive.error else None
-        drive.take_emergency(data)
-        trouble = drive.trouble(enabled=False)
-        if trouble is not None and self.want is not Want.RESET:
-            if self.latched is not None and self.latched == bare:
-                self.latched = trouble  # the state came first, the reason later
-            self.halt(*trouble)
 
     def _answer(self, drive: DriveState, data: bytes) -> None:
         if not drive.take_answer(data):
@@ -271,24 +266,20 @@ class Cycle:
         gc.freeze()  # else a collection of all that a large program holds takes some 200 ms
         try:
             self._keep_time()
-        except Exception as error:
-            self._fail(error)
+        except Exception as error:  # a drive that does not receive the stop stops by its watchdog
+            words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+            self._running = False
+            with self._lock:
+                self.latched = "lost", f"the cyclic exchange broke off ({words}): call recover()"
+                self.want, self.following = Want.QUICK_STOP, False
+            with contextlib.suppress(Exception):
+                for drive in self.drives:
+                    word = struct.pack("<Hi", QUICK_STOP, drive.position)
+                    self._link.send(ids.RPDO1 + drive.node, word)
+                self._link.send(SYNC, b"")
         finally:
             gc.unfreeze()
             sys.setswitchinterval(before)
-
-    def _fail(self, error: Exception) -> None:
-        """End the exchange by a quick stop; a drive that misses it stops by its watchdog."""
-        words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        self._running = False
-        with self._lock:
-            self.latched = "lost", f"the cyclic exchange broke off ({words}): call recover()"
-            self.want, self.following = Want.QUICK_STOP, False
-        with contextlib.suppress(Exception):
-            for drive in self.drives:
-                word = struct.pack("<Hi", QUICK_STOP, drive.position)
-                self._link.send(ids.RPDO1 + drive.node, word)
-            self._link.send(SYNC, b"")
 
     def _keep_time(self) -> None:
         due = time.monotonic()

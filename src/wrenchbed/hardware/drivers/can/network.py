@@ -90,12 +90,8 @@ class Drives:
         self._link.leave(self._received)
 
     def configure(self, nodes: Sequence[int]) -> None:
-        """Make drives ready for the cyclic exchange and start them.
-
-        Raises:
-            LinkError: one does not answer.
-            DriverError: one lacks what is needed; the message names it.
-        """
+        """Make drives ready for the cyclic exchange and start them; raises as `read` does, and
+        where one lacks what is needed."""
         for node in nodes:
             self._command(PRE_OPERATIONAL, node)
         for node in nodes:
