@@ -42,11 +42,7 @@ class Leg:
 
 
 def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
-    """Refuse a plan that the robot cannot run, before it moves.
-
-    Raises:
-        PlanError: names the row.
-    """
+    """Refuse a plan that the robot cannot run, before it moves; a `PlanError` names the row."""
     robot = driver.robot
     if plan.robot != robot.name:
         raise PlanError(f"{plan.name}: the plan is for robot {plan.robot!r}, not {robot.name!r}")

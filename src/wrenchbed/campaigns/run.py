@@ -64,11 +64,8 @@ class RunSettings:
     limits: LiveLimits | None = None
 
     def of(self, driver: Driver, plan: Plan) -> tuple[float, bool, bool]:
-        """Values for a driver and a plan: sampling rate [Hz], revisit and clear.
-
-        Raises:
-            PlanError: a rate that does not suit the plan, or no positive rate or samples.
-        """
+        """Values for a driver and a plan: sampling rate [Hz], revisit and clear; a `PlanError` for
+        a rate that does not suit the plan, or no positive rate or samples."""
         rate = self.rate
         if plan.mode == "dynamic" and plan.rate_hz is not None and rate not in (None, plan.rate_hz):
             text = f"this motion is sampled at {plan.rate_hz:g} Hz, not {rate:g}"

@@ -102,11 +102,8 @@ class Fleet:
         self.model_robot()
 
     def model_robot(self) -> SimulatedRobot:
-        """The robot as its nominal model.
-
-        Raises:
-            ParameterError: it has no model that could be simulated.
-        """
+        """The robot as its nominal model; a `ParameterError` if it has no model that could be
+        simulated."""
         robot = registry.load("robots", self.robot)
         if not isinstance(robot, SimulatedRobot):
             raise ParameterError(f"robot {self.robot!r} has no model to simulate")
@@ -134,11 +131,8 @@ def varied(model: Model) -> tuple[int, ...]:
 
 
 def draw(fleet: Fleet, k: int, model: Model, q: np.ndarray) -> np.ndarray:
-    """Draw true parameters (P,) of robot k, uniform within tolerances, that reach q (N, J).
-
-    Raises:
-        ParameterError: no robot within tolerance reaches them all.
-    """
+    """Draw true parameters (P,) of robot k, uniform within tolerances, that reach q (N, J); a
+    `ParameterError` if no robot within tolerance reaches them all."""
     if "parameters" not in fleet.vary:
         return np.array(model.parameters.nominal)
     rng, robot = fleet.rng(k, "parameters"), fleet.model_robot()

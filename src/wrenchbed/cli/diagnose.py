@@ -187,11 +187,8 @@ def _diagnose_wrench(
 
 
 def material_of(text: str) -> Material:
-    """Read the sizes that are material from text such as ``0.2N,0.01N·m,0.1mm``.
-
-    Raises:
-        ParameterError: something else than a force, a torque and a length above 0, each once.
-    """
+    """Read the sizes that are material from text such as ``0.2N,0.01N·m,0.1mm``; a `ParameterError`
+    for something else than a force, a torque and a length above 0, each once."""
     from wrenchbed.diagnosis.prepare.prepared import Material
 
     parts = text.replace(" ", "").split(",")

@@ -202,11 +202,7 @@ def write_bytes(path: str | Path, data: bytes) -> None:
 
 
 def write_json(path: str | Path, content: Any) -> None:
-    """Write a JSON file, atomically.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
+    """Write a JSON file, atomically; a `ValueError` if a number is not finite."""
     write_text(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 

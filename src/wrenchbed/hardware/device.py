@@ -72,11 +72,8 @@ def only_here(host: str) -> bool:
 
 
 def connected(host: str, port: int, timeout: float) -> socket:
-    """A TCP connection to a host within a time [s].
-
-    Raises:
-        OSError: there is none, also where ``host`` can be no name of a host.
-    """
+    """A TCP connection to a host within a time [s]; an `OSError` if there is none, also where
+    ``host`` can be no name of a host."""
     try:
         return create_connection((host, port), timeout)
     except UnicodeError as error:

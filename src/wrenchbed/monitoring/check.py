@@ -136,11 +136,8 @@ def choose(robot: Robot) -> Plan:
 
 
 def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
-    """Judge the last check of a history.
-
-    Raises:
-        CalibrationError: the load of the first check since the baseline cannot be identified.
-    """
+    """Judge the last check of a history; a `CalibrationError` if the load of the first check since
+    the baseline cannot be identified."""
     judged = _judged(robot, checks)
     start = max(k for k, c in enumerate(checks) if k == 0 or c.baseline)
     series, n = History(robot, checks[start:]), len(checks) - start

@@ -117,11 +117,8 @@ def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
 
 
 def time_of(recording: Recording) -> datetime:
-    """Time that a recording states for itself.
-
-    Raises:
-        HistoryError: it states no time of ISO 8601 with a zone.
-    """
+    """Time that a recording states for itself; a `HistoryError` if it states no time of ISO 8601
+    with a zone."""
     extra = recording.metadata.extra
     text = (extra.get(_STATED) or {}).get("time") or extra.get("started")
     if text is None:
@@ -130,11 +127,7 @@ def time_of(recording: Recording) -> datetime:
 
 
 def parse_time(text: str, where: str) -> datetime:
-    """Parse a time of ISO 8601 to UTC.
-
-    Raises:
-        HistoryError: it is none, or has no zone.
-    """
+    """Parse a time of ISO 8601 to UTC; a `HistoryError` if it is none, or has no zone."""
     try:
         time = datetime.fromisoformat(text)
     except ValueError:
@@ -199,11 +192,8 @@ def _digest(*parts: bytes) -> str:
 
 
 def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
-    """Refuse a new check whose time contradicts this machine's clock or the last check.
-
-    Raises:
-        HistoryError: names the recording and the remedy.
-    """
+    """Refuse a new check whose time contradicts this machine's clock or the last check; a
+    `HistoryError` names the recording and the remedy."""
     clock, last = f"this machine's clock shows {_day(now)}", checks[-1] if checks else None
     if last is not None and last.time > now:
         remedy = "it was set back. Set it right and check again"
@@ -215,11 +205,8 @@ def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
 
 
 def continues(before: Sequence[Check], check: Check) -> None:
-    """Refuse a check that does not continue those before it.
-
-    Raises:
-        HistoryError: the same readings again, or another sensor.
-    """
+    """Refuse a check that does not continue those before it; a `HistoryError` for the same readings
+    again, or another sensor."""
     for old in before:
         if old.recording_digest == check.recording_digest:
             raise HistoryError(f"holds the readings of {old.recording}: it was checked already")

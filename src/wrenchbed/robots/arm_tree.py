@@ -143,11 +143,8 @@ class ArmTree:
         )  # fmt: skip
 
     def held(self, allowed: bool) -> list[str]:
-        """Names of joints that are neither on the way to the sensor nor behind it.
-
-        Raises:
-            ParameterError: they are a second arm, and that is not ``allowed``.
-        """
+        """Names of joints that are neither on the way to the sensor nor behind it; a
+        `ParameterError` if they are a second arm, and that is not ``allowed``."""
         depth, names = 0, list[str]()
         for body in sorted(set(range(self.model.nbody)) - self.behind):
             series = [

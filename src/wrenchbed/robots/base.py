@@ -115,11 +115,8 @@ class Robot(ArmBodies):
         return theta[: len(self.parameters)]
 
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R_world_tool (…, N, 3, 3) and the tool tip's position in the world (…, N, 3) [m].
-
-        Raises:
-            NotFoundError: the model of this robot has no tool tip.
-        """
+        """R_world_tool (…, N, 3, 3) and the tool tip's position in the world (…, N, 3) [m]; a
+        `NotFoundError` if the model of this robot has no tool tip."""
         raise NotFoundError(f"robot {self.name!r} has no tool tip in its model")
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
@@ -175,11 +172,8 @@ class Robot(ArmBodies):
         return dict(zip(self.parameters.names, np.moveaxis(np.asarray(theta), -1, 0), strict=True))
 
     def check(self, q: np.ndarray | Iterable[np.ndarray], theta: np.ndarray, where: str) -> None:
-        """Refuse joint values (N, J), whole or in parts, that the robot cannot take.
-
-        Raises:
-            PlanError: names the first bad row and the number of bad rows.
-        """
+        """Refuse joint values (N, J), whole or in parts, that the robot cannot take; a `PlanError`
+        names the first bad row and the number of bad rows."""
         parts: Iterable[np.ndarray] = [q] if isinstance(q, np.ndarray) else q
         bad, first = dict[int, str](), 0
         for q in parts:

@@ -170,11 +170,8 @@ def read(path: Path) -> FileArm | LoopArm:
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
-    """Make the robot again from what a recording carries, see `FileArm.record`.
-
-    Raises:
-        ParameterError: it is incomplete.
-    """
+    """Make the robot again from what a recording carries, see `FileArm.record`; a `ParameterError`
+    if it is incomplete."""
     try:
         arm = ArmModel.from_json(record["arm"])
     except (KeyError, TypeError, ValueError, AttributeError) as cause:

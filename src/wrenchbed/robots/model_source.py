@@ -52,11 +52,8 @@ class ModelSource:
         return self.root.tag == "robot"
 
     def check_expanded(self) -> None:
-        """Refuse unexpanded xacro.
-
-        Raises:
-            ParameterError: names the element and the command that expands it.
-        """
+        """Refuse unexpanded xacro; a `ParameterError` names the element and the command that
+        expands it."""
         for element in self.root.iter():
             macro = str(element.tag).startswith(_XACRO)
             if macro or any("${" in v or "$(" in v for v in element.attrib.values()):
@@ -67,11 +64,8 @@ class ModelSource:
                 )
 
     def speeds(self) -> dict[str, float]:
-        """Top speed of each joint for which a URDF states one above 0, by name [rad/s, m/s].
-
-        Raises:
-            ParameterError: a velocity that is no number.
-        """
+        """Top speed of each joint for which a URDF states one above 0, by name [rad/s, m/s]; a
+        `ParameterError` for a velocity that is no number."""
         joints = self.root.findall("joint")  # a transmission names its joint again
         limits = {joint.get("name", ""): joint.find("limit") for joint in joints}
         stated = {n: x.get("velocity", "0") for n, x in limits.items() if x is not None}

@@ -85,11 +85,8 @@ class Limits:
             raise ParameterError(f"workspace {self.workspace}: each upper bound must be larger")
 
     def check_path(self, robot: Robot, q: np.ndarray, where: str) -> None:
-        """Refuse joint values (N, J) outside joint limits, the solvable region or the workspace.
-
-        Raises:
-            PlanError: names the row.
-        """
+        """Refuse joint values (N, J) outside joint limits, the solvable region or the workspace; a
+        `PlanError` names the row."""
         nominal = robot.parameters.nominal
         robot.check(q, nominal, where)
         if self.workspace is None:
@@ -104,11 +101,8 @@ class Limits:
             )
 
     def check_motion(self, robot: Robot, targets: np.ndarray, rate: float, where: str) -> None:
-        """Refuse a trajectory (N, J) at a rate [Hz] that `check_path` refuses or that is too fast.
-
-        Raises:
-            PlanError: names the row, and its fastest joint.
-        """
+        """Refuse a trajectory (N, J) at a rate [Hz] that `check_path` refuses or that is too fast;
+        a `PlanError` names the row, and its fastest joint."""
         self.check_path(robot, targets, where)
         speed, top = np.abs(np.diff(targets, axis=0)) * rate, top_speeds(robot)
         for row in np.flatnonzero((speed > self.tracking * top * 1.001).any(axis=1))[:1]:
@@ -135,11 +129,7 @@ class Limits:
         return ""
 
     def check_wrench(self, wrench: np.ndarray) -> None:
-        """Refuse a measured load (6,) beyond the limits.
-
-        Raises:
-            LimitError: says which.
-        """
+        """Refuse a measured load (6,) beyond the limits; a `LimitError` says which."""
         force, torque = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
         if self.force is not None and force > self.force:
             raise LimitError(f"measured force {force:.1f} N is above the limit {self.force:g} N")

@@ -247,11 +247,8 @@ def _mounted(pose: Sequence[float]) -> dict[str, float]:
 
 
 def robot_of(recording: Recording) -> Robot:
-    """The robot that a recording names, or `Oriented` for one with orientations only.
-
-    Raises:
-        RecordingError: no such robot, or joint values that it cannot take.
-    """
+    """The robot that a recording names, or `Oriented` for one with orientations only; a
+    `RecordingError` for no such robot, or joint values that it cannot take."""
     name, joints = recording.metadata.robot, len(recording.joints)
     if not joints:
         return ORIENTED

@@ -49,11 +49,8 @@ def colours(model: mujoco.MjModel) -> np.ndarray:
 
 
 def triangles(model: mujoco.MjModel, geom: int) -> np.ndarray:
-    """Surface of a geom in its body's frame: corners (T, 3, 3) [m], anticlockwise from outside.
-
-    Raises:
-        NotFoundError: it is none of plane, box, sphere, ellipsoid, capsule, cylinder, mesh.
-    """
+    """Surface of a geom in its body's frame: corners (T, 3, 3) [m], anticlockwise from outside; a
+    `NotFoundError` if it is none of plane, box, sphere, ellipsoid, capsule, cylinder, mesh."""
     if model.geom_type[geom] == _GEOM.mjGEOM_MESH:
         m = int(model.geom_dataid[geom])
         first, face = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])

@@ -51,11 +51,8 @@ class Simulation:
         return result
 
     def tip(self, q: np.ndarray) -> np.ndarray:
-        """Position of the tool tip in the world (N, 3) [m] at joint values (N, J).
-
-        Raises:
-            NotFoundError: the robot's MJCF has no site ``tcp``.
-        """
+        """Position of the tool tip in the world (N, 3) [m] at joint values (N, J); a
+        `NotFoundError` if the robot's MJCF has no site ``tcp``."""
         site = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, "tcp")
         if site < 0:
             raise NotFoundError(f"robot {self.robot.name!r} has no tool tip in its model")

@@ -37,11 +37,8 @@ class Simulator:
 
 
 def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simulator]:
-    """Simulators of a recording: the configured one, then one for each fit.json or twin.json.
-
-    Raises:
-        ParameterError: a file is no fit or twin, is of another robot, or there are too many.
-    """
+    """Simulators of a recording: the configured one, then one for each fit.json or twin.json; a
+    `ParameterError` if a file is no fit or twin, is of another robot, or there are too many."""
     if len(files) >= MOST:
         raise ParameterError(f"{len(files)} simulators: at most {MOST - 1} can be shown together")
     robot = robot_of(recording)

@@ -43,11 +43,8 @@ def simulate(twin: Twin, recording: Recording, *, noise: str = "off", seed: int 
 
 
 def readings(twin: Twin, recording: Recording) -> np.ndarray:
-    """Readings (N, 6) [N, N·m] of a twin on a recording's motion, without noise.
-
-    Raises:
-        RecordingError: the recording is of another robot, or a motion without an even clock.
-    """
+    """Readings (N, 6) [N, N·m] of a twin on a recording's motion, without noise; a `RecordingError`
+    if the recording is of another robot, or a motion without an even clock."""
     robot = twin.model.robot
     if recording.metadata.robot != robot.name and recording.joints:
         raise RecordingError(

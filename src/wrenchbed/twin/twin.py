@@ -46,20 +46,13 @@ class Twin:
 
     @classmethod
     def read(cls, path: str | Path) -> "Twin":
-        """Read and check ``twin.json``.
-
-        Raises:
-            TwinError: names the file and the field.
-        """
+        """Read and check ``twin.json``; a `TwinError` names the file and the field."""
         return cls.from_json(checked.load(path, TwinError), str(path))
 
     @classmethod
     def from_json(cls, raw: Any, where: str = "twin") -> "Twin":
-        """Twin from a JSON object in the format of twin.json.
-
-        Raises:
-            TwinError: names the field, its value and what is allowed.
-        """
+        """Twin from a JSON object in the format of twin.json; a `TwinError` names the field, its
+        value and what is allowed."""
         fields = checked.Fields(raw, f"{where}: ", TwinError).only(_FIELDS, "a twin")
         if fields.raw.get("format") != FORMAT:
             raise fields.error("format", f"must be {FORMAT}")
@@ -119,11 +112,8 @@ class Twin:
         return {"mass": float(tool.mass), "cog": [float(c) for c in tool.cog]}
 
     def wrench(self, scene: Scene) -> np.ndarray:
-        """Readings (M, 6) [N, N·m] of every row, at rest or in motion, without random parts.
-
-        Raises:
-            TwinError: the scene is of another robot.
-        """
+        """Readings (M, 6) [N, N·m] of every row, at rest or in motion, without random parts; a
+        `TwinError` if the scene is of another robot."""
         if scene.robot is not self.model.robot:
             raise TwinError(
                 f"a twin of {self.model.robot.name!r} cannot do what {scene.robot.name!r} did"

@@ -18,11 +18,8 @@ from wrenchbed.viewer.stream import log_words, to_file
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
-    """Write the view of a diagnosis, with the command that made it.
-
-    Raises:
-        MissingExtraError: rerun is not installed.
-    """
+    """Write the view of a diagnosis, with the command that made it; a `MissingExtraError` if rerun
+    is not installed."""
     robot = findings.analysis.prepared.model.robot
     jointed = isinstance(robot, SimulatedRobot) and findings.analysis.prepared.scene.jointed
     scene = stream.scene(robot.name, "robot, painted by blame") if jointed else None

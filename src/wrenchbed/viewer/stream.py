@@ -44,11 +44,8 @@ class Canvas:
 
 @contextmanager
 def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canvas]:
-    """Yield a canvas, and write its file to ``path`` once the block has ended well.
-
-    Raises:
-        MissingExtraError: rerun is not installed.
-    """
+    """Yield a canvas, and write its file to ``path`` once the block has ended well; a
+    `MissingExtraError` if rerun is not installed."""
     stream = rr.RecordingStream(APP, recording_id=uuid.uuid4())
     written = stream.binary_stream()  # rerun itself reports no disk that is full
     try:

@@ -220,11 +220,8 @@ def kind_of(seed: int, number: int, wrench: bool) -> str:
 def make(
     robots: Sequence[SimulatedRobot], seed: int, number: int, wrench: bool, attempt: int
 ) -> EffortCase:
-    """Draw case ``number`` of a seed.
-
-    Raises:
-        ParameterError: this attempt finds no cause that counts.
-    """
+    """Draw case ``number`` of a seed; a `ParameterError` if this attempt finds no cause that
+    counts."""
     rng = np.random.default_rng([seed, number, int(wrench), attempt])
     kind = kind_of(seed, number, wrench)
     robot = robots[int(rng.integers(len(robots)))]

@@ -174,11 +174,8 @@ class FaultyRobot:
 
     @classmethod
     def of(cls, setting: RefereeSetting, around: Sequence[RefereeFault] = ()) -> "FaultyRobot":
-        """Run the robot of a setting with given faults.
-
-        Raises:
-            ParameterError: the simulation of these faults diverged.
-        """
+        """Run the robot of a setting with given faults; a `ParameterError` if the simulation of
+        these faults diverged."""
         gravity, joints = np.array(setting.robot.gravity, dtype=float), len(setting.robot.joints)
         machine = Mechanics(setting.theta, gravity, np.zeros(joints))
         for fault in around:
@@ -234,11 +231,8 @@ class FaultyRobot:
         return TrueCause(gap, 0.0, fault, signature, other)
 
     def causes(self, kind: str, rng: Rng) -> list[TrueCause]:
-        """Draw causes that are large enough, as many as the kind of case has.
-
-        Raises:
-            ParameterError: nothing that was drawn is large enough.
-        """
+        """Draw causes that are large enough, as many as the kind of case has; a `ParameterError` if
+        nothing that was drawn is large enough."""
         if kind == "none":
             return []
         if kind == "outside":
@@ -363,11 +357,8 @@ class RefereeCase:
 
 
 def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
-    """Draw a case, which depends on its seed alone.
-
-    Raises:
-        ParameterError: nothing that was drawn is large enough, or the robot exists in no simulator.
-    """
+    """Draw a case, which depends on its seed alone; a `ParameterError` if nothing that was drawn is
+    large enough, or the robot exists in no simulator."""
     rng = np.random.default_rng([*seed, frame.KINDS.index(kind)])
     world, minor = robot_with_minor(robot, mode, seed, rng)
     return as_case(kind, world, world.causes(kind, rng), minor, rng)

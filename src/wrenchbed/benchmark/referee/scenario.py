@@ -263,11 +263,8 @@ def _coordinates(
 
 
 def draw(robot: SimulatedRobot, mode: str, rng: Rng) -> RefereeSetting:
-    """Draw the stated numbers and the path of a recording.
-
-    Raises:
-        ParameterError: no feasible motion was found.
-    """
+    """Draw the stated numbers and the path of a recording; a `ParameterError` if no feasible motion
+    was found."""
     nominal = robot.tool(robot.parameters.nominal)
     mass = float(np.round(nominal.mass * np.exp(rng.uniform(-0.5, 0.4)), 3))
     cog = np.round(nominal.cog * rng.uniform(0.8, 1.25) + rng.normal(0.0, 0.006, 3), 4)

@@ -71,11 +71,8 @@ def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
 
 
 def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0) -> Lesson:
-    """Diagnose a look-alike, and note what was claimed with what probability and what was true.
-
-    Raises:
-        DiagnosisError: its data are refused.
-    """
+    """Diagnose a look-alike, and note what was claimed with what probability and what was true; a
+    `DiagnosisError` if its data are refused."""
     weighed = weigh(gathered(recording(design, case)), UNLEARNT, 0)
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
     mode = a.prepared.scene.mode

@@ -105,11 +105,7 @@ def family(about: Mapping[str, object], root: str | None) -> bytes:
 
 
 def read(cases: Path) -> dict[str, Commitment]:
-    """Read the commitments by case.
-
-    Raises:
-        BenchmarkError: the file is missing or broken.
-    """
+    """Read the commitments by case; a `BenchmarkError` if the file is missing or broken."""
     path = cases / COMMITMENTS
     try:
         raw = parsed(path.read_bytes(), f"{path}:", BenchmarkError)
@@ -165,11 +161,7 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
 
 
 def read_answer(path: Path) -> Answer:
-    """Read an answer's file.
-
-    Raises:
-        BenchmarkError: it is not one.
-    """
+    """Read an answer's file; a `BenchmarkError` if it is not one."""
     try:
         raw: dict[str, Any] = load(path, BenchmarkError)
         if raw["format"] != FORMAT:

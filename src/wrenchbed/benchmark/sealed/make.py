@@ -92,11 +92,8 @@ class Family:
         return asdict(self) | ({"world": self.world} if self.world else {})
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
-        """Answer and recording of one case, without its name and salt.
-
-        Raises:
-            ParameterError: this attempt finds none.
-        """
+        """Answer and recording of one case, without its name and salt; a `ParameterError` if this
+        attempt finds none."""
         kind = self.kinds()[index]
         case = referee.make(self.robot, self.mode, kind, (self.seed, index, attempt))
         facts = tuple(
@@ -117,11 +114,8 @@ class Family:
         return answer, case.recording
 
     def found(self, index: int) -> tuple[Answer, Recording]:
-        """Answer and recording of one case, of the first of ``tries`` attempts that makes one.
-
-        Raises:
-            ParameterError: no attempt does.
-        """
+        """Answer and recording of one case, of the first of ``tries`` attempts that makes one; a
+        `ParameterError` if no attempt does."""
         answer, rows = attempts(self.tries, lambda k: self.case(index, k), ParameterError)
         name = self.names()[index]
         return replace(answer, case=name, salt=salt(self.seed, name)), rows

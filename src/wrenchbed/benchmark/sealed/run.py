@@ -108,11 +108,8 @@ class Entrant:
 
     @classmethod
     def of(cls, method: str) -> "Entrant":
-        """``diagnose``, the name of a baseline, or a command.
-
-        Raises:
-            ParameterError: an empty command.
-        """
+        """``diagnose``, the name of a baseline, or a command; a `ParameterError` for an empty
+        command."""
         if method == OURS or method in BASELINES:
             return cls(method)
         known = f"give {OURS}, {', '.join(BASELINES)} or a command"

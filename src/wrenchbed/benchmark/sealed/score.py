@@ -121,11 +121,8 @@ def _probability(value: Any) -> float:
 
 
 def entrants(claims: Path, main: str | None = None) -> list[str]:
-    """Names of the entrants in a folder of claims, the main one first.
-
-    Raises:
-        BenchmarkError: there is none, or not the one that was asked for.
-    """
+    """Names of the entrants in a folder of claims, the main one first; a `BenchmarkError` if there
+    is none, or not the one that was asked for."""
     names: list[str] = []
     if claims.is_dir():
         names = sorted(f.name for f in claims.iterdir() if f.is_dir() and f.name[0] != ".")

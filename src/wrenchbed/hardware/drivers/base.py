@@ -263,11 +263,8 @@ class Driver(Device, ABC):
         return self._sample(n, rate)
 
     def track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Follow joint values (N, J), one a sample, and yield the measured rows.
-
-        Raises:
-            PlanError: the trajectory leaves limits, the solvable region or the joints' speed.
-        """
+        """Follow joint values (N, J), one a sample, and yield the measured rows; a `PlanError` if
+        the trajectory leaves limits, the solvable region or the joints' speed."""
         self._check_active()
         self.limits.check_motion(self.robot, targets, rate, "trajectory")
         yield from self._track(targets, rate)

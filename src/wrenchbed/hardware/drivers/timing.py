@@ -63,11 +63,8 @@ class Resampler:
         self._clock.add(t - self._first, arm.t - self._origin)
 
     def rows(self, most: int) -> list[EvenRow]:
-        """The next rows that lie between states, at most ``most``.
-
-        Raises:
-            LinkError: two states are too far apart to interpolate.
-        """
+        """The next rows that lie between states, at most ``most``; a `LinkError` if two states are
+        too far apart to interpolate."""
         states = list(self._states)
         times = np.array([controller_time(state) for state in states]) - self._first
         due = self._period * np.arange(self._count, self._count + most)

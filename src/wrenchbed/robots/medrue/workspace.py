@@ -139,11 +139,8 @@ def reachable(
 
 
 def touch_poses(robot: Robot, points: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (T, 6) at ``points`` (K, 3) in up to 30 orientations, and their points (T,).
-
-    Raises:
-        WrenchbedError: no point is in reach.
-    """
+    """Joint values (T, 6) at ``points`` (K, 3) in up to 30 orientations, and their points (T,); a
+    `WrenchbedError` if no point is in reach."""
     rng = np.random.default_rng(seed)
     which = np.repeat(np.arange(len(points)), 30)
     rotation, _ = random_poses(len(which), rng)

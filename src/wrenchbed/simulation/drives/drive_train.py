@@ -165,11 +165,8 @@ class DriveParameters:
         return cls(coulomb, viscous, np.zeros(len(holding)), rigid.rotor, constant)
 
     def changed(self, given: Mapping[str, float]) -> "DriveParameters":
-        """Copy with new values by name, ``drive.coulomb.2``: joints count from 1.
-
-        Raises:
-            ParameterError: there is no such name, or the value is impossible.
-        """
+        """Copy with new values by name, ``drive.coulomb.2``: joints count from 1; a
+        `ParameterError` if there is no such name, or the value is impossible."""
         result = {f.name: np.array(getattr(self, f.name), dtype=float) for f in fields(self)}
         known = [f"{PREFIX}{kind}.{j + 1}" for kind in result for j in range(len(self.coulomb))]
         for name, value in given.items():

@@ -62,11 +62,7 @@ class CanLink:
         self._listeners = tuple(one for one in self._listeners if one != heard)
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Send a data frame.
-
-        Raises:
-            LinkError: the bus is gone or takes nothing.
-        """
+        """Send a data frame; a `LinkError` if the bus is gone or takes nothing."""
         if self.dead:
             raise LinkError(f"CAN bus: {self.dead}")
         message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)

@@ -110,11 +110,8 @@ class Drives:
         return self.optional(node, 0x603F) or 0
 
     def rated(self, node: int) -> float:
-        """Rated torque [N·m or N] of a drive, or its rated current [A] if recordings keep currents.
-
-        Raises:
-            DriverError: it does not report it.
-        """
+        """Rated torque [N·m or N] of a drive, or its rated current [A] if recordings keep currents;
+        a `DriverError` if it does not report it."""
         return self.read(node, _EFFORTS[self._options.effort][1]) * 1e-3
 
     @property

@@ -58,11 +58,8 @@ def master(base: int, nodes: Sequence[int]) -> int:
 
 
 def check(base: int, nodes: Sequence[int]) -> None:
-    """Refuse impossible node ids, and a sensor whose ids collide with theirs.
-
-    Raises:
-        ParameterError: names an id, both of its users, and the remedy.
-    """
+    """Refuse impossible node ids, and a sensor whose ids collide with theirs; a `ParameterError`
+    names an id, both of its users, and the remedy."""
     different = len(set(nodes)) == len(nodes) and all(1 <= node <= MOST_NODE for node in nodes)
     _need(different, f"nodes {tuple(nodes)}: give different numbers from 1 to {MOST_NODE}")
     _need(0 <= base <= 0x7F, f"base 0x{base:X} must be 0 … 0x7F")
