@@ -81,8 +81,8 @@ class Urdf(Export):
 
 
 def read_urdf(path: str | Path) -> str:
-    """Read the text of a URDF; an `ExportError` names it if there is no such file, it is too large, or
-    no UTF-8."""
+    """Read the text of a URDF; an `ExportError` names it if it is missing, too large or no
+    UTF-8."""
     try:
         with Path(path).open("rb") as file:
             data = file.read(_LARGEST + 1)

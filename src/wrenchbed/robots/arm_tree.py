@@ -203,11 +203,8 @@ class ArmTree:
 
     def _joined(self) -> tuple[list[int], list[int]]:
         """Joints from the base to the sensor and those that move with them because of loops, in
-        MuJoCo's order, and the equalities that close the loops. Those behind the sensor are held.
-
-        Raises:
-            ParameterError: an equality of the arm is no ``connect``.
-        """
+        MuJoCo's order, and the equalities that close the loops. Those behind the sensor are held; a
+        `ParameterError` if an equality of the arm is no ``connect``."""
         joints, equalities = set(self._above[self._end]), set[int]()
         while True:
             reached = set()

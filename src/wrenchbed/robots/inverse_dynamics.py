@@ -21,11 +21,8 @@ def torque_regressor(
     robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.ndarray
 ) -> np.ndarray:
     """Y (N, J, 10 L) with torques (N, J) = Y φ [N·m, N for slides] of joint values, speeds and
-    accelerations (N, J) under gravity in world axes (3,) [m/s²].
-
-    Raises:
-        NotFoundError: the model of the robot has no frames of links.
-    """
+    accelerations (N, J) under gravity in world axes (3,) [m/s²]; a `NotFoundError` if the model of
+    the robot has no frames of links."""
     starts = range(0, len(q.v), _ROWS_AT_ONCE)
     parts = [_regressor(robot, theta, q[k : k + _ROWS_AT_ONCE], gravity) for k in starts]
     return np.concatenate(parts)

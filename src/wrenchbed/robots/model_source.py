@@ -84,12 +84,8 @@ class ModelSource:
         }
 
     def mimics(self) -> list[tuple[str, str, float]]:
-        """Names of each joint of a URDF that mimics another one, of that one, and its offset
-        [rad, m].
-
-        Raises:
-            ParameterError: an offset that is no number.
-        """
+        """Names of each joint of a URDF that mimics another one, of that one, and its offset [rad,
+        m]; a `ParameterError` for an offset that is no number."""
         mimics = [
             (joint.get("name", ""), str(mimic.get("joint")), mimic.get("offset", "0"))
             for joint in (self.root.findall("joint") if self.urdf else ())

@@ -37,11 +37,8 @@ def reliability_at_design(
     at: Recording, count: int, *, seed: int = 0, processes: int = 2, report: Progress = silent
 ) -> Reliability:
     """Learn how often claims are right, from ``count`` look-alikes with the poses, times, sensor
-    and stated numbers of a recording, and from the shipped lessons.
-
-    Raises:
-        DiagnosisError: too few cases, or none of them can be drawn at this design.
-    """
+    and stated numbers of a recording, and from the shipped lessons; a `DiagnosisError` for too
+    few cases, or if none of them can be drawn at this design."""
     if count < LEAST:
         raise DiagnosisError(f"{count} look-alikes are too few: take at least {LEAST}")
     taught: dict[int, Lesson | None] = {}

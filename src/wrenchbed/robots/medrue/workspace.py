@@ -95,11 +95,8 @@ def _orientations(n: int, rng: np.random.Generator) -> np.ndarray:
 
 def pool(robot: Robot, n: int, seed: int, orientations: int = ORIENTATIONS) -> np.ndarray:
     """Joint values (n, 6) of poses over the full workspace: positions spread evenly (Sobol) on
-    three layers, each in several orientations.
-
-    Raises:
-        WrenchbedError: the ranges leave hardly any feasible configuration.
-    """
+    three layers, each in several orientations; a `WrenchbedError` if the ranges leave hardly any
+    feasible configuration."""
     from scipy.stats import qmc  # slow to load: only when it is used
 
     rng = np.random.default_rng(seed)

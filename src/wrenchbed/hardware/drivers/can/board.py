@@ -122,11 +122,8 @@ def in_si(
     raw: np.ndarray, counts: tuple[Any, ...], units: tuple[Any, ...], slot: int
 ) -> np.ndarray:
     """Matrix (6, 6) from gauge counts to N and N·m, made of the matrix (6, 6) that the board holds
-    in a slot, its counts per unit of force and torque, and the codes of both units.
-
-    Raises:
-        DriverError: a matrix, counts or units that make no sense.
-    """
+    in a slot, its counts per unit of force and torque, and the codes of both units; a `DriverError`
+    for a matrix, counts or units that make no sense."""
     usable = np.isfinite(raw).all() and np.abs(raw).max() < 1e12
     if not usable or np.linalg.matrix_rank(raw / max(np.abs(raw).max(), 1e-30)) < 6:
         raise DriverError(f"calibration {slot} of the sensor's board holds no usable matrix")
