@@ -258,8 +258,9 @@ def test_a_page_shows_the_tool_that_its_simulator_has(made, folder, monkeypatch)
     path = folder / "edited.json"
     path.write_text(json.dumps(fit | {"tool": {"mass": "one"}, "parameters": "nonsense"}))
     assert simulators(recording, [path])[1].fitted
-    (_, mass), (_, place) = recording_page(recording, [path], "").context["tool"]
-    assert mass == f"{fit['tool']['mass']:.4g} kg" and place.endswith(" mm")
+    page = recording_page(recording, [path], "").html()
+    assert f"<b>mass</b> {fit['tool']['mass']:.4g} kg" in page
+    assert re.search(r"<b>centre of gravity</b> \([^)]+\) mm", page)
 
 
 @pytest.mark.parametrize("digits", [400, 5_000])
