@@ -18,7 +18,7 @@ import numpy as np
 
 from wrenchbed.campaigns import resume
 from wrenchbed.campaigns.moves import Leg, LiveLimits, check, itinerary, live_limits
-from wrenchbed.campaigns.resume import POSE, STARTED, Before, Hold, Retries
+from wrenchbed.campaigns.resume import POSE, STARTED, Hold, Retries
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import POINT
 from wrenchbed.data.writer import RecordingWriter
@@ -173,7 +173,13 @@ class _Run:
         self.driver.activate()
         with RecordingWriter(self.path, self.metadata, CUT if self.resume else "~") as writer:
             if old is not None:
-                self._continue(old, writer)
+                here = float(self.driver.sample(1, self.rate)["t"][-1])
+                if old.columns:
+                    writer.append(old.columns)
+                    self.t = float(old.columns["t"][-1])
+                self.shift = max(old.elapsed, self.t + 1.0) - here  # times go on
+                self.first = old.first(int(plan.segment[0]))
+                self.progress(len(old.poses))
             for leg in legs[: len(rows)]:
                 hold = self._visit(leg, int(plan.segment[leg.row]), writer)
                 self.first = hold if leg.row == 0 else self.first
@@ -306,13 +312,3 @@ class _Run:
                 WrenchbedWarning,
                 stacklevel=2,
             )
-
-    def _continue(self, old: Before, writer: RecordingWriter) -> None:
-        """Copy the complete poses of the stopped run; times continue its own."""
-        here = float(self.driver.sample(1, self.rate)["t"][-1])
-        if old.columns:
-            writer.append(old.columns)
-            self.t = float(old.columns["t"][-1])
-        self.shift = max(old.elapsed, self.t + 1.0) - here
-        self.first = old.first(int(self.plan.segment[0]))
-        self.progress(len(old.poses))

@@ -134,8 +134,12 @@ def _usage() -> str:
         "Testbed for force-sensing robots: plan, record, calibrate, diagnose.", "",
     ]  # fmt: skip
     for verb, (module, function) in _VERBS.items():
-        text = " ".join(_summary(f"wrenchbed.cli.{module}", function).split())
-        first, *more = textwrap.wrap(text, _COLUMNS - indent)
+        spec = find_spec(f"wrenchbed.cli.{module}")
+        assert spec is not None and spec.origin is not None  # the verb's own module
+        tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))  # it is not imported
+        node = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
+        text = (ast.get_docstring(node) or "").partition("\n\n")[0]
+        first, *more = textwrap.wrap(" ".join(text.split()), _COLUMNS - indent)
         lines += [f"  {verb:{indent - 2}}{first}", *(" " * indent + line for line in more)]
     lines += [
         "",
@@ -143,15 +147,6 @@ def _usage() -> str:
         "wrenchbed --version     prints the version",
     ]
     return "\n".join(lines)
-
-
-def _summary(module: str, function: str) -> str:
-    """First paragraph of a function's docstring, read from its source without importing it."""
-    spec = find_spec(module)
-    assert spec is not None and spec.origin is not None  # the verb's own module
-    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-    node = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
-    return (ast.get_docstring(node) or "").partition("\n\n")[0]
 
 
 def prepare() -> None:

@@ -17,7 +17,6 @@ from wrenchbed.errors import ParameterError
 
 if TYPE_CHECKING:
     from wrenchbed.benchmark.sealed.make import Family
-    from wrenchbed.pages.document import Document
 _PUBLISH = "publish with the cases: SHA-256 of commitments.json"
 
 
@@ -143,18 +142,14 @@ def score(
     page = report.page(result, console.command())
     page.write(folder, "score")
     written = f"score → {folder}; SHA-256 of the commitments {result.root}"
-    console.answer(page.summary, as_json, _score_table(page), written)
-
-
-def _score_table(page: "Document") -> Group:
-    """Table of the figures of a score: targets, the judged entrant and the next one."""
     figures = page.sections[0].parts[0]
     assert not hasattr(figures, "svg")
     table = console.table("", *(f">{head}" for head in figures.columns[1:5]))
     for row in figures.rows:
         table.add_row(*row[:5])
     cards = [Text(f"{c.label}: {c.figure}. {c.text}") for c in page.cards]
-    return Group(Text(page.title, style="bold"), Text(page.lead), *cards, "", table)
+    shown = Group(Text(page.title, style="bold"), Text(page.lead), *cards, "", table)
+    console.answer(page.summary, as_json, shown, written)
 
 
 def blind() -> None:

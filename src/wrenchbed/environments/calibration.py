@@ -147,7 +147,10 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         super().reset(seed=seed)
         if seed is not None or not len(self.pool):
             self.pool = self.robot.sample(self._size, self.np_random)
-            self._unread = knowledge(self.model, self.pool, self._row_std())
+            octaves = np.log(max(self.budget * RATE_HZ / self.samples, np.e))  # between poses
+            white, slow = np.asarray(self._noise.white), np.asarray(self._noise.flicker)
+            std = np.sqrt(white**2 / self.samples + slow**2 * octaves)
+            self._unread = knowledge(self.model, self.pool, std)
         self.theta = self._random_parameters()
         theta = self.robot.robot_theta(self.theta)
         self.simulation = Simulation(self.robot, theta, self.model.gravity)
@@ -190,13 +193,6 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
             if not self.robot.infeasible(self.pool, theta[:count]):
                 return theta
         return np.array(self.model.parameters.nominal)
-
-    def _row_std(self) -> np.ndarray:
-        """Standard deviation of a reading's mean (6,): its white part, and the 1/f noise between
-        poses."""
-        octaves = np.log(max(self.budget * RATE_HZ / self.samples, np.e))
-        white, slow = np.asarray(self._noise.white), np.asarray(self._noise.flicker)
-        return np.sqrt(white**2 / self.samples + slow**2 * octaves)
 
     def _read(self) -> np.ndarray:
         """Simulate a reading with noise by MuJoCo: the mean of its rows (6,) [N, N·m]."""

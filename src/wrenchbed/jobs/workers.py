@@ -55,7 +55,6 @@ def in_workers(
     Args:
         work: a module-level function of one item.
         finished: called in this process with each item and its result, in the order they end.
-        count: processes.
         setup: called once in each process with ``shared``.
 
     Raises:
@@ -73,11 +72,8 @@ def in_workers(
 def workers(
     count: int, setup: Callable[..., None] | None = None, *shared: Any
 ) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of processes that end on an error or an interrupt.
-
-    Args:
-        count: processes, at least one.
-        setup: called once in each process with ``shared``.
+    """Yield a pool of processes that end on an error or an interrupt; ``setup`` is called once in
+    each of them with ``shared``.
 
     Raises:
         ShortageError: this process may open too few files, or share no memory.

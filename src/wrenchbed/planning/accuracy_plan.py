@@ -237,16 +237,12 @@ def reach(
     progress: Callable[[int], None] = lambda _: None,
     **changes: Any,
 ) -> Mix:
-    """Plan few measurements after which the rms error in the target is below ``accuracy``.
+    """Plan few measurements after which the rms error in the target is below ``accuracy`` [m].
 
     Greedy growth, exchange with one fewer as long as that suffices, then one more as long as a
     rehearsal of the nonlinear fit asks for it: a local optimum, not a proven minimum. Every
     candidate parameter of the robot and the sensor's bias are unknown within tolerance.
-
-    Args:
-        robot: with a tool tip and a target workspace.
-        accuracy: wanted [m].
-        progress: called with the number of measurements as the plan grows.
+    ``progress`` gets the number of measurements as the plan grows.
 
     Raises:
         PlanError: a number makes no sense, or `_MOST` measurements are not enough.

@@ -40,15 +40,11 @@ _UNUSED = ("sensors", "actuators", "tendons", "skins", "keys", "excludes", "pair
 def read_arm(
     path: Path, frame: str, hold_others: bool = False
 ) -> tuple[ArmModel, list[str], list[str]]:
-    """The arm between a file's base and one of its frames.
+    """Read the arm between the base of MJCF or URDF and a site, body, link or fixed frame, where
+    the sensor sits; with ``hold_others`` another arm stays at its home instead of being refused.
 
-    Args:
-        path: MJCF or URDF.
-        frame: a site, body, link or fixed frame: where the sensor sits.
-        hold_others: keep another arm of the file at its home instead of refusing it.
-
-    Returns:
-        The arm, names of joints off the chain, which stay at home, and what the user should know.
+    Returns the arm, names of joints off the chain, which stay at home, and what the user should
+    know.
 
     Raises:
         ParameterError: the file is no model, or its arm is none that can be computed; says why.

@@ -96,11 +96,7 @@ class CompiledForm:
 
     def _of_one(self, theta: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
         """Packed `constants` of one parameter vector, cached: they take longer than one pose's
-        wrench.
-
-        Args:
-            unit: of a tool of 1 kg at the sensor's origin instead of the robot's.
-        """
+        wrench; if ``unit`` of a tool of 1 kg at the sensor's origin instead of the robot's."""
         key = theta.tobytes(), sensed, unit
         constants = self._kept.get(key)
         if constants is None:
@@ -208,12 +204,8 @@ class Model:
         return np.concatenate([force[..., 0, :], load[..., 3:]], axis=-1) + bias
 
     def predict(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Reading (N, 6) [N, N·m] at joint values (N, J), at rest or, for jets, in motion.
-
-        Args:
-            q: joint values, or orientations of a robot without a model.
-            theta: parameters (P,).
-        """
+        """Reading (N, 6) [N, N·m] at joint values (N, J), or orientations of a robot without a
+        model, at rest or, for jets, in motion; theta are parameters (P,)."""
         compiled = self._compiled.readings(q, theta, sensed=True)
         return self.read(self.plain_wrench(q, theta), theta) if compiled is None else compiled
 

@@ -42,14 +42,11 @@ class IdentifiedRobot:
 def as_the_paper(
     setting: StudySetting, q: np.ndarray, wrench: np.ndarray, stop: float = _STOP
 ) -> IdentifiedRobot:
-    """Identify by unweighted normal equations with scaled columns: Section 4.2, Eqs. 24–30.
+    """Identify from measured means (n, 6) [N, N·m] at configurations (n, 6), by unweighted normal
+    equations with scaled columns: Section 4.2, Eqs. 24–30.
 
-    NaN where the iteration left the region in which the five-bars close.
-
-    Args:
-        q: configurations (n, 6).
-        wrench: measured means (n, 6) [N, N·m].
-        stop: RMS change of the parameters at which the iteration ends.
+    It ends at an RMS change ``stop`` of the parameters. NaN where it left the region in which the
+    five-bars close.
     """
     model, columns, units = setting.model, list(setting.columns), setting.units
     theta, change = setting.theta.copy(), np.inf

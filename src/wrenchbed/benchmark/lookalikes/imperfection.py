@@ -37,11 +37,8 @@ def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def preisach(signal: np.ndarray, rng: Rng, reach: float, relays: int = 96) -> np.ndarray:
     """Hysteresis (T, C) of signals (T, C), about ±1 wide at its widest, without its linear part.
 
-    Relays (centre, half width) are spread at random over the signal's range: the loop's shape
-    differs from draw to draw.
-
-    Args:
-        reach: mean half width of the relays in units of half the signal's range.
+    Relays (centre, half width) are spread at random over the signal's range, with a mean half width
+    of ``reach`` in units of half that range: the loop's shape differs from draw to draw.
     """
     low, high = signal.min(axis=0), signal.max(axis=0)
     middle, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, 1e-12)

@@ -255,13 +255,10 @@ def run(
     limit: float = 300.0,
     report: Progress = silent,
 ) -> dict[str, int]:
-    """Let entrants answer the cases that they have not answered; return how often each one failed.
+    """Let entrants answer the cases that they have not answered, within a limit [s] of one entrant
+    on one case; return how often each one failed.
 
-    Args:
-        cases: folder of recordings and commitments.
-        claims: folder to write; ``CLAIMS/ENTRANT/CASE/diagnosis.json``.
-        limit: of one entrant on one case [s].
-        report: called with the number of further cases that are done.
+    Answers are written to ``CLAIMS/ENTRANT/CASE/diagnosis.json``.
 
     Raises:
         BenchmarkError: a case is missing or was changed, or two entrants bear one name.

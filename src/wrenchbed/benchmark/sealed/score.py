@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.benchmark.scoring.truth_and_claims import OURS, CaseRow, Claim, Oracle
+from wrenchbed.benchmark.scoring.truth_and_claims import OURS, CaseRow, Claim
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
@@ -185,12 +185,9 @@ def score(
         said = {m: read(claims / n / name, sealed[name].recording) for m, n in methods}
         unclaimed += not (claims / names[0] / name).is_dir()
         if truth.oracle is not None:
-            said[ORACLE] = _certain(truth.oracle)
+            known = truth.oracle
+            first = "|".join(known.causes[0]) if known.causes else known.verdict
+            said[ORACLE] = Claim(known.verdict, known.causes, {first: 1.0})
         rows.append(CaseRow(truth, said))
     root = commitments.digest((cases / commitments.COMMITMENTS).read_bytes())
     return Score(names[0], tuple(names[1:]), tuple(rows), root, unclaimed)
-
-
-def _certain(oracle: Oracle) -> Claim:
-    first = "|".join(oracle.causes[0]) if oracle.causes else oracle.verdict
-    return Claim(oracle.verdict, oracle.causes, {first: 1.0})

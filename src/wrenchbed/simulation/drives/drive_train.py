@@ -149,12 +149,8 @@ class DriveParameters:
 
     @classmethod
     def nominal(cls, rigid: JointTorques, holding: np.ndarray) -> "DriveParameters":
-        """Default parameters of a robot's drives, by its tables or, without, by its weight.
-
-        Args:
-            rigid: the robot; its friction stands in the tables here or in its MJCF.
-            holding: largest torques that hold its weight (J,): default friction is a share of them.
-        """
+        """Default parameters of a robot's drives, by the tables here or its MJCF or, without, by
+        the largest torques that hold its weight (J,): friction is a share of them."""
         name, likely = rigid.robot.name, np.maximum(_SHARE * holding, _LEAST)
         coulomb = np.where(rigid.coulomb > 0.0, rigid.coulomb, likely)
         viscous = np.where(rigid.viscous > 0.0, rigid.viscous, _PER_SPEED * likely)
@@ -219,14 +215,11 @@ class DriveTrain:
         )
 
     def torques(self, t: np.ndarray, q: Jet, rigid: np.ndarray | None = None) -> np.ndarray:
-        """Torques of the motors (N, J) [N·m or N], as drives with nominal constants report them.
+        """Torques of the motors (N, J) [N·m or N], as drives with nominal constants report them, at
+        times (N,) [s] and joint values with speeds and accelerations (N, J).
 
-        Calls must follow each other in time: some faults have memory.
-
-        Args:
-            t: times (N,) [s].
-            q: joint values with speeds and accelerations (N, J).
-            rigid: of the rigid body (N, J) where already known.
+        Calls must follow each other in time: some faults have memory. Torques of the rigid body
+        (N, J) are computed unless they are given.
         """
         p = self.parameters
         rigid = self.rigid.of(q) if rigid is None else rigid
@@ -291,14 +284,8 @@ class ReportedEfforts:
     def columns(
         self, t: np.ndarray, q: Jet, targets: np.ndarray, rate: float
     ) -> dict[str, np.ndarray]:
-        """Columns (N,) by name for rows that follow each other in time.
-
-        Args:
-            t: times (N,) [s].
-            q: joint values with speeds and accelerations (N, J).
-            targets: of the joint values (N, J).
-            rate: rows a second [Hz].
-        """
+        """Columns (N,) by name for rows that follow each other in time at a rate [Hz], of times
+        (N,) [s], joint values with speeds and accelerations, and their targets, (N, J) each."""
         train = self._train
         if self._stream is None:
             self._stream = EffortNoise(train, self._noise, self._seed, rate)

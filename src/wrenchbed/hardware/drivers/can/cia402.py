@@ -175,10 +175,8 @@ class DriveState:
     def trouble(self, enabled: bool) -> Problem | None:
         """State of health and reason if the drive must not move; None if it may.
 
-        Args:
-            enabled: it should follow targets.
-
-        A drive that is gone is ``lost``; one that stopped because of silence is ``stopped``.
+        A drive that is gone is ``lost``; one that stopped because of silence, or does not follow
+        targets where it should (``enabled``), is ``stopped``.
         """
         name = f"drive {self.node}"
         if self.error and self.error not in SILENCE:

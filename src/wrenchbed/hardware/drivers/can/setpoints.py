@@ -84,20 +84,16 @@ class TimedTargets:
         self._rate = min(self._rate + growth, 1.0 + haste, braking)
         self._lag += seconds * (1.0 - self._rate)
         self._clock = min(self._clock + self._rate * seconds, self._last)
-        while self._clock > self._end:
-            self._enter()
+        while self._clock > self._end:  # the next cubic; without one after that it ends straight
+            self._begin, self._one, self._leaves = self._end, self._two, self._arrives
+            self._end, self._two = self._coming.popleft()
+            after, beyond = self._coming[0] if self._coming else (self._end, self._two)
+            self._arrives = (beyond - self._one) / (after - self._begin)
         return self._at(self._clock)
 
     @property
     def _last(self) -> float:
         return self._coming[-1][0] if self._coming else self._end
-
-    def _enter(self) -> None:
-        """Begin the cubic to the next target; without one after that it ends as a straight line."""
-        self._begin, self._one, self._leaves = self._end, self._two, self._arrives
-        self._end, self._two = self._coming.popleft()
-        after, beyond = self._coming[0] if self._coming else (self._end, self._two)
-        self._arrives = (beyond - self._one) / (after - self._begin)
 
     def _at(self, t: float) -> np.ndarray:
         way = self._end - self._begin
