@@ -329,12 +329,8 @@ def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Usual:
-    """The part of a difference that every fit removes: bias, mass and CoG.
-
-    Attributes:
-        noise: of a row (6,).
-        basis: orthonormal columns (6 n, 10) in noises of a row.
-    """
+    """The part of a difference that every fit removes (bias, mass and CoG) as orthonormal columns
+    (6 n, 10) in units of the noise of a row (6,)."""
 
     noise: np.ndarray
     basis: np.ndarray

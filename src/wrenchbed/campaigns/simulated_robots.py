@@ -277,7 +277,6 @@ def campaign(
 
     Args:
         folder: gets ``robots.parquet`` and, while it works, ``parts/``.
-        workers: processes.
         progress: called with how many more robots are done.
 
     Raises:

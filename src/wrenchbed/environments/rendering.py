@@ -30,11 +30,7 @@ def simulated(name: str) -> SimulatedRobot:
 
 
 class Rendered:
-    """Base of an environment that renders its robot.
-
-    Attributes:
-        render_mode: ``rgb_array`` or None.
-    """
+    """Base of an environment that renders its robot; ``render_mode`` is ``rgb_array`` or None."""
 
     render_mode: str | None
     _renderer: mujoco.Renderer | None = None

@@ -149,14 +149,10 @@ def locked(path: str | Path, folder: bool = False) -> Iterator[None]:
 
 
 def set_aside(path: Path, suffix: str = "~", beside: str = "") -> Path | None:
-    """Rename a file to the first free one of NAME~, NAME~2, …; these are never replaced.
+    """Rename a file to the first free one of NAME~, NAME~2, … (``suffix`` in the place of ``~``),
+    which are never replaced; return the new path, None if there was no file.
 
-    Args:
-        suffix: in the place of ``~``.
-        beside: suffix of a file that belongs to it and goes with it, if there is one.
-
-    Returns:
-        The new path; None if there was no file.
+    A file of the name with the suffix ``beside`` belongs to it and goes with it.
     """
     there = [end for end in dict.fromkeys(("", beside)) if os.path.lexists(f"{path}{end}")]
     if not there:

@@ -32,13 +32,10 @@ _START = (
 
 
 def end_with(parent: int) -> None:
-    """Watch the parent from now on, and end this process within a second of its end.
+    """Watch the parent, a process id, from now on, and end this process within a second of its end.
 
     Its standard output becomes the null device, so that a reader of the parent's output sees the
     end of the parent.
-
-    Args:
-        parent: id of the process that started this one.
     """
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)

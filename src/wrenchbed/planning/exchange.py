@@ -198,13 +198,10 @@ class Certificate:
 
 
 def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Certificate:
-    """Bound the criterion over all choices of n different configurations.
+    """Bound the criterion over all choices of n different configurations, from some of full rank.
 
     Multiplicative weights (Silvey, Titterington & Torsney 1978, doi 10.1080/03610927808827719) on
     a growing set of candidates; the whole pool is scanned once a round.
-
-    Args:
-        start: configurations to begin with, of full rank.
 
     Raises:
         PlanError: the criterion is not concave, so nothing can be certified this way.

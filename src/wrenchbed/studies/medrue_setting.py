@@ -65,13 +65,8 @@ UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Interpretation of the paper's noise.
-
-    Attributes:
-        name: for people.
-        row: standard deviation of one of the `SAMPLES` measurements that are averaged (6,)
-            [N, N·m].
-    """
+    """Interpretation of the paper's noise: its name for people, and the standard deviation of one
+    of the `SAMPLES` measurements that are averaged (6,) [N, N·m]."""
 
     name: str
     row: np.ndarray

@@ -22,14 +22,8 @@ def shape(
     model: mujoco.MjModel, body: int, paint: Mapping[int, tuple[int, ...]] | None = None
 ) -> Any:
     """A body's geoms in its own frame; each triangle has corners of its own, so that edges are
-    sharp.
-
-    Args:
-        paint: RGB of 0 … 255 instead of the model's, by number of the geom.
-
-    Raises:
-        NotFoundError: a geom is of a kind that is not drawn.
-    """
+    sharp. ``paint`` is RGB of 0 … 255 instead of the model's, by number of the geom; a
+    `NotFoundError` if a geom is of a kind that is not drawn."""
     geoms = [int(g) for g in geoms_of(model, body)]
     surfaces = [triangles(model, g) for g in geoms]
     rgba = np.rint(255 * colours(model)[geoms]).astype(np.uint8)
@@ -46,11 +40,8 @@ def shape(
 
 
 def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-    """Numbers (K,) of rows of joint values (N, J) to show: where they differ, and the end.
-
-    Args:
-        t: times (N,) [s] of a motion, of which at most `FRAMES_HZ` rows a second are shown.
-    """
+    """Numbers (K,) of rows of joint values (N, J) to show: where they differ, and the end; of a
+    motion with times (N,) [s] at most `FRAMES_HZ` rows a second."""
     if t is None:
         first = np.arange(len(q))
     else:

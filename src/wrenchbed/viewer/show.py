@@ -80,12 +80,10 @@ def view(
     rrd: str | Path | None = None,
     port: int = PORT,
 ) -> None:
-    """Show a picture until its window is closed, or write it to a file.
+    """Show the picture of a recording or plan in Parquet, of the folder of a diagnosis, or in an
+    ``.rrd`` file until its window is closed; or write it to ``rrd`` and open nothing.
 
-    Args:
-        file: recording or plan in Parquet, folder of a diagnosis, or an ``.rrd`` file.
-        against: fit.json and twin.json files whose simulators are compared with the recording.
-        rrd: file to write; then nothing is opened.
+    With a recording the simulators of ``against``, fit.json and twin.json files, are compared.
 
     Raises:
         ParameterError: the file cannot be shown, or cannot be compared.

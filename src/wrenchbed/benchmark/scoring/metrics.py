@@ -46,11 +46,8 @@ def ratio(s: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ScoredMetric:
-    """A figure, its 95 % interval, and the cases (or parameters) that it rests on.
-
-    Attributes:
-        hits: cases that count for a share of them; None of other figures.
-    """
+    """A figure, its 95 % interval, and the cases (or parameters) that it rests on; ``hits`` are the
+    cases that count for a share of them, None of other figures."""
 
     value: float
     low: float

@@ -96,12 +96,8 @@ class OverTimeError(BaseException):
 
 @dataclass(frozen=True)
 class Entrant:
-    """Method that answers sealed cases.
-
-    Attributes:
-        name: of its folder.
-        command: that is called as ``COMMAND RECORDING --out DIR``, None for a method of our own.
-    """
+    """Method that answers sealed cases: the name of its folder, and the command that is called as
+    ``COMMAND RECORDING --out DIR``, None for a method of our own."""
 
     name: str
     command: str | None = None

@@ -173,12 +173,8 @@ class ActiveFault:
 
 
 def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> ActiveFault:
-    """Make a fault from its name and values; missing values are the typical ones.
-
-    Args:
-        name: as ``drive.coulomb``.
-        given: ``joint`` from 1, ``size`` and further parameters.
-        coulomb: friction of the joints (J,), to which typical sizes refer.
+    """Make a fault from its name, as ``drive.coulomb``, and from ``joint`` (from 1), ``size`` and
+    further parameters; missing ones are typical, of the friction of the joints (J,).
 
     Raises:
         NotFoundError, ParameterError: there is no such fault, joint or parameter.
