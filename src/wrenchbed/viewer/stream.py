@@ -94,7 +94,8 @@ def channels(name: str, window: Window, *, residual: bool = False) -> Any:
 
 def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> Any:
     """View of curves that shows all of a window at first."""
-    b, (timeline, at) = rr.blueprint, window
+    b = rr.blueprint
+    timeline, at = window
     unit = "seq" if timeline == ROW else "seconds"
     low, high = (float(at[k]) for k in (0, -1))
     ends = (int(x) if timeline == ROW else x for x in (low, max(high, low + 1e-3)))
