@@ -25,7 +25,7 @@ from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND, Solution
 from wrenchbed.calibration.misfit import Fault, allowed_for
 from wrenchbed.calibration.observability import Observability, analyse
-from wrenchbed.calibration.observations import Observations, fallback_covariance, observe
+from wrenchbed.calibration.observations import FALLBACK_COVARIANCE, Observations, observe
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.calibration.trust import GENERAL, OUTLIERS, of_observations
 from wrenchbed.calibration.weighting import fit
@@ -272,10 +272,9 @@ def _checked(
     stated = model.configured(recording.metadata)
     names = {model.parameters.names[i] for i in free}
     finding = finding or of_observations(recording, data, model, stated, names)
-    if finding is not None and finding.reason == "one orientation":
-        finding = None  # the uncertainties say so, or the fit does
-    if finding is not None and robust and finding.reason in OUTLIERS:
-        finding = None  # such a loss resists them
+    # one orientation shows in the uncertainties or the fit; a robust loss resists outliers
+    if finding and finding.reason in ("one orientation", *(OUTLIERS if robust else ())):
+        finding = None
     if finding is not None and finding.reason not in GENERAL and not options.force:
         raise CalibrationError(f"{recording.name}: {finding.sentence}")
     theta = initial_values(model, stated, data, free)
@@ -313,10 +312,8 @@ def _refuted(
     unexplained = left_of_swing(problem.residual(solution.x), problem.data.wrench)
     if unexplained < REFUTED or (finding is None and problem.prior):
         return None
-    if fault is not None:
-        return fault.sentence
-    if finding is not None:
-        return finding.sentence
+    if (named := fault or finding) is not None:
+        return named.sentence
     return (
         f"the fit leaves {100.0 * unexplained:.0f} % of the readings' swing: the robot, its joints "
         "or the choice of free parameters is wrong. Look at the residual of each pose"
@@ -348,15 +345,12 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
     rms = np.sqrt(np.mean(problem.residual(solution.x) ** 2, axis=0))
     seats = problem.touches
     agreement = None if seats is None else seats.agreement(solution, problem.data.wrench.size)
+    how = _status(solution, outcome.noise, identified, problem.data, agreement)
+    unlike = _unlike_stated(recording.metadata.tool, float(tool.mass), np.asarray(tool.cog))
     return Fit(
         recording=recording.name,
         robot=recording.metadata.robot,
-        status="; ".join(
-            (
-                _status(solution, outcome.noise, identified, problem.data, agreement),
-                *_unlike_stated(recording.metadata.tool, float(tool.mass), np.asarray(tool.cog)),
-            )
-        ),
+        status="; ".join((how, *unlike)),
         converged=solution.converged,
         iterations=solution.steps,
         identified=identified,
@@ -388,13 +382,11 @@ def _target_rms(
 def _observability(problem: Problem, theta: np.ndarray) -> Observability:
     model = problem.model
     names = model.parameters.names
-    columns = model.parameters.select(model.robot.candidates)
-    extra = tuple(i for i in problem.free if i not in columns)
-    columns = tuple(sorted((*columns, *extra)))
+    columns = tuple(sorted({*model.parameters.select(model.robot.candidates), *problem.free}))
     n = len(problem.data)
     some = np.sort(np.random.default_rng(0).permutation(n)[:_ENOUGH_ROWS])  # a rank needs no more
     jacobian = model.jacobian(problem.data.q[some], theta, columns)
-    weight = 1.0 / np.sqrt(np.diagonal(fallback_covariance()))
+    weight = 1.0 / np.sqrt(np.diagonal(FALLBACK_COVARIANCE))
     rows = (jacobian * weight[:, None]).reshape(-1, len(columns))
     if problem.touches is not None:
         rows = np.concatenate([rows, problem.touches.jacobian(model.robot, theta, columns)])

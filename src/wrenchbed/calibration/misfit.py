@@ -16,7 +16,7 @@ from scipy import special
 from wrenchbed.calibration.fit_problem import Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND
 from wrenchbed.calibration.suspects import CONSTANT, Suspect, background, suspects
-from wrenchbed.calibration.weighting import correlation_time
+from wrenchbed.calibration.weighting import at_least, correlation_time
 from wrenchbed.physics.time_derivatives import Jet
 
 ROWS = 4000
@@ -95,11 +95,8 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
     names, size, changes = _likeliest(every, seen, alone, residual)
     covariance = np.linalg.pinv(seen.A.T @ seen.A, rcond=1e-12)  # by noise alone
     by_one = np.abs(covariance @ (seen.A.T @ changes)).max(axis=1)
-    std = np.sqrt(np.diagonal(outcome.covariance))
     # one of the likeliest faults may be the only one: its family's size knows too little of it
-    wide = np.maximum(np.hypot(spread, shift), by_one) * problem.scale
-    factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
-    grown = replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
+    grown = at_least(outcome, np.maximum(np.hypot(spread, shift), by_one) * problem.scale)
     clear = max(float(np.linalg.norm(changes[:, 0] - q @ (q.T @ changes[:, 0]))), CLEAR)
     if np.sqrt((size**2).mean()) * (1.0 - CLEAR / clear) < LARGE:  # or noise may make it so large
         return grown, None

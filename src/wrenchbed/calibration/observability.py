@@ -56,8 +56,7 @@ class Observability:
         """Null directions as combinations of parameters: confirmed symmetries, then sparse ones.
         Computed on first use, because it is slow."""
         names = [n for n in self.names if n not in self.no_effect]
-        directions: list[np.ndarray] = []
-        texts: list[str] = []
+        chosen: list[tuple[str, np.ndarray]] = []
         known = [
             (text, np.array([direction.get(n, 0.0) for n in names]) / self.scale)
             for text, direction in self.symmetries.items()
@@ -66,15 +65,10 @@ class Observability:
             (text, x / np.abs(x).max()) for text, x in known if x.any() and _in_span(x, self.basis)
         ]
         for text, x in (*confirmed, *(("", x) for x in _sparsest(self.basis))):
-            if len(directions) < self.basis.shape[1] and not _in_span(
-                x, _columns(directions, len(names))
-            ):
-                directions.append(x)
-                texts.append(text)
-        redundancies = [
-            _redundancy(x * self.scale, names, text)
-            for x, text in zip(directions, texts, strict=True)
-        ]
+            span = _columns([before for _, before in chosen], len(names))
+            if len(chosen) < self.basis.shape[1] and not _in_span(x, span):
+                chosen.append((text, x))
+        redundancies = [_redundancy(x * self.scale, names, text) for text, x in chosen]
         return tuple(sorted(redundancies, key=lambda r: len(r.names)))
 
 
@@ -113,10 +107,7 @@ def _columns(vectors: list[np.ndarray], n: int) -> np.ndarray:
 
 
 def _in_span(x: np.ndarray, basis: np.ndarray) -> bool:
-    length = np.linalg.norm(x)
-    if length == 0.0:
-        return True
-    return bool(np.linalg.norm(x - basis @ (basis.T @ x)) < _SMALL * length)
+    return bool(np.linalg.norm(x - basis @ (basis.T @ x)) < _SMALL * np.linalg.norm(x))
 
 
 def _sparsest(basis: np.ndarray) -> list[np.ndarray]:

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations_with_replacement
 
 import numpy as np
+import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed import registry
 from wrenchbed.calibration.checks.rows import frozen_joints, usable
@@ -27,6 +29,8 @@ _BETWEEN = 0.2
 0.25 if all places are alike, 0 on counts."""
 _SCALE = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """Relative weight of force [N] and torque [N·m] where nothing is known of the noise."""
+FALLBACK_COVARIANCE = np.diag(_SCALE**2)
+"""The same (6, 6) as a covariance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +84,8 @@ def observe(recording: Recording) -> Observations:
         gathered = _motion if recording.joints else _rows
     data = gathered(recording, keep)
     status = recording.columns.get("status", np.zeros(len(recording)))
-    return replace(data, flagged=int(np.count_nonzero(status[keep])))
+    covariance = floored(data.row_covariance, recording)
+    return replace(data, row_covariance=covariance, flagged=int(np.count_nonzero(status[keep])))
 
 
 def _at_rest(recording: Recording, keep: np.ndarray) -> Observations:
@@ -88,17 +93,14 @@ def _at_rest(recording: Recording, keep: np.ndarray) -> Observations:
     covariance, dof, source = holds.row_covariance, float(holds.dof), "repeats"
     if covariance is None or holds.dof < 12:
         covariance, dof, source = _stated(recording)
-    return Observations(
-        holds.q, holds.wrench, holds.count, floored(covariance, recording), dof, source,
-        holds.t, keep,
-    )  # fmt: skip
+    return Observations(holds.q, holds.wrench, holds.count, covariance, dof, source, holds.t, keep)
 
 
 def _rows(recording: Recording, keep: np.ndarray) -> Observations:
     covariance, dof, source = _stated(recording)
     return Observations(
         recording.q[keep], recording.wrench[keep], np.ones(int(keep.sum()), dtype=int),
-        floored(covariance, recording), dof, source, recording.t[keep], keep,
+        covariance, dof, source, recording.t[keep], keep,
     )  # fmt: skip
 
 
@@ -124,8 +126,7 @@ def _motion(recording: Recording, keep: np.ndarray) -> Observations:
     covariance, dof, source = _stated(recording)
     return Observations(
         Jet(smooth[at], qd[at], qdd[at]), recording.wrench[inner],
-        np.ones(len(inner), dtype=int),
-        floored(covariance, recording), dof, source, recording.t[inner], keep,
+        np.ones(len(inner), dtype=int), covariance, dof, source, recording.t[inner], keep,
     )  # fmt: skip
 
 
@@ -141,18 +142,14 @@ def _long(recording: Recording, window: int) -> list[slice]:
 
 def _smoothed(recording: Recording, parts: Sequence[slice], window: int, deriv: int) -> np.ndarray:
     """Joint values (N, J) of pieces, or their derivatives, smoothed over a window [rows]."""
-    from scipy.signal import savgol_filter  # slow to load: only when it is used
-
     h, q = _step(recording), recording.q.astype(float)
-    each = (savgol_filter(q[p], window, _ORDER, deriv=deriv, delta=h, axis=0) for p in parts)
-    return np.concatenate(list(each))
+    smooth = partial(scipy.signal.savgol_filter, deriv=deriv, delta=h, axis=0)
+    return np.concatenate([smooth(q[p], window, _ORDER) for p in parts])
 
 
 def window_of(recording: Recording) -> int:
     """Number of rows over which a motion's joint values are smoothed. A wider window is taken where
     their noise would exceed the sensor's, if it does not bend their path."""
-    from scipy.signal import savgol_coeffs  # slow to load: only when it is used
-
     h = _step(recording)
     windows = [max(_LEAST_WINDOW, 2 * round(_WINDOW_S * k / h / 2) + 1) for k in _WIDER]
     first: np.ndarray | None = None
@@ -164,7 +161,7 @@ def window_of(recording: Recording) -> int:
         rough = rough - _smoothed(recording, parts, window, 0)
         if _force_of_noise(rough, window, h).sum() <= _allowed(recording) ** 2:
             return window
-        std = rough.std(axis=0) / np.sqrt(1.0 - savgol_coeffs(window, _ORDER).max())
+        std = rough.std(axis=0) / np.sqrt(1.0 - scipy.signal.savgol_coeffs(window, _ORDER).max())
         first = std if first is None else first
         if (std > _BENT * first).any():
             break
@@ -179,9 +176,7 @@ def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
         window: rows of the smoothing window.
         h: time step [s].
     """
-    from scipy.signal import savgol_coeffs  # slow to load: only when it is used
-
-    second = savgol_coeffs(window, _ORDER, deriv=2, delta=h)
+    second = scipy.signal.savgol_coeffs(window, _ORDER, deriv=2, delta=h)
     return np.asarray((second**2).sum() * rough.var(axis=0) * _LEVER**2)
 
 
@@ -233,7 +228,7 @@ def scatter(recording: Recording, data: Observations) -> np.ndarray:
 def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:
     std = recording.metadata.sensor.noise_std
     if std is None:
-        return np.diag(_SCALE**2), 0.0, "residual"
+        return FALLBACK_COVARIANCE, 0.0, "residual"
     return np.diag(np.square(std)), np.inf, "stated"
 
 
@@ -253,8 +248,3 @@ def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
     between = np.abs(counts - np.round(counts)).mean(axis=0) > _BETWEEN
     least = np.where(between & (variance > 0.0), 0.0, np.square(step) / 12)
     return covariance + np.diag(np.maximum(0.0, least - variance))
-
-
-def fallback_covariance() -> np.ndarray:
-    """Relative weights (6, 6), as a covariance, for data without noise."""
-    return np.diag(_SCALE**2)

@@ -17,7 +17,7 @@ from scipy.special import sici
 from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.fit_problem import Outcome, Problem, Whitening
 from wrenchbed.calibration.least_squares import Solution
-from wrenchbed.calibration.observations import Observations, fallback_covariance
+from wrenchbed.calibration.observations import FALLBACK_COVARIANCE, Observations
 from wrenchbed.physics.time_derivatives import Jet
 
 _MOST_POSES = 1500
@@ -146,22 +146,22 @@ def fit(problem: Problem) -> Outcome:
     solution = problem.solve(_rows(data.row_covariance, data.count), problem.start)
     chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
     explained = bool(special.chdtrc(6 * problem.dof, chi2) > _TRUST)
-    known = solution.covariance
+    known = np.sqrt(np.diagonal(solution.covariance))
     if isinstance(data.q, Jet):
         outcome = _scattered(problem, solution, inflated=not explained)
-        return outcome if explained else _at_least(outcome, known)
+        return outcome if explained else at_least(outcome, known)
     if explained:
         noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
-        return Outcome(solution, known, data.dof, noise)
+        return Outcome(solution, solution.covariance, data.dof, noise)
     few = len(data) - len(problem.free) < _ENOUGH or len(data) > _MOST_POSES
     if few or problem.loss != "linear":
-        return _at_least(_scattered(problem, solution), known)
-    return _at_least(_wandering(problem, solution), known)
+        return at_least(_scattered(problem, solution), known)
+    return at_least(_wandering(problem, solution), known)
 
 
-def _at_least(outcome: Outcome, known: np.ndarray) -> Outcome:
-    """Outcome whose variances are at least those of the known noise alone, ``known`` (K, K)."""
-    now, least = np.sqrt(np.diagonal(outcome.covariance)), np.sqrt(np.diagonal(known))
+def at_least(outcome: Outcome, least: np.ndarray) -> Outcome:
+    """Outcome whose standard uncertainties are at least ``least`` (K,)."""
+    now = np.sqrt(np.diagonal(outcome.covariance))
     factor = np.maximum(1.0, np.divide(least, now, out=np.ones_like(now), where=now > 0.0))
     return replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
 
@@ -184,7 +184,7 @@ def _blind(problem: Problem) -> Outcome:
     would depend on chance.
     """
     data = problem.data
-    solution = problem.solve(_rows(fallback_covariance(), np.ones(len(data))), problem.start)
+    solution = problem.solve(_rows(FALLBACK_COVARIANCE, np.ones(len(data))), problem.start)
     factor = 1.0
     for _ in range(_REWEIGHTINGS):
         variance = problem.residual_variance(solution.x)

@@ -223,7 +223,8 @@ def motion_signals(
     cutoff = cutoff_of(q, rate) if cutoff is None else min(cutoff, _HIGHEST * rate)
     most = min(4.0 * cutoff, 0.45 * rate)
     edges = tuple(_edge(x, rate, most) for x in q.T) if edges is None else tuple(edges)
-    each = [_smoothed(x, rate, edge) for x, edge in zip(q.T, edges, strict=True)]
+    filters = [scipy.signal.butter(_ORDER, edge, fs=rate, output="sos") for edge in edges]
+    each = [scipy.signal.sosfiltfilt(sos, x) for sos, x in zip(filters, q.T, strict=True)]
     smooth = make_interp_spline(t, np.stack(each, axis=-1), k=5)
     values = Jet(smooth(t), smooth.derivative(1)(t), smooth.derivative(2)(t))
     return DriveSignals(t, values, effort, prefix, cutoff, edges)
@@ -239,13 +240,6 @@ def _edge(q: np.ndarray, rate: float, most: float) -> float:
     above_noise = np.flatnonzero(power > _OVER_NOISE * floor)
     last = float(frequency[above_noise[-1]]) if above_noise.size else 0.0
     return float(np.clip(_BEYOND * last, min(_LOWEST, most), most))
-
-
-def _smoothed(q: np.ndarray, rate: float, edge: float) -> np.ndarray:
-    """Joint values (N,) low-passed at ``edge`` [Hz], without phase."""
-    return np.asarray(
-        scipy.signal.sosfiltfilt(scipy.signal.butter(_ORDER, edge, fs=rate, output="sos"), q)
-    )
 
 
 def encoder_noise(q: np.ndarray, rate: float) -> float:

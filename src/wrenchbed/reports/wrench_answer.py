@@ -79,7 +79,8 @@ class WrenchAnswer(Answer):
             return f"{text}{_BLIND}{names}." if names else f"{text}."
         if self._crowd:
             return "Too many effects explain the gap equally well."
-        varies = f": it varies with {self.variable}" if self._varies else ""
+        follows = self._unexplained == _GAP and self._follows
+        varies = f": it varies with {self.variable}" if follows else ""
         return f"No known effect explains {self._unexplained}{varies}."
 
     @property
@@ -209,11 +210,6 @@ class WrenchAnswer(Answer):
         return kernel in self._seen or (
             kernel == "direction" and any(v.startswith("direction") for v in self._seen)
         )
-
-    @property
-    def _varies(self) -> bool:
-        """Whether an unknown gap depends significantly on a variable."""
-        return self._unexplained == _GAP and self._follows
 
     @property
     def _unexplained(self) -> str:

@@ -99,23 +99,16 @@ def of_load(recording: Recording, seen: Observed) -> Finding | None:
         finding = _refuted(some, load)
     if finding is not None or load.share > REFUTED:
         return finding
-    for check in (_units, _dead, channel_mistake, _weight):
-        finding = check(some, load)
-        if finding is not None:
-            return finding
-    return None
+    findings = (check(some, load) for check in (_units, _dead, channel_mistake, _weight))
+    return next(filter(None, findings), None)
 
 
 def _as_mounted(seen: Observed) -> Observed:
     """Observations turned to the stated mount's axes if a rotation of the sensor by more than
     `TURNED` makes a rigid load fit, else as they are."""
-    if not seen.turns:
-        return seen
-    turn = best_turn(-seen.seen.origin.T, seen.y[:, :3])
-    if turn is None:
-        return seen
-    if np.trace(turn) > 1.0 + 2.0 * np.cos(TURNED):
-        return seen  # an imperfect mount; what channels show is clearer in their own axes
+    turn = best_turn(-seen.seen.origin.T, seen.y[:, :3]) if seen.turns else None
+    if turn is None or np.trace(turn) > 1.0 + 2.0 * np.cos(TURNED):
+        return seen  # of an imperfect mount, what channels show is clearer in their own axes
     turned = replace(seen, y=seen.y @ np.kron(np.eye(2), turn).T)
     return turned if thinned(turned).moments.fit().share < CLEAN else seen
 
@@ -125,11 +118,8 @@ def _refuted(seen: Observed, load: Load) -> Finding | None:
     finding = _overcompensated(seen) or mistake(seen) or changed(seen) or touched(seen)
     if finding is not None or load.share < REFUTED:
         return finding
-    for check in (_one_channel, _other_robot, _beyond, _weight):
-        finding = check(seen, load)
-        if finding is not None:
-            return finding
-    return _nothing(seen, load)
+    checks = (_one_channel, _other_robot, _beyond, _weight, _nothing)
+    return next(filter(None, (check(seen, load) for check in checks)), None)
 
 
 def _one_orientation(seen: Observed) -> Finding | None:

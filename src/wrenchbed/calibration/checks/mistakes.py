@@ -92,12 +92,8 @@ def _whole(mistake: Mistake) -> bool:
 
 
 def channel_mistake(seen: Observed, before: Load) -> Finding | None:
-    """Finding on swapped or negated channels that carry too little to refute the whole load.
-
-    Args:
-        seen: observations, thinned.
-        before: the load that fits them best as they are.
-    """
+    """Finding on swapped or negated channels that carry too little to refute the whole load, of
+    thinned observations that the load ``before`` fits best as they are."""
     if before.channel.max() < WRONG:
         return None
     for after, finding in _mended(seen.moments, float(before.phi[0])):

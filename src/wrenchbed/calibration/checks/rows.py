@@ -77,11 +77,9 @@ def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
         RecordingError: the recording has no wrench.
     """
     recording.require_wrench()
-    for check in (_lost, _channels, _spikes, _ranges, _clock, standing):
-        for finding in check(recording):
-            if finding.blocks or not blocking:
-                return finding
-    return None
+    checks = (_lost, _channels, _spikes, _ranges, _clock, standing)
+    findings = (finding for check in checks for finding in check(recording))
+    return next((f for f in findings if f.blocks or not blocking), None)
 
 
 def _without_lever(recording: Recording, channel: str) -> bool:
