@@ -133,8 +133,7 @@ def initial_values(
     load = identify_from_gravity(seen, data.wrench)
     if load.mass <= 0 and {f"mount.rotation.{a}" for a in "xyz"} <= names:
         theta = _rotated_mount(model, theta, data, seen, load.mass)
-        seen = model.gravity_seen(data.q, theta)
-        load = identify_from_gravity(seen, data.wrench)
+        load = identify_from_gravity(model.gravity_seen(data.q, theta), data.wrench)
     else:
         check_mass(load.mass)
     tool = robot.theta_of_tool(robot.robot_theta(theta), load.mass, list(load.cog))

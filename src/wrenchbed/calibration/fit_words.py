@@ -107,13 +107,8 @@ def fit_words(fit: Fit) -> FitWords:
 def parameter_words(
     name: str, value: float, std: float | None, half: float | None, start: float, unit: str
 ) -> ParameterWords:
-    """Make the text of one parameter.
-
-    Args:
-        value, std: [unit], std None if the data determine only a combination of it.
-        half: half width of the 95 % interval [unit].
-        start: value at which the fit started [unit].
-    """
+    """Make the text of one parameter from the fit's start, its value, and its standard uncertainty
+    and ``half`` its 95 % interval, None if the data determine only a combination, all in [unit]."""
     shown, factor = HUMAN.get(unit, (unit, 1.0))
     value, start = factor * value, factor * start
     began = minus(f"{start:.4g}") if abs(start) > 1e-12 else "0"

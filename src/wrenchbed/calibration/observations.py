@@ -169,13 +169,8 @@ def window_of(recording: Recording) -> int:
 
 
 def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
-    """Variances (J,) [N²] of the force of 1 kg that joint noise makes through the acceleration.
-
-    Args:
-        rough: joint values minus smoothed ones (N, J).
-        window: rows of the smoothing window.
-        h: time step [s].
-    """
+    """Variances (J,) [N²] of the force of 1 kg that joint noise makes through the acceleration, by
+    joint values minus those (N, J) smoothed over a window [rows] of time steps h [s]."""
     second = scipy.signal.savgol_coeffs(window, _ORDER, deriv=2, delta=h)
     return np.asarray((second**2).sum() * rough.var(axis=0) * _LEVER**2)
 

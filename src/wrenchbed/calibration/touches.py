@@ -88,12 +88,8 @@ class Touches:
         return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
 
     def agreement(self, solution: Solution, first: int) -> Agreement:
-        """Compare each touch with its prediction by all other data (deletion residuals).
-
-        Args:
-            solution: whitened fit of all data.
-            first: row of the solution at which the touches begin.
-        """
+        """Compare each touch with its prediction by all other data (deletion residuals), by a
+        whitened fit of all data in which the touches begin at row ``first``."""
         rows = slice(first, first + 3 * len(self))
         residual = solution.residual[rows].reshape(len(self), 3)
         u, sizes, _ = np.linalg.svd(solution.jacobian, full_matrices=False)

@@ -275,11 +275,8 @@ def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, fl
 def _free(
     robot: Robot, loaded: np.ndarray, options: CalibrationOptions
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Indices of free geometric parameters, and of joints with a free compliance.
-
-    Args:
-        loaded: range of weight's torque on each joint (J,).
-    """
+    """Indices of free geometric parameters, and of joints with a free compliance; ``loaded`` (J,)
+    is the range of weight's torque on each joint."""
     hidden = {p for p in robot.parameters.names if p.startswith(_HIDDEN)}
     places = [
         p for p in robot.parameters if p.name not in {*robot.load, *robot.unobservable, *hidden}

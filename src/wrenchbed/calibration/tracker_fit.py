@@ -130,18 +130,14 @@ class TrackerFit(WrittenFit):
     def to_json(self) -> dict[str, Any]:
         """Contents of the fit's JSON file."""
         o, springs = self.observability, {"effect": SPRINGS, "parameters": self.compliance}
+        in_metres = ("held_out", "before", "bound", "accuracy", "noise", "repeats")
         return head(self.recording, self.robot, self.status, self.refuted) | {
             "channels": "pose",
             "converged": self.converged,
             "poses": self.poses,
             "rows": self.rows,
             "parameters": entries(self.identified),
-            "held_out": self.held_out,
-            "before": self.before,
-            "bound": self.bound,
-            "accuracy": self.accuracy,
-            "noise": self.noise,
-            "repeats": self.repeats,
+            **{name: getattr(self, name) for name in in_metres},
             "stand": dict(self.stand),
             "rank": o.rank,
             "cannot_tell": list(self.cannot_tell),

@@ -22,12 +22,8 @@ _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"}
 def observed(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Observed:
-    """Observations in the form that `checks` take.
-
-    Args:
-        theta: parameters (P,) as the metadata states them.
-        free: names of the parameters that a fit will find.
-    """
+    """Observations in the form that `checks` take, for parameters (P,) as the metadata states them
+    and the names of those that a fit will find."""
     robot, robot_theta = model.robot, model.robot.robot_theta(theta)
     tool, stated = robot.tool(robot_theta), recording.metadata.tool
     row = np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1)

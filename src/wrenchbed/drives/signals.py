@@ -160,10 +160,8 @@ def as_torques(
 
 
 def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSignals:
-    """Speeds and accelerations of a recording in motion, beside its torques or currents.
-
-    Args:
-        cutoff: of the filter [Hz]; five times the motion's bandwidth if none.
+    """Speeds and accelerations of a recording in motion, beside its torques or currents; the cutoff
+    of the filter [Hz] is five times the motion's bandwidth if none is given.
 
     Raises:
         RecordingError: no torques or currents, or an uneven clock.

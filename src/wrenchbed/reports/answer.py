@@ -179,10 +179,8 @@ class Answer(ABC):
         if g.closed is None:
             return "", f"The gap goes {both} {self.on}; both are within the noise."
         if g.closed.value <= 0:
-            text = (
-                f"The named effects make the gap larger, {both}, {self.on}: do not use this twin."
-            )
-            return "Not closed", text
+            text = f"The named effects make the gap larger, {both}, {self.on}"
+            return "Not closed", f"{text}: do not use this twin."
         closed, low, high = (
             numbers.percent(min(x, 1.0)) for x in (g.closed.value, g.closed.low, g.closed.high)
         )

@@ -97,12 +97,8 @@ class Claim:
 def claim(
     entry: Mapping[str, Any], wording: str = "", rivals: Sequence[tuple[str, str]] | None = None
 ) -> Claim:
-    """Put an entry of ``which`` of diagnosis.json into words.
-
-    Args:
-        wording: its title, with its joint, where it is no effect of the registry.
-        rivals: names and titles of its rivals, likewise.
-    """
+    """Put an entry of ``which`` of diagnosis.json into words. Where it is none of the registry's
+    effects, its title with its joint and the names and titles of its rivals are given."""
     name, joint = str(entry["effect"]), _one_of_joints(entry)
     values: Mapping[str, Any] = entry["parameters"]
     quantities = {n: v for n, v in values.items() if "unit" in v}

@@ -108,10 +108,8 @@ class EffortAnswer(Answer):
         g = self.d.gap
         if g.with_effects is None:
             text = f"This is the gap of the calibrated simulator {self.on}"
-            return (
-                f"Gap {numbers.gap(g.calibrated.value)}",
-                f"{text}. No cause is named; there is nothing to close.",
-            )
+            figure = f"Gap {numbers.gap(g.calibrated.value)}"
+            return figure, f"{text}. No cause is named; there is nothing to close."
         return self.shrinks()
 
     @property

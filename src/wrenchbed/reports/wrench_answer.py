@@ -155,10 +155,8 @@ class WrenchAnswer(Answer):
         text = f"This is the gap of the calibrated simulator {self.on}"
         if self.only_rows and self.causes:
             names = " and ".join(c.name for c in self.causes)
-            text += (
-                f". The detected cause ({names}) scatters single rows; the means have no gap to "
-            )
-            return figure, f"{text}close."
+            text += f". The detected cause ({names}) scatters single rows; the means have no gap to"
+            return figure, f"{text} close."
         if self.causes:
             return figure, f"{text}. Rows in which something touches the tool took no part."
         if g.calibrated.value - max(g.floor, 0.0) > LARGEST_NONE:

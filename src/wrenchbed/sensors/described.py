@@ -160,16 +160,13 @@ def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:
         title = "[[calibration]]  # fx fy fz tx ty tz [N, N·m]"
         lines += ["", title, f"name = {quoted(c.name)}", *_lines(values, c.source)]
     face = "from the face on the robot's side to the origin of the wrench, sensor axes [m]"
+    volts = "matrix from gauge voltages [V] to the wrench [N, N·m]"
     tables = [
         ("mass", "kg", repr(float(sensor.mass))),
         ("plate_offset", face, listed(sensor.plate_offset)),
         ("counts", "of the digital output, per N and N·m", _numbers(sensor.counts)),
         ("accuracy", "± [N, N·m]", _numbers(sensor.accuracy)),
-        (
-            "gauges",
-            "matrix from gauge voltages [V] to the wrench [N, N·m]",
-            _numbers(sensor.gauges),
-        ),
+        ("gauges", volts, _numbers(sensor.gauges)),
     ]
     for name, comment, value in tables:
         if value:

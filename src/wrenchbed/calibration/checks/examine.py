@@ -77,12 +77,9 @@ _UNITS = {
 
 
 def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> Finding | None:
-    """First finding against a recording; None if nothing speaks against it.
-
-    Args:
-        blocking: whether to return only findings after which even a diagnosis, which sets contacts
-            aside and names jumps of the zero, can learn nothing.
-    """
+    """First finding against a recording; None if nothing speaks against it. With ``blocking`` only
+    findings count after which even a diagnosis, which sets contacts aside and names jumps of the
+    zero, can learn nothing."""
     finding = rows.of_rows(recording, blocking=blocking) or of_load(recording, seen)
     return finding if finding is None or finding.blocks or not blocking else None
 

@@ -68,10 +68,8 @@ _MAD = 1.4826
 
 
 def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
-    """First finding that rows alone give; None if they give none.
-
-    Args:
-        blocking: whether to return only findings that make a recording useless.
+    """First finding that rows alone give; None if they give none. With ``blocking`` only findings
+    that make a recording useless count.
 
     Raises:
         RecordingError: the recording has no wrench.

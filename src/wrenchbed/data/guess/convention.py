@@ -131,12 +131,10 @@ def in_body(turn: np.ndarray, wrench: np.ndarray) -> np.ndarray:
 
 def _mounts(mixed: np.ndarray) -> np.ndarray:
     """Mounts (K, 3, 3): those at right angles, none first; and those for which forces and gravity
-    agree best, for a weight of either sign, if they are at other angles.
+    agree best, for a weight of either sign, if they are at other angles. ``mixed`` (3, 3) is the
+    sum over rows of force times direction of gravity.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
-
-    Args:
-        mixed: sum over rows of force times direction of gravity (3, 3).
     """
     u, rank, vt = np.linalg.svd(mixed)
     if rank[1] < 0.05 * rank[0]:
@@ -176,13 +174,8 @@ class Poses:
 
 
 def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
-    """Gather rows into poses, by when orientation or joints move.
-
-    Args:
-        t: clock (N,) [s], if there is one.
-        turn: columns of an orientation or of joints, in any convention (N, K).
-        wrench: (N, 6) in any unit.
-    """
+    """Gather rows into poses, by when orientation or joints (N, K) move, in any convention; with
+    their clock (N,) [s] if there is one, and a wrench (N, 6) in any unit."""
     n = len(turn)
     reach = np.maximum(np.ptp(turn, axis=0), 1e-9)
     change = (np.abs(np.diff(turn, axis=0)) / reach).max(axis=1) if n > 1 else np.zeros(0)

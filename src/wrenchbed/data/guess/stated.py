@@ -76,12 +76,8 @@ class Stated:
         sheet: Sheet,
         in_base: bool,
     ) -> None:
-        """Write these facts into ``[recording]`` and the columns of the wrench.
-
-        Args:
-            recording, wrench: what is written into.
-            sheet: table with the wrench.
-            in_base: whether its columns are in the base's axes: each may be any of the sensor's.
+        """Write these facts into ``[recording]`` and the columns of the wrench, which stand in
+        ``sheet``. In the base's axes each of them may be any of the sensor's.
 
         Raises:
             MapError: the fit or the rows at rest cannot be read.
@@ -145,12 +141,8 @@ class KnownLoad:
         return cls(mass, cog, np.array(bias, dtype=float), known, max(rms))
 
     def fitted(self, c: Convention, gravity: float) -> GravityFit:
-        """Replace the fitted load of a convention by this one; its errors are those of the better
-        rows, so that a hand on the tool for a while hides nothing.
-
-        Args:
-            c: gives axis, mount and sign, and the rows.
-            gravity: its size [m/s²].
+        """Replace the fitted load of a convention by this one, under gravity of a size [m/s²]; its
+        errors are those of the better rows, so that a hand on the tool for a while hides nothing.
         """
         fit, turn, wrench = c.fit, c.turn, c.readings
         if c.in_base:
