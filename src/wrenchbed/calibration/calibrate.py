@@ -162,11 +162,7 @@ def _rotated_mount(
 
 
 def check_mass(mass: float) -> None:
-    """Raise if a fitted mass is not above 0.
-
-    Raises:
-        CalibrationError: the wrench or the gravity has the opposite sign.
-    """
+    """Raise CalibrationError if a fitted mass [kg] is not above 0."""
     if not mass > 0:
         raise CalibrationError(
             f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the "
@@ -283,11 +279,8 @@ def _checked(
 
 
 def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
-    """Residual of a fit on the recording that was fitted.
-
-    Returns:
-        The observations, and measured minus fitted of each (M, 6) [N, N·m].
-    """
+    """Observations of the recording that was fitted, and measured minus fitted of each (M, 6)
+    [N, N·m]."""
     recording = _without_unknown_joints(recording)
     model, data = Model.of(robot_of(recording), recording.metadata), observe(recording)
     theta = model.parameters.vector(dict(fit.theta))

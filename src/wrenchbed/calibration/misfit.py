@@ -225,13 +225,8 @@ def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -
 
 
 def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
-    """Most standard deviations by which one suspect's shape explains the residual (n,).
-
-    Args:
-        S: shapes of the suspects (n, C).
-        alone: S without what parameters explain; a millionth of S is rounding.
-        residual: residual without what parameters explain.
-    """
+    """Most standard deviations by which one suspect's shape S (n, C) explains the residual (n,);
+    ``alone`` and the residual are without what parameters explain, a millionth of S is rounding."""
     least = 1e-6 * np.linalg.norm(S, axis=0) + 1e-300
     length = np.maximum(np.linalg.norm(alone, axis=0), least)
     return float((np.abs(alone.T @ residual) / length).max())

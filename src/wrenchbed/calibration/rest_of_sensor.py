@@ -22,10 +22,7 @@ many times the median change (Gaussian noise: 9 sigma, once in 10^17; 1/f noise 
 
 
 def check_rest(recording: Recording) -> float:
-    """Raise if a recording is no rest that a sensor's noise can be learnt from.
-
-    Returns:
-        Rate of the rows [Hz].
+    """Rate of the rows [Hz] of a rest that a sensor's noise can be learnt from.
 
     Raises:
         CalibrationError: too short, moving, uneven, saturated, disturbed or dead; names the file,

@@ -45,12 +45,9 @@ def held(read: np.ndarray) -> np.ndarray | None:
 
 def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
     """Orientation of the sensor in the base (G,), with no turn about the vertical, the
-    accelerometer's zero (3,) and the lengths of its readings (G,) [m/s²].
+    accelerometer's zero (3,) and the lengths of its readings (G,) [m/s²], by means at rest (G, 3).
 
     The readings lie on a sphere about the zero, which is fitted where they surround it.
-
-    Args:
-        read: means at rest (G, 3) [m/s²], up where it is up.
     """
     zero = np.zeros(3)
     spread = np.linalg.eigvalsh(np.cov(read.T)) if len(read) >= _LEAST_POSES else zero

@@ -255,11 +255,8 @@ def _clock(recording: Recording) -> Iterator[Finding]:
 
 
 def frozen_joints(recording: Recording) -> list[tuple[str, int, int]]:
-    """Joints that keep one value exactly, over more rows than any pose, while the rest changes.
-
-    Returns:
-        (column, or `ALL` for all joints at once; first row; rows) of each.
-    """
+    """Joints that keep one value exactly, over more rows than any pose, while the rest changes:
+    (column, or `ALL` for all joints at once; first row; rows) of each."""
     names = recording.joints or QUATERNION
     columns = [np.asarray(recording.columns[n]) for n in names]
     moved = np.zeros(len(recording) - 1, dtype=bool)
@@ -307,11 +304,8 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
     """Finding on rows of poses that are not repeats of each other; None without one.
 
     Rows of the move before, or of no measurement, shift the pose's mean and enlarge the noise by
-    its repeats, so that no later check detects them.
-
-    Args:
-        keep: rows to use (N,), boolean.
-        count: used rows of each pose (M,), in recorded order.
+    its repeats, so that no later check detects them. ``keep`` (N,), boolean, are the rows to use,
+    ``count`` (M,) the number of those in each pose, in recorded order.
     """
     if count.mean() < OFF_ROWS:
         return None

@@ -206,15 +206,12 @@ def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
 
 
 def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Share of each force's rms (W,) that no weight explains, with any mount, at an orientation.
+    """Share of the rms of each force (W, N, 3) that no weight explains, with any mount, at an
+    orientation (N, 3, 3), of the body in the base or of the base in the body.
 
     The best mount of a body explains the nuclear norm of the product of force and direction of
     gravity (orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451); a wrench in
     the base's axes has no mount.
-
-    Args:
-        turn: orientation (N, 3, 3), of the body in the base or of the base in the body.
-        force: readings (W, N, 3).
     """
     mean_force, square = force.mean(axis=1), (force**2).sum(axis=2).mean(axis=1)
     variance = np.maximum(square - (mean_force**2).sum(axis=1), 1e-300)
