@@ -10,14 +10,8 @@ from wrenchbed.errors import ParameterError
 
 
 class GreedyInformation:
-    """Chooses the pose with the most information per second of robot time, by the nominal model.
-
-    Args:
-        env: a calibration environment, wrapped or not.
-
-    Raises:
-        ParameterError: another environment.
-    """
+    """Chooses the pose with the most information per second of robot time, by the nominal model, of
+    a calibration environment, wrapped or not; a `ParameterError` for another environment."""
 
     def __init__(self, env: Any) -> None:
         words = "the greedy policy is for calibration"
@@ -31,14 +25,10 @@ class GreedyInformation:
 
 
 class ForceController:
-    """Lowers the tip until the sensor reads the wanted force, and keeps it: integral control.
+    """Lowers the tip until the sensor reads the wanted force, and keeps it: integral control, by an
+    estimated compliance of what is touched, ``softness`` [m/N].
 
-    Args:
-        env: a contact environment, wrapped or not.
-        softness: estimated compliance of what is touched [m/N].
-
-    Raises:
-        ParameterError: another environment.
+    The environment is one of contact, wrapped or not; a `ParameterError` for another one.
     """
 
     def __init__(self, env: Any, softness: float = 5e-4) -> None:

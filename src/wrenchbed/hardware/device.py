@@ -140,12 +140,9 @@ class Device:
         self._connected = False
 
     def connect(self) -> None:
-        """Open the device and wait for its first reading; nothing moves.
-
-        Raises:
-            LinkError: it cannot be reached, or does not answer within its deadline.
-            DriverError: its answer cannot be used.
-        """
+        """Open the device and wait for its first reading; nothing moves. Raises a `LinkError` if it
+        cannot be reached, or does not answer within its deadline, a `DriverError` if its answer
+        cannot be used."""
         if not self._connected:
             try:
                 self._connect()

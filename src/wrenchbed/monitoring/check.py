@@ -88,12 +88,9 @@ class Judgement:
 
 
 def plan_of(robot: Robot, folder: str | Path) -> Plan:
-    """Read the plan of a history; choose and write one where there is none.
-
-    Raises:
-        PlanError: the robot has no model, or the plan is damaged.
-        HistoryError: the plan is of another robot.
-    """
+    """Read the plan of a history; choose and write one where there is none. Raises a `PlanError` if
+    the robot has no model, or the plan is damaged, a `HistoryError` if the plan is of another
+    robot."""
     path = Path(folder) / PLAN
     if not path.exists():
         choose(robot).write(path)

@@ -119,11 +119,8 @@ def _check_whole(driver: LiveDriver) -> None:
 
 
 class Datagrams(AbstractContextManager["Datagrams"]):
-    """Sends each reading as a datagram of JSON to HOST:PORT; a context manager and a sink.
-
-    Raises:
-        ParameterError: the address is no HOST:PORT, or there is no such host.
-    """
+    """Sends each reading as a datagram of JSON to HOST:PORT; a context manager and a sink. Raises a
+    `ParameterError` if the address is no HOST:PORT, or there is no such host."""
 
     def __init__(self, address: str) -> None:
         self._target = _address(address)

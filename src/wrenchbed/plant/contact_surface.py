@@ -24,11 +24,8 @@ class Surface(Protocol):
 
 @dataclass(frozen=True)
 class Plate:
-    """A horizontal plate with its top at a height [m]: a spring [N/m], straight up.
-
-    Raises:
-        ParameterError: the height is no number.
-    """
+    """A horizontal plate with its top at a height [m], a `ParameterError` if that is no number: a
+    spring [N/m], straight up."""
 
     height: float
     stiffness: float = 2e4

@@ -33,12 +33,8 @@ class ModelSource:
 
     @classmethod
     def of(cls, path: Path) -> "ModelSource":
-        """Read and parse a model file.
-
-        Raises:
-            NotFoundError: there is no such file.
-            ParameterError: it is no MJCF or URDF, or larger than any robot.
-        """
+        """Read and parse a model file. Raises a `NotFoundError` if there is no such file, a
+        `ParameterError` if it is no MJCF or URDF, or larger than any robot."""
         text, root = _xml(path)
         if root.tag not in ("mujoco", "robot"):
             raise ParameterError(

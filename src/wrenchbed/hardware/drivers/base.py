@@ -204,12 +204,9 @@ class Driver(Device, ABC):
         return self._write(np.asarray(q, dtype=float))
 
     def move(self, q: np.ndarray) -> Move:
-        """Start a straight joint-space move that comes to rest at q (J,).
-
-        Raises:
-            PlanError: the target or the path to it leaves limits, workspace or solvable region.
-            DriverError: the robot is not ready.
-        """
+        """Start a straight joint-space move that comes to rest at q (J,). Raises a `PlanError` if
+        the target or the path to it leaves limits, workspace or solvable region, a `DriverError` if
+        the robot is not ready."""
         self._check_active()
         start, goal = self._position(), np.asarray(q, dtype=float)
         self.limits.check_path(self.robot, straight(start, goal), "move")
@@ -240,11 +237,8 @@ class Driver(Device, ABC):
 
     def touch(self, q: np.ndarray, point: np.ndarray) -> Reached:
         """Move to a pose near a known point of the world (3,) [m] and seat the tool's tip there.
-
-        Raises:
-            PlanError: the pose or the path to it leaves the limits or the solvable region.
-            DriverError: this device cannot touch, or the tip did not reach the point.
-        """
+        Raises a `PlanError` if the pose or the path to it leaves the limits or the solvable region,
+        a `DriverError` if this device cannot touch, or the tip did not reach the point."""
         self.move(q).wait()
         return self._touch(np.asarray(point, dtype=float))
 

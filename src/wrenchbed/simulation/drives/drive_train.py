@@ -241,12 +241,8 @@ class DriveTrain:
 
 
 class EffortNoise:
-    """Adds the drives' reading noise to currents, one call after another.
-
-    Args:
-        noise: ``real``, ``white`` or ``off``.
-        rate: rows a second [Hz].
-    """
+    """Adds the drives' reading noise (``real``, ``white`` or ``off``) to currents of rows at a rate
+    [Hz], one call after another."""
 
     def __init__(self, train: DriveTrain, noise: str, seed: int, rate: float) -> None:
         self._kind, self._level = noise, train.level()
@@ -271,11 +267,8 @@ class EffortNoise:
 
 
 class ReportedEfforts:
-    """Makes a recording's drive columns: efforts, the controller's targets, temperatures.
-
-    Args:
-        noise: ``real``, ``white`` or ``off``.
-    """
+    """Makes a recording's drive columns: efforts, the controller's targets, temperatures; noise is
+    ``real``, ``white`` or ``off``."""
 
     def __init__(self, train: DriveTrain, kind: Kind, noise: str, seed: int) -> None:
         self._train, self._kind, self._noise, self._seed = train, kind, noise, seed

@@ -60,12 +60,8 @@ class BoardQueries:
                 self._came.notify_all()
 
     def calibrate(self, slot: int) -> GaugeCalibration:
-        """Select a calibration and read its matrix, counts and units.
-
-        Raises:
-            LinkError: the board does not answer.
-            DriverError: its calibration cannot be used.
-        """
+        """Select a calibration and read its matrix, counts and units. Raises a `LinkError` if the
+        board does not answer, a `DriverError` if its calibration cannot be used."""
         (active,) = self._collect(frames.SELECT, bytes([slot]))[0].values
         if active != slot:
             raise DriverError(f"the sensor's board selected calibration {active}, not {slot}")

@@ -114,11 +114,8 @@ class CanLink:
 
 def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -> CanLink:
     """Open a bus: socketcand where a host is given, else ``interface`` or the kernel's SocketCAN.
-
-    Raises:
-        LinkError: it is not there, or does not answer within `OPENING_S`.
-        MissingExtraError: python-can is not installed.
-    """
+    Raises a `LinkError` if it is not there, or does not answer within `OPENING_S`, a
+    `MissingExtraError` if python-can is not installed."""
     can = require("can", "hil")
     logging.getLogger("can").addHandler(logging.NullHandler())
     kind = interface or ("socketcand" if host else "socketcan")

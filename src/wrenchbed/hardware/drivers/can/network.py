@@ -201,12 +201,8 @@ class Drives:
         return node not in without
 
     def read(self, node: int, index: int, sub: int = 0) -> int:
-        """Read a value of a drive's dictionary.
-
-        Raises:
-            LinkError: it does not answer.
-            DriverError: it refuses.
-        """
+        """Read a value of a drive's dictionary. Raises a `LinkError` if it does not answer, a
+        `DriverError` if it refuses."""
         raw = self._transfer(node, index, sub, None)
         return int.from_bytes(raw, "little", signed=index == 0x607D)
 

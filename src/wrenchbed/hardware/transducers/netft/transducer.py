@@ -73,12 +73,8 @@ and relative drift of the clock, `_PPM`."""
 
 
 def get(host: str, port: int, target: str) -> bytes:
-    """Fetch a page from a box's web server.
-
-    Raises:
-        LinkError: nobody listens, or nothing complete came in time.
-        DriverError: the answer is no page, or too long.
-    """
+    """Fetch a page from a box's web server. Raises a `LinkError` if nobody listens, or nothing
+    complete came in time, a `DriverError` if the answer is no page, or too long."""
     where = f"http://{host}:{port}{target}"
     link = HTTPConnection(host, port, timeout=PAGE_S)
     try:
