@@ -233,12 +233,8 @@ def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
 
 
 def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.ndarray:
-    """Size of each column's family (C,) at maximum marginal likelihood (MacKay's updates).
-
-    Args:
-        alone: changes by the suspects without what parameters explain (n, C), in units of noise.
-        residual: without what parameters explain (n,), in units of noise.
-    """
+    """Size of each column's family (C,) at maximum marginal likelihood (MacKay's updates), from
+    changes (n, C) and residual (n,) without what parameters explain, in units of noise."""
     R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
     _, family = np.unique([f for s in every for f in s.families], return_inverse=True)
@@ -266,13 +262,11 @@ def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _likeliest(
     every: list[Suspect], seen: _Whitened, alone: np.ndarray, residual: np.ndarray
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Suspects that best explain the residual, one at a time.
+    """Names of the suspects that best explain the residual, one at a time, the sizes of the first
+    one, and what each that explains it alike changes (n, L).
 
     k shapes cost k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of suspects that explain it
     alike, those with the fewest shapes are named.
-
-    Returns:
-        The names, the sizes of the first one, and what each that explains it alike changes (n, L).
     """
     scores: list[tuple[float, np.ndarray, np.ndarray]] = []
     ends = np.cumsum([len(s.families) for s in every])

@@ -59,10 +59,8 @@ def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Susp
 
 
 def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """General suspects: slow functions of time, smooth nonlinear functions of gravity's direction.
-
-    Linear functions of it are gains and crosstalk.
-    """
+    """General suspects: slow functions of time, smooth nonlinear functions of gravity's direction,
+    of which linear ones are gains and crosstalk."""
     t = problem.data.t[some]
     along = np.pi * (t - t.min()) / max(float(np.ptp(t)), 1e-9)
     yield _shapes(

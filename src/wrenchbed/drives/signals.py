@@ -96,13 +96,9 @@ class DriveSignals:
         return max(1, int(self.rate / (_KEPT * self.cutoff)) // self.coarse) * self.coarse
 
     def filtered(self, columns: np.ndarray, every: int = 1) -> np.ndarray:
-        """Columns low-passed, decimated, without their ends (M, …).
-
-        Args:
-            columns: (N, …), or every ``every``-th row of them (⌈N / every⌉, …); the result is the
-                same for what has no content beyond half of that rate.
-            every: 1 or `coarse`.
-        """
+        """Columns (N, …), or every ``every``-th row of them (⌈N / every⌉, …), low-passed, decimated,
+        without their ends (M, …). With ``every`` 1 or `coarse` the result is the same for what has
+        no content beyond half of that rate."""
         half, rows = self._half(), len(self.t)
         window = scipy.signal.firwin(
             2 * half + 1, self.cutoff, window=("kaiser", _KAISER), fs=self.rate, scale=True

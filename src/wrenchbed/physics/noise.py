@@ -211,12 +211,8 @@ class NoiseStream:
 
 
 def carried(keep: Array, push: Array) -> Array:
-    """x of x_k = keep_k x_(k−1) + push_k along rows, and x_0 = push_0.
-
-    Args:
-        keep: (N,), of which the first is not used.
-        push: (…, N); may be overwritten.
-    """
+    """x of x_k = keep_k x_(k−1) + push_k along rows (…, N), which may be overwritten, and
+    x_0 = push_0; the first of ``keep`` (N,) is not used."""
     from scipy.linalg.lapack import dtbtrs  # slow to load: only when it is used
 
     bands = np.stack([np.ones(len(keep)), np.append(-keep[1:], 0.0)])  # x_k − keep_k x_(k−1)

@@ -105,12 +105,8 @@ def _joint(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
 def _joint_error(
     e: Evidence, c: Cause, shift: np.ndarray
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-    """Error of a wrong joint's value that each row shows, of a cause that shifts joints by (H, J).
-
-    Returns:
-        Number of the joint from 0; rows that show an error (R,); their errors (R,) [rad or m];
-            standard uncertainties (R,).
-    """
+    """Error of a wrong joint's value, of a cause that shifts joints by (H, J): number of the joint
+    from 0; rows that show it (R,); their errors (R,) [rad or m]; standard uncertainties (R,)."""
     scene = replace(e.prepared.scene, theta=c.rest.robot_theta)
     slopes = [_slope(e.prepared, scene, c, k) / e.std for k in range(shift.shape[1])]
     sizes = [float(((s * shift[:, [k]]) ** 2).sum()) for k, s in enumerate(slopes)]
