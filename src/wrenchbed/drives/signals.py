@@ -96,7 +96,7 @@ class DriveSignals:
         return max(1, int(self.rate / (_KEPT * self.cutoff)) // self.coarse) * self.coarse
 
     def filtered(self, columns: np.ndarray, every: int = 1) -> np.ndarray:
-        """Columns (N, …), or every ``every``-th row of them (⌈N / every⌉, …), low-passed, decimated,
+        """Columns (N, …), or every ``every``-th row of them (⌈N / every⌉, …), low-passed, thinned,
         without their ends (M, …). With ``every`` 1 or `coarse` the result is the same for what has
         no content beyond half of that rate."""
         half, rows = self._half(), len(self.t)
