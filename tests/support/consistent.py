@@ -326,8 +326,8 @@ def _gaps(g: Told) -> Iterator[str]:
         if g[key] is not None:
             yield f"{label} {numbers.gap(max(g[key], 0.0) if key == 'floor' else g[key])}"
     if g["closed"] is not None and g["closed"] > 0.0:
-        yield f"{numbers.percent(g['closed'])} % closed"
-        yield " … ".join(numbers.percent(x) for x in g["closed_ci95"]) + " %"
+        yield f"{numbers.percent(min(g['closed'], 1.0))} % closed"
+        yield " … ".join(numbers.percent(min(x, 1.0)) for x in g["closed_ci95"]) + " %"
 
 
 def _sentences(told: Told) -> Iterator[str]:

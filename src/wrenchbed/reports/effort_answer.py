@@ -173,7 +173,7 @@ def _efforts(findings: EffortFindings) -> Chart:
     panels, note = [], ""
     for j, joint in enumerate(scene.robot.joints[: scene.joints]):
         efforts = [Series("measured", "line", t[rows], measured[rows, j], ids=rows)]
-        residuals = []
+        residuals = list[Series]()
         for role, (label, residual) in every:
             remainders = residual[rows, j]
             predicted = measured[rows, j] - std[j] * remainders
