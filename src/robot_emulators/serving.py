@@ -80,16 +80,13 @@ class Device(str):
 
     ``robot.protective_stop()`` acts now, ``robot.drop(0.2)`` lasts 0.2 s, ``robot.drop()`` for
     ever. ``robot.stall(1.0, link="dashboard")`` names a link, else it is the first that knows the
-    fault; further values go by name. ``addresses`` has those of its links.
+    fault; further values go by name. ``host`` is its address as plain text, ``addresses`` has
+    those of its links.
     """
 
+    host: str
     addresses: Mapping[str, str]
     _order: Callable[[dict[str, object]], None]
-
-    @property
-    def host(self) -> str:
-        """The address as plain text."""
-        return str(self)
 
     def __getattr__(self, kind: str) -> Callable[..., None]:
         if kind.startswith("_"):
@@ -112,13 +109,11 @@ def device(
         plant: the robot behind it, or what makes it, served in this process; if None the built-in
             one in a process of its own: client libraries may hold Python's lock while they wait.
         host: address of this machine; if empty one of 16 million, so that many serve at once.
-        setting: of the emulator, as ``series="e"``.
-
-    Raises:
-        EmulatorError: it cannot be served.
+        setting: of the emulator, as ``series="e"``; EmulatorError if it cannot be served.
     """
     host = host or str(IPv4Address("127.1.0.1") + randrange(250 << 16))
     result = Device(host)
+    result.host = host
     if plant is not None:
         with serve(kind, plant, Options(host, setting=setting)) as server:
             result.addresses = server.addresses

@@ -204,7 +204,7 @@ class MedrueEmulator(Emulator):
         self.plant = RealTimePlant(body, counts, lock, self.fail)
         self.drives: list[DriveEmulator] = []
         for j, node in enumerate(setting.nodes):
-            send = hub.attach(partial(self._heard_by, j))
+            send = hub.attach(partial(lambda j, t, frame: self.drives[j].hear(t, frame), j))
             values, position = self._rated(body.arm, j, counts[j]), body.q[j] * counts[j]
             self.drives.append(DriveEmulator(node, send, values, position, lock))
         self.plant.drives = self.drives
@@ -227,9 +227,6 @@ class MedrueEmulator(Emulator):
     def stop(self) -> None:
         self.plant.stop()
         self.hub.stop()
-
-    def _heard_by(self, j: int, t: float, frame: Frame) -> None:
-        self.drives[j].hear(t, frame)
 
     def _rated(self, arm: Arm, j: int, counts: float) -> dict[Key, int]:
         """Limits and ratings of axis ``j`` of the arm, with ``counts`` per m or rad."""
