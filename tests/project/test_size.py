@@ -30,16 +30,16 @@ WRENCHBED = {
     "robots": 4404,
     "sensors": 314,
     "simulation": 1305,
-    "studies": 1342,
+    "studies": 1346,
     "twin": 1082,
     "viewer": 749,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78936,
-    "src/wrenchbed": 69436,
+    "src": 78940,
+    "src/wrenchbed": 69440,
     "src/robot_emulators": 9500,
-    "tests": 40024,
+    "tests": 40025,
     "scripts": 3481,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -91,7 +91,7 @@ def run() -> None:
 def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
     """Repeat an interrupt that arrived in a callback of the interpreter, which swallows it."""
     if unraisable.exc_type is KeyboardInterrupt:
-        threading.Timer(_AGAIN_S, signal.raise_signal, (signal.SIGINT,)).start()
+        threading.Timer(_AGAIN_S, signal.raise_signal, (signal.SIGTERM,)).start()
     else:
         sys.__unraisablehook__(unraisable)
 

@@ -20,7 +20,7 @@ from wrenchbed.pages.document import Document, provenance
 
 def steps(paper: str, quick: bool, robots: int | None) -> int:
     """Number of steps of the study of a paper, ``medrue`` or ``ur5``."""
-    return int(import_module(f"{__name__}.{paper}").steps(quick, robots))
+    return int(_module(paper).steps(quick, robots))
 
 
 def run(
@@ -43,11 +43,15 @@ def run(
     for library in ("matplotlib", "jinja2"):
         registry.require(library, "report")
     folder.mkdir(parents=True, exist_ok=True)
-    page = import_module(f"{__name__}.{paper}").run(folder, quick, robots, seed, report)
+    page = _module(paper).run(folder, quick, robots, seed, report)
     made = provenance(sorted(folder.glob("*.parquet")), command, seed)
     page = replace(page, data=made, summary=_finite(page.summary))
     page.write(folder, paper, page.summary)
     return page
+
+
+def _module(paper: str) -> Any:
+    return import_module(f"{__name__}.{paper}")
 
 
 def _finite(value: Any) -> Any:
