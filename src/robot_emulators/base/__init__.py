@@ -1,5 +1,5 @@
 """What every emulator shares: life cycle, event loop, real time, settings, faults.
-Free: the inside (tests/emulators/test_emulator_contract.py). Others rely on: scripts of faults,
-``--set``, `Options`. Never: a device of another folder, or a client's library.
+Free: inside (tests/emulators/test_emulator_contract). Others rely on: fault scripts, `Options`,
+cycles that make up for missed deadlines. Never: import a device; hold Python's lock in a cycle.
 Read first: emulator.py, then event_loop.py.
 """

@@ -296,7 +296,7 @@ class JointSpeed(ArmMotion):
         self._speed = np.array(qd)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Next target (6,): speeds go straight to the goal, none faster than the acceleration."""
+        """Target (6,) after ``dt`` [s]: speeds change to the wanted ones at the acceleration."""
         change, most = self._goal - self._speed, self._rate * dt
         largest = float(np.abs(change).max())
         self._speed = self._speed + change * (most / max(largest, most))

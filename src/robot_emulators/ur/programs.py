@@ -64,7 +64,7 @@ def _text(path: Path) -> str:
 
 
 def _converted(data: bytes, name: str) -> str:
-    """Convert a tree of nodes to URScript; empty where a node asks a computer for the program."""
+    """URScript of the program file ``name``; empty for an External Control node alone."""
     try:
         if data[:2] == b"\x1f\x8b":
             data = zlib.decompressobj(16 + zlib.MAX_WBITS).decompress(data, _LARGEST)

@@ -374,7 +374,7 @@ class _Path:
         return done
 
     def without_ends(self, run: tuple[int, int]) -> tuple[int, int]:
-        """Cut off both ends of a run, where moves begin or end with little way but full force."""
+        """Rows of a run without its ends, where a joint accelerates; a short run as it is."""
         begin, end = self.t[run[0]], self.t[run[1] - 1]
         edge = min(_EDGE_S, _EDGE_SHARE * (end - begin))
         first = int(np.searchsorted(self.t, begin + edge))

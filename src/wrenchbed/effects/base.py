@@ -444,7 +444,7 @@ def channel_parameters(
 def channel_variants(
     stem: str, at: Values | None = None, shape: tuple[str, ...] = ()
 ) -> list[Variant]:
-    """Variants for each channel alone, the forces, the torques, and all six."""
+    """Variants with amplitudes ``stem.fx`` …: one channel, the forces, the torques, all six."""
     names = per_channel(stem)
     where = dict(at or {})
     single = [

@@ -229,7 +229,7 @@ class ClosedLoops:
         return np.asarray(self.residual(_split(at), arm) @ self._kept.T)
 
     def _reached(self, q: np.ndarray) -> np.ndarray:
-        """Nominal solutions (N, L) at driven values, followed from a near seed, else from home."""
+        """Nominal values of all L joints (N, L) at driven values; NaN where no loop closes."""
         goal, seeds = q, self._seeds
         at = np.full((len(q), len(self.arm.links)), np.nan)
         finite = np.flatnonzero(np.isfinite(goal).all(axis=1))

@@ -46,7 +46,7 @@ NAMES = tuple(name for name in _PUBLISHED if name != "ur5")
 
 
 class URArm(SerialArm):
-    """An arm of Universal Robots with an ATI Gamma."""
+    """Model of an arm of Universal Robots with an ATI Gamma at its flange."""
 
     joint_names = JOINTS
 

@@ -123,7 +123,7 @@ class CompiledForm:
         return np.concatenate([np.broadcast_to(x, (*rows, x.shape[-1])) for x in parts], axis=-1)
 
     def _takes(self, q: Value, theta: np.ndarray) -> bool:
-        """Whether joint values are real (N, J) and parameters real (P,)."""
+        """Whether joint values (N, J) and parameters (P,) are plain float64 arrays."""
         if not isinstance(q, np.ndarray) or q.ndim != 2 or q.shape[1] != len(self.robot.joints):
             return False
         return q.dtype == theta.dtype == _DOUBLE and theta.ndim == 1

@@ -28,8 +28,8 @@ from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 def recording_view(
     recording: Recording, path: str | Path, files: Sequence[str | Path] = ()
 ) -> None:
-    """Write the view of a recording to an ``.rrd``; the last of at most three files, fit.json or
-    twin.json, is compared with it.
+    """Write the view of a recording to an ``.rrd``; the readings that at most three files, fit.json
+    or twin.json, predict stand beside it, the residual of the last.
 
     Raises:
         ParameterError: a file is no fit or twin of this robot.

@@ -2,6 +2,7 @@
 Read first: `examine`, which states the order; then `rigid_load` (how well one load under gravity
 explains the readings) and `mistakes` (which mistake explains what it does not).
 Free: thresholds and order, judged by tests/calibration/test_checks and `scripts/corruptions`.
-Others rely on: the words of `REASONS` (``wrenchbed list checks``, `scripts/corruptions`).
+Others rely on: the words of `REASONS` (``wrenchbed list checks``, `scripts/corruptions`), and
+`Finding.blocks`, by which a calibration or diagnosis refuses.
 Never: fit parameters of a robot, or mend a recording; it says what is wrong.
 """

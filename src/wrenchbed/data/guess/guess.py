@@ -301,7 +301,7 @@ def raw_map(
 
 
 def _pattern(name: str, names: Sequence[str]) -> str:
-    """Pattern that matches one of some file names: what they share at the beginning may change."""
+    """Glob pattern of a file among others: the beginning that all names share becomes ``*``."""
     if len(names) == 1:
         return "*"
     same = len([*takewhile(lambda letters: len({*letters}) == 1, zip(*names, strict=False))])

@@ -130,7 +130,7 @@ def _scaled(x: np.ndarray) -> np.ndarray:
 
 
 def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Columns (C R, C) that have the function x (H,) in one whitened channel each."""
+    """Columns (C R, C): row averages of the function x (H,), each in one whitened channel."""
     count = len(prepared.variance)
     fit = prepared.averages(x[:, None])
     return np.asarray((fit[:, :, None] * np.eye(count)).reshape(-1, count))

@@ -265,7 +265,7 @@ def _held(model: Reliability, x: Lesson) -> float:
 
 @cache
 def lessons() -> tuple[Lesson, ...]:
-    """Lessons that ship with the package."""
+    """Answers to learning cases, with their truth, from which probabilities are learnt."""
     file = resources.files("wrenchbed.diagnosis.explain").joinpath("lessons.jsonl")
     return tuple(of_json(json.loads(line)) for line in file.read_text("utf-8").splitlines())
 

@@ -137,7 +137,7 @@ class Structure:
 
     @property
     def blamed_columns(self) -> np.ndarray:
-        """Columns (C R, m − k) of the blamed stated numbers."""
+        """Columns (C R, m − k) of stated numbers that are causes; m numbers, k of them fitted."""
         result = np.zeros((len(self.y), len(self.shape)))
         for c, parts, at, rows in zip(self.cases, self.parts, self.blamed, self.rows, strict=True):
             of = [h.columns for h in parts if h.effect.stated]

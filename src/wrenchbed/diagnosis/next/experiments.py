@@ -154,7 +154,7 @@ class Comparison:
         return np.asarray(known + self.information(session))
 
     def _only_there(self, base: Prepared) -> list[np.ndarray]:
-        """Columns, at typical size, of effects that only the session's mode can show."""
+        """Columns, at typical size, of effects that the planned mode alone (rest, motion) shows."""
         if base.moving == self.d.prepared.moving:
             return []
         mode, known = ("dynamic", "static") if base.moving else ("static", "dynamic")
