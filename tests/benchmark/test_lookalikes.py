@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import between
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, effects, families, recording
-from wrenchbed.benchmark.lookalikes.loads import in_motion
+from wrenchbed.benchmark.lookalikes.mechanics import in_motion
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import wrench

@@ -14,7 +14,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.between_rows import row_effects as module
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.prepare.configuration import configured
-from wrenchbed.diagnosis.prepare.repeated_rows import Repeats, Step, at_limits, step
+from wrenchbed.diagnosis.prepare.repeats_and_counts import Repeats, Step, at_limits, step
 from wrenchbed.physics.wrench import CHANNELS
 
 ROBOT, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))

@@ -7,7 +7,7 @@ import pytest
 from effect_scenes import added, at, change, displacement, motion, scene_of
 
 from wrenchbed import registry
-from wrenchbed.benchmark.lookalikes.loads import link_forces
+from wrenchbed.benchmark.lookalikes.mechanics import link_forces
 from wrenchbed.effects.chain import respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.robots.medrue import kinematics

@@ -7,7 +7,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 535,
-    "benchmark": 7765,
+    "benchmark": 7766,
     "calibration": 5167,
     "campaigns": 1148,
     "channels": 938,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78941,
-    "src/wrenchbed": 69441,
+    "src": 78942,
+    "src/wrenchbed": 69442,
     "src/robot_emulators": 9500,
     "tests": 40025,
     "scripts": 3481,

@@ -9,9 +9,9 @@ import numpy as np
 
 from wrenchbed.diagnosis.decision.decide import LEAST
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
+from wrenchbed.diagnosis.efforts.fitted_causes import remaining
 from wrenchbed.diagnosis.efforts.names import place as place_of
 from wrenchbed.diagnosis.efforts.names import title
-from wrenchbed.diagnosis.efforts.simulator import remaining
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.pages import numbers

@@ -22,7 +22,7 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     relay,
     spread,
 )
-from wrenchbed.benchmark.lookalikes.loads import SensorMotion, link_forces, rotate, rotate_back
+from wrenchbed.benchmark.lookalikes.mechanics import SensorMotion, link_forces, rotate, rotate_back
 from wrenchbed.benchmark.rigid import wrench_at
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import SimulatedRobot

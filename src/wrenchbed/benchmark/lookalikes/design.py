@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import Usual, as_stated
-from wrenchbed.benchmark.lookalikes import loads
-from wrenchbed.benchmark.lookalikes.loads import SensorMotion, Weights
+from wrenchbed.benchmark.lookalikes import mechanics
+from wrenchbed.benchmark.lookalikes.mechanics import SensorMotion, Weights
 from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
 from wrenchbed.data.holds import gather
 from wrenchbed.data.metadata import Metadata
@@ -70,17 +70,17 @@ def path_of_holds(design: "ExperimentDesign") -> JointPath:
     if not robot.joints:
         points = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
     with np.errstate(invalid="ignore", divide="ignore"):
-        motion = loads.at_rest(robot, theta, points, gravity)
+        motion = mechanics.at_rest(robot, theta, points, gravity)
     at = np.arange(STEPS - 1, len(points), STEPS)
     unreachable = ~np.isfinite(motion.rotation).all(axis=(1, 2))
     if unreachable.any():  # the straight move leaves the workspace: the robot waits at the start
         last = np.maximum.accumulate(np.where(unreachable, -1, np.arange(len(points))))
         points = points[np.maximum(last, at[0])]
-        motion = loads.at_rest(robot, theta, points, gravity)
+        motion = mechanics.at_rest(robot, theta, points, gravity)
     since = np.concatenate([t[:1] - 1.0, t[:-1]])
     times = (since[:, None] + fraction * (t - since)[:, None]).ravel()
-    torque = loads.weights(robot, theta, points, gravity).torque
-    wrench = loads.load_wrench(motion, design.load)
+    torque = mechanics.weights(robot, theta, points, gravity).torque
+    wrench = mechanics.load_wrench(motion, design.load)
     return JointPath(times, points, wrench, motion.specific_force, torque, at)
 
 
@@ -212,13 +212,13 @@ class ExperimentDesign:
         """Motion of the sensor at joint values q + dq (N, J) with parameters (P,) or (N, P)."""
         q = self.q + dq if dq.size else self.q
         if self.moving:
-            return loads.in_motion(self.robot, theta, self.t, q, self.gravity)
-        return loads.at_rest(self.robot, theta, q, self.gravity)
+            return mechanics.in_motion(self.robot, theta, self.t, q, self.gravity)
+        return mechanics.at_rest(self.robot, theta, q, self.gravity)
 
     @cached_property
     def nominal(self) -> np.ndarray:
         """The wrench (N, 6) [N, N·m] of the robot as stated."""
-        return loads.load_wrench(self.motion, self.load)
+        return mechanics.load_wrench(self.motion, self.load)
 
     @cached_property
     def full_scale(self) -> np.ndarray:
@@ -246,7 +246,7 @@ class ExperimentDesign:
         """Joint torques and base moments of the nominal robot (N, …)."""
         stride = _STRIDE if self.moving else 1
         t = self.t if self.moving else None
-        return loads.weights(self.robot, self.theta, self.q, self.gravity, t, stride)
+        return mechanics.weights(self.robot, self.theta, self.q, self.gravity, t, stride)
 
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
@@ -263,7 +263,8 @@ class ExperimentDesign:
         load = self.load
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]
-        differences = [loads.load_wrench(self.motion, other) - self.nominal for other in changed]
+        pulls = (mechanics.load_wrench(self.motion, other) for other in changed)
+        differences = [pull - self.nominal for pull in pulls]
         return Usual.of(differences, self.noise_std)
 
 

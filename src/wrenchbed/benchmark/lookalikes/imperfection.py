@@ -13,7 +13,7 @@ from scipy.linalg import solve_banded
 
 from wrenchbed.benchmark.frame import Fault, Rng, RowChange, by_axis, by_channel
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.loads import SensorMotion, load_wrench
+from wrenchbed.benchmark.lookalikes.mechanics import SensorMotion, load_wrench
 from wrenchbed.physics.wrench import Tool
 
 Act = Callable[[np.ndarray], np.ndarray]

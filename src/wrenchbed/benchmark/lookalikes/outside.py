@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.benchmark.frame import Rng
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, off, relax
-from wrenchbed.benchmark.lookalikes.loads import rotate_back
+from wrenchbed.benchmark.lookalikes.mechanics import rotate_back
 from wrenchbed.benchmark.rigid import wrench_at
 
 _G = 9.81

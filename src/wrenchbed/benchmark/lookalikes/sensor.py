@@ -12,7 +12,7 @@ from wrenchbed.benchmark.frame import Rng, at_times, by_channel, by_pair, elapse
 from wrenchbed.benchmark.lookalikes import imperfection
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, spread
-from wrenchbed.benchmark.lookalikes.loads import FINER
+from wrenchbed.benchmark.lookalikes.mechanics import FINER
 from wrenchbed.physics.wrench import CHANNELS
 
 _BLOCKS = {"ff": (0, 0), "ft": (0, 3), "tf": (3, 0), "tt": (3, 3)}

@@ -18,7 +18,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.between_rows.base_vibration import Line, Shaking, line, shaking
 from wrenchbed.diagnosis.between_rows.scatter import Scatter, scatter
 from wrenchbed.diagnosis.prepare.configuration import Configuration
-from wrenchbed.diagnosis.prepare.repeated_rows import FEW, Repeats, Step, repeats, step
+from wrenchbed.diagnosis.prepare.repeats_and_counts import FEW, Repeats, Step, repeats, step
 from wrenchbed.effects import base_vibration, sensor_noise, sensor_quantization, timing_stale
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.wrench import CHANNELS, UNITS

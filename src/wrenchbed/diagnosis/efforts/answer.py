@@ -6,11 +6,11 @@ from typing import Any
 from wrenchbed.diagnosis.answer import notes as of_gap
 from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.diagnosis.efforts.fitted_causes import Simulators
 from wrenchbed.diagnosis.efforts.names import all_effects, place, title
 from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks, facts_of
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
-from wrenchbed.diagnosis.efforts.simulator import Simulators
 from wrenchbed.diagnosis.efforts.sizes import parameters
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE

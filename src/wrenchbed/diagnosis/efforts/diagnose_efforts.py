@@ -13,11 +13,11 @@ from wrenchbed.diagnosis.efforts import answer
 from wrenchbed.diagnosis.efforts.commanded import as_efforts
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
+from wrenchbed.diagnosis.efforts.fitted_causes import Simulator, Simulators
 from wrenchbed.diagnosis.efforts.options import blocks, facts_of, outside, weighed
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Evidence, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
-from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
 from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, fitted
 from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict

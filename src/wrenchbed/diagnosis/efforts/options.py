@@ -7,8 +7,8 @@ from functools import cache
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
+from wrenchbed.diagnosis.efforts.fitted_causes import Simulators, added
 from wrenchbed.diagnosis.efforts.search import Structure
-from wrenchbed.diagnosis.efforts.simulator import Simulators, added
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict

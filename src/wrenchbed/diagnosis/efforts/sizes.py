@@ -12,9 +12,9 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.columns import LIGHT
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.diagnosis.efforts.fitted_causes import Simulator, added
 from wrenchbed.diagnosis.efforts.names import all_effects, place
 from wrenchbed.diagnosis.efforts.search import AMPLITUDE, Evidence
-from wrenchbed.diagnosis.efforts.simulator import Simulator, added
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot, reported_from
 from wrenchbed.effects.drives.wave import Wave
 

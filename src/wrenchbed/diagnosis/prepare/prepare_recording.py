@@ -19,7 +19,7 @@ from wrenchbed.diagnosis.prepare.prepared import (
     sensor_of,
     split,
 )
-from wrenchbed.diagnosis.prepare.repeated_rows import repeats, step
+from wrenchbed.diagnosis.prepare.repeats_and_counts import repeats, step
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import value
 from wrenchbed.robots.base import Robot

@@ -15,7 +15,7 @@ from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.configuration import Configuration
-from wrenchbed.diagnosis.prepare.repeated_rows import at_limits
+from wrenchbed.diagnosis.prepare.repeats_and_counts import at_limits
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
