@@ -27,7 +27,7 @@ WRENCHBED = {
     "planning": 1035,
     "plant": 762,
     "reports": 2148,
-    "robots": 4404,
+    "robots": 4405,
     "sensors": 314,
     "simulation": 1305,
     "studies": 1346,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78942,
-    "src/wrenchbed": 69442,
+    "src": 78943,
+    "src/wrenchbed": 69443,
     "src/robot_emulators": 9500,
     "tests": 40025,
     "scripts": 3481,

@@ -44,13 +44,13 @@ ENDLESS = {
         lambda f: written(
             f, ARM.format("").replace("<worldbody>", f"<asset>{FIELD}</asset><worldbody>")
         ),
-        "unknown exception|GiB",
+        "GiB",
     ),
     "endless user data": (
         lambda f: written(
             f, ARM.format("").replace("<worldbody>", '<size nuser_body="2000000000"/><worldbody>')
         ),
-        "unknown exception|GiB",
+        "GiB",
     ),
 }
 

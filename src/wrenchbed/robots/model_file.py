@@ -52,9 +52,10 @@ def read_arm(
     """
     try:
         return bounded(_read_arm, path, frame, hold_others)
-    except RuntimeError as cause:  # also MuJoCo's own where memory ends
+    except RuntimeError as cause:  # MuJoCo does not know the exception of an end of memory
+        why = str(cause).replace("Caught an unknown exception!", "it needs more than 1 GiB")
         raise ParameterError(
-            f"{path}: reading it fails ({cause}): leave out what is no part of the robot "
+            f"{path}: reading it fails ({why}): leave out what is no part of the robot "
             "(copies, included files, height fields, cloth)"
         ) from None
 
