@@ -61,7 +61,7 @@ class KinematicPlant:
         return Efforts(torque, torque / self.arm.constants, np.full(len(torque), 25.0))
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
-        """Reach a target (J,) a control cycle later."""
+        """Advance by a control cycle, at whose end the joints are at the target (J,)."""
         self.qd = (target - self.q) / self.cycle
         self.q = np.array(target, dtype=float)
         self.time += self.cycle

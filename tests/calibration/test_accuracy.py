@@ -4,27 +4,18 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import wrenchbed as wb
 from simulated import as_driven, driven, static
-from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
-from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
-from wrenchbed.calibration.touches import Touches
-from wrenchbed.campaigns.run import record
-from wrenchbed.data.plan import Plan
-from wrenchbed.data.plan import read as read_points
 from wrenchbed.data.recording import TOUCH_STD, Recording
 from wrenchbed.errors import CalibrationError, DriverError, NotFoundError, PlanError, WrenchbedError
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
-from wrenchbed.planning.accuracy_plan import reach
 from wrenchbed.robots.medrue import workspace
-from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
 
-MEDRUE = registry.load("robots", "medrue")
-MODEL = Model.of(MEDRUE)
+MEDRUE = wb.load("robots", "medrue")
+MODEL = wb.Model.of(MEDRUE)
 OWN = len(MEDRUE.parameters)
 TOUCHES = 15
-FREE = CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
+FREE = wb.Options(free=("candidates", "sensor.bias"), prior=True)
 CANDIDATES = MODEL.parameters.select(MEDRUE.candidates)
 
 
@@ -63,35 +54,35 @@ def test_mujocos_tip_is_where_the_closed_form_says():
     q = MEDRUE.sample(20, np.random.default_rng(2))
     for seed in range(3):
         theta = MODEL.parameters.vector(wrong(seed))[:OWN]
-        tip = Simulation(MEDRUE, theta).tip(q)
+        tip = wb.Simulation(MEDRUE, theta).tip(q)
         assert tip == pytest.approx(MEDRUE.tool_pose(q, theta)[1], abs=1e-12)
 
 
 def test_what_no_tip_plan_or_touch_can_reach_is_said(tmp_path):
-    ur5 = registry.load("robots", "ur5")
+    ur5 = wb.load("robots", "ur5")
     q = ur5.home[None]
     with pytest.raises(NotFoundError, match="'ur5' has no tool tip"):
         ur5.tool_pose(q, ur5.parameters.nominal)
     with pytest.raises(NotFoundError, match="no tool tip and target workspace"):
-        reach(ur5, 1e-3)
+        wb.reach(ur5, 1e-3)
     with pytest.raises(PlanError, match="together reach .* mm, not 1e-06 mm: touch more"):
-        reach(MEDRUE, 1e-9, pool=100, touch_std=1e-2, points=np.array([[0.4, 0.4, -0.2]]))
+        wb.reach(MEDRUE, 1e-9, pool=100, touch_std=1e-2, points=np.array([[0.4, 0.4, -0.2]]))
     with pytest.raises(PlanError, match="must be above 0"):
-        reach(MEDRUE, 0.0)
+        wb.reach(MEDRUE, 0.0)
     with pytest.raises(WrenchbedError, match="none of the 1 points to touch is in reach"):
         workspace.touch_poses(MEDRUE, np.array([[5.0, 0.0, 0.0]]), seed=0)
-    plan = Plan.of("medrue", MEDRUE.home[None], points=np.array([[3.0, 0.0, 0.0]]))
+    plan = wb.Plan.of("medrue", MEDRUE.home[None], points=np.array([[3.0, 0.0, 0.0]]))
     with (
-        SimDriver(SimOptions("medrue")) as driver,
+        wb.SimDriver(wb.SimOptions("medrue")) as driver,
         pytest.raises(DriverError, match="cannot reach"),
     ):
-        record(driver, plan, tmp_path / "t.parquet")
+        wb.record(driver, plan, tmp_path / "t.parquet")
     path = tmp_path / "p.parquet"
-    Plan.of("medrue", MEDRUE.home[None], points=np.zeros((1, 3))).write(path)
+    wb.Plan.of("medrue", MEDRUE.home[None], points=np.zeros((1, 3))).write(path)
     table = pq.read_table(path)
     pq.write_table(table.drop_columns(["pz"]), path)
     with pytest.raises(PlanError, match="need all of px py pz"):
-        Plan.read(path)
+        wb.Plan.read(path)
 
 
 def test_the_papers_workspaces():
@@ -116,20 +107,20 @@ def touched(tmp_path_factory):
     folder, truth = tmp_path_factory.mktemp("touched"), wrong(11)
     sets = MEDRUE.goal_sets(100, None, seed=0)
     pick = np.random.default_rng(0).permutation(len(sets.touch))[:TOUCHES]
-    plan = Plan.of("medrue", sets.touch[pick], points=sets.points[pick])
+    plan = wb.Plan.of("medrue", sets.touch[pick], points=sets.points[pick])
     plan.write(folder / "plan.parquet")
-    plan = Plan.read(folder / "plan.parquet")
+    plan = wb.Plan.read(folder / "plan.parquet")
     touched = driven(plan, folder / "touch.parquet", 3, parameters=truth, seed=5)
-    std = np.array(registry.load("sensors", "ati-gamma").noise.row_std)
+    std = np.array(wb.load("sensors", "ati-gamma").noise.row_std)
     gravity = as_driven(static("medrue", truth, poses=20, samples=50, noise=std, seed=5))
-    return plan, truth, gravity, Touches.of(touched)
+    return plan, truth, gravity, wb.Touches.of(touched)
 
 
 def rms_error(fit, truth) -> float:
     """Of the tool's position over the target workspace, by MuJoCo [m]."""
     target = workspace.target(MEDRUE)
     true, found = (MODEL.parameters.vector(dict(x))[:OWN] for x in (truth, fit.theta))
-    error = MEDRUE.tool_pose(target, found)[1] - Simulation(MEDRUE, true).tip(target)
+    error = MEDRUE.tool_pose(target, found)[1] - wb.Simulation(MEDRUE, true).tip(target)
     return float(np.sqrt((error**2).sum(axis=1).mean()))
 
 
@@ -145,12 +136,12 @@ def test_touches_survive_the_file_and_the_simulated_tip_sits_at_their_points(tou
 
 def test_touches_bring_the_tool_into_reach(touched):
     _, truth, gravity, touches = touched
-    alone, both = calibrate(gravity, FREE), calibrate(gravity, FREE, touches)
+    alone, both = wb.calibrate(gravity, FREE), wb.calibrate(gravity, FREE, touches)
     assert both.target_rms < 1e-4 < 2e-3 < alone.target_rms
     assert 0.3 < rms_error(both, truth) / both.target_rms < 3.0
     with pytest.raises(CalibrationError, match="Free sensor.bias too"):
-        calibrate(gravity)
-    assert calibrate(gravity, CalibrationOptions(force=True)).target_rms is None
+        wb.calibrate(gravity)
+    assert wb.calibrate(gravity, wb.Options(force=True)).target_rms is None
     assert rms_error(alone, truth) > 2e-3
     assert rms_error(both, truth) < 1.2e-4
     assert both.observability.rank > alone.observability.rank
@@ -164,7 +155,7 @@ def test_a_wrong_touch_is_named_and_no_accuracy_is_promised(touched):
     *_, gravity, good = touched
     points = good.points.copy()
     points[7, 0] += 2e-3
-    wrong = calibrate(gravity, FREE, Touches(good.q, points, good.std))
+    wrong = wb.calibrate(gravity, FREE, wb.Touches(good.q, points, good.std))
     assert wrong.touches.doubtful
     assert wrong.touches.worst == 7
     assert "touch 7 (counted from 0) lies" in wrong.status
@@ -173,7 +164,7 @@ def test_a_wrong_touch_is_named_and_no_accuracy_is_promised(touched):
 
 @pytest.fixture(scope="module")
 def mix():
-    return reach(MEDRUE, 3e-4, pool=800)
+    return wb.reach(MEDRUE, 3e-4, pool=800)
 
 
 @pytest.mark.slow
@@ -188,11 +179,11 @@ def test_a_mix_reaches_its_accuracy_with_few_measurements(mix):
 @pytest.mark.parametrize("number", [0, 1])
 def test_robots_that_run_the_mix_reach_it(mix, tmp_path, number):
     truth = wrong(100 + number)
-    with SimDriver(SimOptions("medrue", parameters=truth, seed=number)) as driver:
-        record(driver, mix.gravity, tmp_path / "g.parquet")
-        record(driver, mix.touches, tmp_path / "t.parquet", samples=3)
-    touches = Touches.of(Recording.read(tmp_path / "t.parquet"))
-    fit = calibrate(Recording.read(tmp_path / "g.parquet"), FREE, touches)
+    with wb.SimDriver(wb.SimOptions("medrue", parameters=truth, seed=number)) as driver:
+        wb.record(driver, mix.gravity, tmp_path / "g.parquet")
+        wb.record(driver, mix.touches, tmp_path / "t.parquet", samples=3)
+    touches = wb.Touches.of(Recording.read(tmp_path / "t.parquet"))
+    fit = wb.calibrate(Recording.read(tmp_path / "g.parquet"), FREE, touches)
     assert rms_error(fit, truth) < 3.3e-4
 
 
@@ -210,7 +201,7 @@ def test_robots_that_run_the_mix_reach_it(mix, tmp_path, number):
 def test_points_come_from_csv_with_clear_errors(tmp_path, text, words):
     path = tmp_path / "points.csv"
     path.write_text("x,y,z\n0.4,0.3,-0.2\n0.5,0.3,-0.2\n")
-    assert read_points(path) == pytest.approx(np.array([[0.4, 0.3, -0.2], [0.5, 0.3, -0.2]]))
+    assert wb.read_points(path) == pytest.approx(np.array([[0.4, 0.3, -0.2], [0.5, 0.3, -0.2]]))
     path.unlink() if text is None else path.write_text(text)
     with pytest.raises(PlanError, match=words):
-        read_points(path)
+        wb.read_points(path)

@@ -12,12 +12,9 @@ import wrenchbed as wb
 from altered import by_name, in_degrees, opposite, with_columns, with_metadata, with_rows
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, driven, static
 from sound import good
-from wrenchbed import registry
-from wrenchbed.calibration import calibrate as calibration
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate, check_mass
-from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.observations import window_of
-from wrenchbed.calibration.touches import Agreement, Touches
+from wrenchbed.calibration.touches import Touches
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.recording import POINT, Recording
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
@@ -25,7 +22,6 @@ from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.rotations import quaternion
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER
-from wrenchbed.simulation.closed_form import Model
 
 
 def real() -> Recording:
@@ -206,7 +202,7 @@ def test_the_fit_is_json_that_states_units_and_ranks(tmp_path):
 def test_every_registered_robot_without_a_model_calibrates_from_orientations():
     """The same data, given once as joints and once as orientations, gives the same tool."""
     rec = static("ur5", {k: v for k, v in UR5_TRUTH.items() if "mount" not in k})
-    robot = registry.load("robots", "ur5")
+    robot = wb.load("robots", "ur5")
     rotations = robot.sensor_pose(rec.q, robot.parameters.nominal)[0]
     q = np.stack([quaternion(rotation) for rotation in rotations])
     columns = {k: v for k, v in rec.columns.items() if not k.startswith("q")}
@@ -230,7 +226,7 @@ def test_a_channel_whose_residual_is_swallowed_keeps_its_noise():
         assert (fit.noise.scatter / fit.noise.expected).min() > 0.02
 
 
-UR5 = Model.of(registry.load("robots", "ur5"))
+UR5 = wb.Model.of(wb.load("robots", "ur5"))
 
 
 def test_an_interval_of_a_stated_noise_is_normal_and_of_a_found_one_student_s():
@@ -262,41 +258,11 @@ def test_a_tool_weighs_something_and_touches_are_no_recording_under_gravity():
         Touches.of(SimpleNamespace(name="r", columns=bare, joints=()), 1e-4)
 
 
-def status(noise=None, agreement=None, identified=(), steps=1, converged=True, **data):
-    solution = SimpleNamespace(steps=steps, converged=converged)
-    six = np.ones(6)
-    noise = noise or FitNoise(six, "repeats", six, six, six, 4.0, False)
-    seen = SimpleNamespace(**{"left_out": 0, "flagged": 0} | data)
-    return calibration._status(solution, noise, list(identified), seen, agreement)
-
-
-def test_the_status_says_how_far_to_trust_a_fit():
-    good = "converged in 1 step; the residual is what the noise of the repeats explains"
-    assert status() == good
-    assert status(steps=3).startswith("converged in 3 steps; ")
-    assert status(steps=50, converged=False).startswith(
-        "not converged after 50 steps: do not use these values; "
-    )
-    six = np.ones(6)
-    scatter = np.array([1.0, 2, 3, 4, 9, 6])
-    wide = status(FitNoise(six, "stated", 2.0 * six, scatter, six, 4.0, True))
-    assert "up to 4.5 times what the stated noise explains" in wide
-    alone = status(FitNoise(six, "residual", six, six, six, 4.0, False))
-    assert alone.endswith("no repeats and no stated noise: uncertainties follow the residual")
-    blind = [SimpleNamespace(name=n, std=s) for n, s in (("a", None), ("b", 0.1), ("c", None))]
-    assert status(identified=blind) == f"{good}; 2 parameters are fixed only in combination (a, c)"
-    assert status(left_out=3) == f"{good}; 3 saturated rows were left out"
-    assert status(flagged=2).endswith("; the sensor's status word is not 0 in 2 of the rows used")
-    assert "touch" not in status(agreement=Agreement(4, 1e-4, 2, 3.0, 0.5))
-    doubtful = status(agreement=Agreement(4, 1e-4, 2, 6.0, 1e-6))
-    assert "touch 2 (counted from 0) lies 6.0 standard deviations" in doubtful
-
-
 def flickering(seed: int) -> Recording:
     """UR5 data with the Gamma's real noise: 60 poses of 0.6 s, one every 5 s."""
     rec = static("ur5", UR5_TRUTH, poses=60, samples=60, seed=seed)
     t = rec.columns["segment"] * 5.0 + (np.arange(len(rec)) % 60) / 100
-    stream = NoiseStream(registry.load("sensors", "ati-gamma").noise, seed)
+    stream = NoiseStream(wb.load("sensors", "ati-gamma").noise, seed)
     return with_columns(rec, by_name(CHANNELS, stream.corrupt(t, rec.wrench)[0]) | {"t": t})
 
 

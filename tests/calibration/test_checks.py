@@ -3,22 +3,20 @@
 import numpy as np
 import pytest
 
+import wrenchbed as wb
 from altered import with_wrench
 from corrupted import CORRUPTIONS
 from simulated import WHITE, static
 from simulated import recording as recorded
 from sound import BASES, good
 from subtle import SUBTLE
-from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
-from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.checks.finding import REASONS
 from wrenchbed.calibration.checks.rows import contradicted
 from wrenchbed.calibration.trust import check
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import CalibrationError, DiagnosisError, WrenchbedError
-from wrenchbed.simulation.simulation import Simulation
 
 SEED = 7
 
@@ -47,7 +45,7 @@ def test_every_reason_is_a_known_one():
 def test_a_sound_recording_is_not_refused(base, recwarn):
     sound = good(base, 900)
     assert check(sound.recording) is None
-    assert far(calibrate(sound.recording), sound.truth) < 5.0
+    assert far(wb.calibrate(sound.recording), sound.truth) < 5.0
     prepare(sound.recording)
     assert not recwarn.list
 
@@ -60,7 +58,7 @@ def test_a_broken_recording_publishes_nothing_false(base, name):
         pytest.skip("does not apply")
     recording, truth = broken(base, name)
     try:
-        fit = calibrate(recording)
+        fit = wb.calibrate(recording)
     except WrenchbedError as error:
         assert "\n" not in str(error)
         return
@@ -84,7 +82,7 @@ def test_a_broken_recording_publishes_nothing_false(base, name):
 def test_the_true_reason_is_named(base, name, words):
     recording, _ = broken(base, name)
     with pytest.raises(CalibrationError) as caught:
-        calibrate(recording)
+        wb.calibrate(recording)
     assert words in str(caught.value)
 
 
@@ -116,7 +114,7 @@ def test_uncertainty_never_falls_with_misfit():
     last = 0.0
     for size in (0.0, 0.01, 0.03, 0.1, 0.2):
         made = with_wrench(sound.recording, y + size * bent)
-        fit = calibrate(made, CalibrationOptions(force=True))
+        fit = wb.calibrate(made, wb.Options(force=True))
         now = fit["tool.mass"].std
         assert now >= 0.98 * last
         if size:
@@ -129,20 +127,20 @@ def test_a_zero_that_medrue_does_not_free_is_refused_and_can_be_freed():
     zero = {"sensor.bias.fx": 0.2, "sensor.bias.fy": -0.15, "sensor.bias.fz": 0.3}
     rec = static("medrue", zero, poses=80, samples=30, noise=WHITE, seed=3)
     with pytest.raises(CalibrationError, match=r"zero of \(0\.201, -0\.152, 0\.299") as error:
-        calibrate(rec)
+        wb.calibrate(rec)
     assert "--free default sensor.bias" in str(error.value)
-    fit = calibrate(rec, CalibrationOptions(free=("default", "sensor.bias")))
+    fit = wb.calibrate(rec, wb.Options(free=("default", "sensor.bias")))
     found = {v.name: v for v in fit.identified}
     for name, true in (zero | {"xG": 0.0, "yG": 0.0}).items():
         assert abs(found[name].value - true) < 4.0 * found[name].std
-    forced = calibrate(rec, CalibrationOptions(force=True))
+    forced = wb.calibrate(rec, wb.Options(force=True))
     assert forced.refuted is not None and "zero" in forced.refuted
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_tared_medrue_that_wanders_is_not_refused(seed):
     rec = static("medrue", {}, poses=80, samples=30, noise=WHITE, wander=3.0, seed=seed)
-    assert calibrate(rec).refuted is None
+    assert wb.calibrate(rec).refuted is None
 
 
 GOOD = good("oriented", 3)
@@ -154,18 +152,18 @@ def broken_by(name):
 
 
 def test_a_sound_fit_keeps_its_intervals(monkeypatch):
-    with_suspects = calibrate(SOUND)
+    with_suspects = wb.calibrate(SOUND)
     monkeypatch.setattr(calibration, "allowed_for", lambda _, outcome: (outcome, None))
-    assert calibrate(SOUND).covariance == pytest.approx(with_suspects.covariance, rel=1e-12)
+    assert wb.calibrate(SOUND).covariance == pytest.approx(with_suspects.covariance, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["gain of fx +5 %", "gain of fz +5 %"])
 def test_a_small_gain_is_held_by_the_interval(monkeypatch, name):
     broken = broken_by(name)
-    fit = calibrate(broken)
+    fit = wb.calibrate(broken)
     assert abs(fit["tool.mass"].value - MASS) < 3.0 * fit["tool.mass"].std
     monkeypatch.setattr(calibration, "allowed_for", lambda _, outcome: (outcome, None))
-    narrow = calibrate(broken)
+    narrow = wb.calibrate(broken)
     assert narrow["tool.mass"].value == fit["tool.mass"].value
     assert abs(narrow["tool.mass"].value - MASS) > 5.0 * narrow["tool.mass"].std
 
@@ -181,20 +179,20 @@ def test_a_small_gain_is_held_by_the_interval(monkeypatch, name):
 def test_a_large_fault_is_refused_by_its_name(name, words):
     broken = broken_by(name)
     with pytest.raises(CalibrationError) as caught:
-        calibrate(broken)
+        wb.calibrate(broken)
     assert words in str(caught.value) and "explains most" in str(caught.value)
-    forced = calibrate(broken, CalibrationOptions(force=True))
+    forced = wb.calibrate(broken, wb.Options(force=True))
     assert words in str(forced.refuted)
     assert abs(forced["tool.mass"].value - MASS) < 5.0 * forced["tool.mass"].std
 
 
 def test_of_a_base_on_its_side_gravity_is_named_where_a_joint_was_planned_to_stand():
-    rng, arm = np.random.default_rng(5), registry.load("robots", "ur5")
+    rng, arm = np.random.default_rng(5), wb.load("robots", "ur5")
     q = arm.sample(60, rng)
     q[:, 0] = 0.0
-    load = Simulation(arm, arm.parameters.nominal, (0.0, -9.80665, 0.0)).wrench(q)
+    load = wb.Simulation(arm, arm.parameters.nominal, (0.0, -9.80665, 0.0)).wrench(q)
     with pytest.raises(CalibrationError, match="gravity acts along"):
-        calibrate(recorded("ur5", q, load, 5, WHITE, 0.0, rng))
+        wb.calibrate(recorded("ur5", q, load, 5, WHITE, 0.0, rng))
 
 
 def test_coarse_steps_and_few_rows_contradict_nothing():
@@ -223,7 +221,7 @@ def test_coarse_steps_and_few_rows_contradict_nothing():
 def test_a_refusal_names_the_fault(name, base, words):
     broken = SUBTLE[name].make(good(base, 33), base, np.random.default_rng(33))
     with pytest.raises(WrenchbedError) as caught:
-        calibrate(broken.recording)
+        wb.calibrate(broken.recording)
     assert words in str(caught.value)
 
 
@@ -233,4 +231,4 @@ def test_an_interval_holds_what_each_of_the_faults_that_explain_alike_would_move
     """A gain of fx in a narrow motion looks like faults that move other values."""
     rng = np.random.default_rng([902, sum(map(ord, name)), 77])  # as scripts/corruptions draws it
     broken = SUBTLE[name].make(good("motion", 902), "motion", rng)
-    assert far(calibrate(broken.recording), broken.truth) < 3.0
+    assert far(wb.calibrate(broken.recording), broken.truth) < 3.0

@@ -6,19 +6,17 @@ The compensated wrench comes from the emulated controller, whose code is not the
 import numpy as np
 import pytest
 
+import wrenchbed as wb
 from altered import with_metadata, with_wrench
 from robot_emulators.ur.arm import Payload, WrenchEstimate
 from simulated import WHITE, as_driven, static
-from wrenchbed import registry
-from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.compensated import restored
-from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import CalibrationError
 from wrenchbed.hardware.drivers.rtde import own_wrench
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 
-UR5 = registry.load("robots", "ur5")
+UR5 = wb.load("robots", "ur5")
 MASS, COG = 1.1, [0.01, 0.02, 0.05]
 """What the pendant says of a tool of 1.35 kg."""
 
@@ -29,7 +27,7 @@ def whole():
     return as_driven(static("ur5", {}, poses=12, samples=20, noise=WHITE, seed=3))
 
 
-def reported(whole: Recording, major: int, tcp: np.ndarray, **told) -> Recording:
+def reported(whole: wb.Recording, major: int, tcp: np.ndarray, **told) -> wb.Recording:
     """As a controller of a version reports it, brought into sensor axes as the driver does."""
     estimate = WrenchEstimate(Payload(MASS, np.array(COG), np.zeros(6)), at_tcp=major <= 3)
     rows = []
@@ -53,7 +51,7 @@ def test_the_payload_comes_back_and_the_tool_is_found(whole, major, tcp):
     again = restored(measured)
     assert np.abs(again.wrench - whole.wrench).max() < 1e-9
     assert restored(again) is again
-    mass = calibrate(measured).to_json()["parameters"]["tool.mass"]
+    mass = wb.calibrate(measured).to_json()["parameters"]["tool.mass"]
     assert mass["value"] == pytest.approx(1.35, abs=4.0 * mass["std"] + 1e-3)
     assert np.abs(prepare(measured).recording.wrench - whole.wrench).max() < 1e-9
 
@@ -62,7 +60,7 @@ def test_the_weight_that_is_not_restored_is_seen(whole):
     """Without the metadata the rows themselves say what was subtracted."""
     measured = reported(whole, 5, np.zeros(3), compensated=False)
     with pytest.raises(CalibrationError, match=r"a payload of 1\.1 kg at \(10, 20, 50\) mm"):
-        calibrate(measured)
+        wb.calibrate(measured)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +74,7 @@ def test_the_weight_that_is_not_restored_is_seen(whole):
 def test_an_unknown_payload_is_refused_by_its_reason(whole, told, why):
     measured = reported(whole, 3, np.zeros(3), **told)
     with pytest.raises(CalibrationError, match=why):
-        calibrate(measured)
+        wb.calibrate(measured)
 
 
 def test_a_compensated_motion_is_refused(whole):

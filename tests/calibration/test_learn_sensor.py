@@ -18,7 +18,6 @@ from wrenchbed.cli import main
 from wrenchbed.data.metadata import Metadata, SensorInfo
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.errors import CalibrationError, NotFoundError
-from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.wrench import CHANNELS
 
 NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma" / "0-steady-state_wrench.csv"
@@ -95,18 +94,6 @@ def test_the_grid_is_that_of_the_values(step):
     assert grid_step((2 * whole + 3 * (whole % 2)) * step) == pytest.approx(step, rel=1e-5)
     assert grid_step(whole * step + 1e-3 * step * rng.normal(size=3000)) == 0.0
     assert grid_step(np.round(whole * step, 12)) == pytest.approx(step, rel=1e-5)
-
-
-def test_what_was_learnt_simulates_alike():
-    """Full circle: the learnt model's rows have the deviation and the colour of the real ones."""
-    rest = replace(COLOURED, flicker=(0.1,) * 6, correlation=0.5 * np.eye(6) + 0.5)
-    real = rest.rows(170)
-    learnt = wb.learn_sensor(recorded(real, rest.rate)).sensor.noise
-    t, unlimited = np.arange(len(real)) / rest.rate, replace(learnt, range=np.full(6, np.inf))
-    made = NoiseStream(unlimited, 1).corrupt(t, np.zeros(real.shape))[0]
-    steps, real_steps = np.diff(made, axis=0), np.diff(real, axis=0)
-    np.testing.assert_allclose(steps.std(axis=0), real_steps.std(axis=0), rtol=0.04)
-    np.testing.assert_allclose(np.corrcoef(steps.T)[0, 1:], 0.5, atol=0.05)
 
 
 @pytest.fixture(scope="module")

@@ -6,18 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import wrenchbed as wb
 from plain_ur5 import poses
 from tracked_ur5 import TrackedUr5
-from wrenchbed import registry
-from wrenchbed.calibration.calibrate import CalibrationOptions
-from wrenchbed.calibration.tracker import calibrate_tracker
-from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError, ExportError
-from wrenchbed.exports.load_numbers import calibrated_twin, load_numbers
-from wrenchbed.planning.choose import for_tracker
 
-UR5 = registry.load("robots", "ur5")
-RIGID = CalibrationOptions(hold=("compliance.q?",))
+UR5 = wb.load("robots", "ur5")
+RIGID = wb.Options(hold=("compliance.q?",))
 
 
 def predicted(fit, q):
@@ -41,7 +36,7 @@ def test_27_wrong_numbers_are_held_out_as_well_as_noise_allows():
     for seed in range(4):
         rng = np.random.default_rng(seed)
         arm = TrackedUr5.anyhow(rng)
-        fit, q = calibrate_tracker(arm.recording(seed), RIGID), poses(300, rng)
+        fit, q = wb.calibrate_tracker(arm.recording(seed), RIGID), poses(300, rng)
         bound = fit.accuracy * arm.noise / fit.noise  # at the true noise
         square.append((rms(predicted(fit, q) - arm.places(q)) / bound) ** 2)
         assert fit.held_out < 1.25 * fit.bound and fit.before > 10.0 * fit.held_out
@@ -63,8 +58,8 @@ def slopes_in_plain_numpy(q):
 
 def test_planned_poses_tell_more_than_random_ones():
     """24 poses leave two thirds of the variance of places, by slopes of plain numpy."""
-    planned = for_tracker(UR5, 24, 2000, seed=0)
-    few, again = (for_tracker(UR5, 8, 200, seed=0).q for _ in range(2))
+    planned = wb.for_tracker(UR5, 24, 2000, seed=0)
+    few, again = (wb.for_tracker(UR5, 8, 200, seed=0).q for _ in range(2))
     assert np.array_equal(few, again)
     everywhere = slopes_in_plain_numpy(UR5.sample(150, np.random.default_rng(99)))
 
@@ -79,7 +74,7 @@ def test_planned_poses_tell_more_than_random_ones():
 
 def test_numbers_come_out_within_their_uncertainty_and_sums_alone_where_axes_are_parallel():
     arm = TrackedUr5.anyhow(np.random.default_rng(5))
-    fit = calibrate_tracker(arm.recording(5), RIGID)
+    fit = wb.calibrate_tracker(arm.recording(5), RIGID)
     zeros, twists, lengths, rises = arm.wrong
     truth = {f"dq{j + 1}": zeros[j] for j in range(1, 5)}
     truth |= {f"a{j + 1}": lengths[j] for j in range(5)} | {"d5": rises[4]}
@@ -96,11 +91,11 @@ def test_numbers_come_out_within_their_uncertainty_and_sums_alone_where_axes_are
 def test_joints_that_give_are_named_by_joint():
     give = (0.0, 1 / 2e4, 1 / 1.2e4, 0.0, 0.0, 0.0)
     arm = TrackedUr5(wrong=TrackedUr5.anyhow(np.random.default_rng(6)).wrong, give=give)
-    fit = calibrate_tracker(arm.recording(6, rows=4))
+    fit = wb.calibrate_tracker(arm.recording(6, rows=4))
     for joint in (2, 3):
         p = fit[f"compliance.q{joint}"]
         assert abs(p.value - give[joint - 1]) < 4.0 * p.std < give[joint - 1]
-    rigid = calibrate_tracker(arm.recording(6, rows=4), RIGID)
+    rigid = wb.calibrate_tracker(arm.recording(6, rows=4), RIGID)
     assert rigid.held_out > 1.5 * fit.held_out and "diagnose" in rigid.status
 
 
@@ -108,8 +103,8 @@ def test_a_prior_keeps_few_poses_from_wandering():
     arm = TrackedUr5.anyhow(np.random.default_rng(7))
     few = arm.recording(7, count=11)
     with pytest.raises(CalibrationError, match="too few for"):
-        calibrate_tracker(few)
-    fit = calibrate_tracker(few, CalibrationOptions(prior=True))
+        wb.calibrate_tracker(few)
+    fit = wb.calibrate_tracker(few, wb.Options(prior=True))
     assert fit.held_out < fit.before
     assert all(p.std is not None for p in fit.identified)
 
@@ -119,27 +114,27 @@ def test_columns_that_no_tracker_made_are_refused():
     good = arm.recording(8)
     rng = np.random.default_rng(8)
     noise = {c: rng.standard_normal(len(good)) for c in ("mx", "my", "mz")}
-    spoiled = Recording(good.metadata, {**good.columns, **noise}, good.name)
+    spoiled = wb.Recording(good.metadata, {**good.columns, **noise}, good.name)
     with pytest.raises(CalibrationError, match="do not follow this arm"):
-        calibrate_tracker(spoiled)
+        wb.calibrate_tracker(spoiled)
     without = {k: v for k, v in good.columns.items() if k not in noise}
     forces = {c: np.zeros(len(good)) for c in ("fx", "fy", "fz", "tx", "ty", "tz")}
     with pytest.raises(CalibrationError, match="no columns mx my mz"):
-        calibrate_tracker(Recording(good.metadata, {**without, **forces}, good.name))
+        wb.calibrate_tracker(wb.Recording(good.metadata, {**without, **forces}, good.name))
 
 
 def test_the_fit_is_exported_as_a_simulator_and_never_as_a_load(tmp_path):
     give = (0.0, 1 / 1e4, 0.0, 0.0, 0.0, 0.0)
     arm = TrackedUr5(wrong=TrackedUr5.anyhow(np.random.default_rng(9)).wrong, give=give)
-    fit = calibrate_tracker(arm.recording(9), CalibrationOptions(hold=("compliance.q[3-6]",)))
+    fit = wb.calibrate_tracker(arm.recording(9), wb.Options(hold=("compliance.q[3-6]",)))
     fit.write(tmp_path / "fit.json")
-    twin = calibrated_twin(tmp_path / "fit.json")
+    twin = wb.calibrated_twin(tmp_path / "fit.json")
     assert [a.effect.name for a in twin.active] == ["joint.compliance"]
     assert twin.active[0].values["compliance.q2"] == fit["compliance.q2"].value
     assert twin.robot_theta[UR5.parameters.index("dq2")] == fit["dq2"].value
     with pytest.raises(ExportError, match="a fit of a tracker's readings"):
-        load_numbers(tmp_path / "fit.json")
+        wb.load_numbers(tmp_path / "fit.json")
     raw = json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))
     (tmp_path / "fit.json").write_text(json.dumps(raw | {"refuted": "by hand"}), encoding="utf-8")
     with pytest.raises(ExportError, match="by hand"):
-        calibrated_twin(tmp_path / "fit.json")
+        wb.calibrated_twin(tmp_path / "fit.json")

@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wrenchbed import registry
+import wrenchbed as wb
 from wrenchbed.campaigns import run as recording_run
 from wrenchbed.campaigns.moves import MARGIN_M, live_limits
-from wrenchbed.data.plan import Plan
-from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (
     DriverError,
     LimitError,
@@ -25,10 +23,9 @@ from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.robots.motion_limits import Limits
-from wrenchbed.simulation.closed_form import Model
 
-UR5 = registry.load("robots", "ur5")
-PLAN = Plan.of("ur5", UR5.home + 0.2 * np.random.default_rng(0).standard_normal((4, 6)))
+UR5 = wb.load("robots", "ur5")
+PLAN = wb.Plan.of("ur5", UR5.home + 0.2 * np.random.default_rng(0).standard_normal((4, 6)))
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,7 @@ class Gauge(Transducer):
 
     def __init__(self, arm: "Arm") -> None:
         super().__init__()
-        self.arm, self.model = arm, Model.of(UR5)
+        self.arm, self.model = arm, wb.Model.of(UR5)
         self.rng = np.random.default_rng(1)
         self.count = 0
 
@@ -118,14 +115,14 @@ def run(arm: Arm, path: Path, **more) -> recording_run.RunProgress:
 
 
 def poses(path: Path) -> list[int]:
-    return np.bincount(Recording.read(path).columns["pose"], minlength=4).tolist()
+    return np.bincount(wb.Recording.read(path).columns["pose"], minlength=4).tolist()
 
 
 def test_every_pose_is_there_and_the_first_one_twice(tmp_path):
     done = run(Arm(), tmp_path / "r.parquet")
     assert (done.visited, done.rows, done.tried_again) == (4, 50, 0)
     assert poses(tmp_path / "r.parquet") == [20, 10, 10, 10]
-    rec = Recording.read(tmp_path / "r.parquet")
+    rec = wb.Recording.read(tmp_path / "r.parquet")
     assert rec.metadata.source == "test"
     assert {"pose", "saturated", "lost", "age", "status"} <= rec.columns.keys()
     assert list(np.unique(rec.columns["segment"])) == [0, 1, 2, 3, 4]
@@ -145,12 +142,12 @@ def test_a_stopped_campaign_goes_on_where_it_stopped(tmp_path):
     path = tmp_path / "r.parquet"
     with pytest.raises(KeyboardInterrupt):
         run(Arm({2: KeyboardInterrupt()}), path)
-    first = Recording.read(path)
+    first = wb.Recording.read(path)
     assert poses(path) == [10, 10, 0, 0]
     arm = Arm()
     counts = []
     done = run(arm, path, resume=True, progress=counts.append)
-    rec = Recording.read(path)
+    rec = wb.Recording.read(path)
     assert (done.visited, arm.moves, counts) == (2, 3, [2, 1, 1])
     assert poses(path) == [20, 10, 10, 10]
     assert np.array_equal(rec.wrench[:20], first.wrench)
@@ -213,7 +210,7 @@ def test_what_was_given_stays_and_nothing_is_worked_out(monkeypatch):
 def test_a_run_states_its_limits_and_keeps_to_them(tmp_path):
     arm = Arm()
     run(arm, tmp_path / "r.parquet")
-    stated = Recording.read(tmp_path / "r.parquet").metadata.extra["limits"]
+    stated = wb.Recording.read(tmp_path / "r.parquet").metadata.extra["limits"]
     assert stated["max_force"] == arm.limits.force < 65.0
     assert stated["workspace"] == [v for bound in arm.limits.workspace for v in bound]
     arm.push[:3] = 50.0
@@ -231,13 +228,13 @@ def test_a_recording_holds_what_joints_report(tmp_path):
             return replace(sample, evidence=evidence)
 
     run(Telling(), tmp_path / "r.parquet")
-    rec = Recording.read(tmp_path / "r.parquet")
+    rec = wb.Recording.read(tmp_path / "r.parquet")
     assert (rec.columns["i4"] == 3.0).all() and (rec.columns["joint_temperature6"] == 30.0).all()
 
 
 def test_a_motion_stays_in_its_own_box(arm):
     share = np.linspace(0.0, 1.0, 200)[:, None]
-    motion = Plan.of("ur5", UR5.home + 0.2 * share * np.ones(6), rate_hz=125.0)
+    motion = wb.Plan.of("ur5", UR5.home + 0.2 * share * np.ones(6), rate_hz=125.0)
     _, at = UR5.sensor_pose(motion.q, UR5.parameters.nominal)
     lower, upper = np.asarray(live_limits(arm, motion).limits.workspace)
     assert np.allclose(lower, at.min(axis=0) - MARGIN_M, atol=1e-3)

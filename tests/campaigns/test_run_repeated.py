@@ -1,5 +1,8 @@
-"""What a campaign tries again by itself, and what a person must look at first."""
+"""What a campaign tries again, how a stopped one goes on, and a writer that never waits."""
 
+import errno
+import shutil
+import threading
 import time
 import warnings
 from dataclasses import replace
@@ -11,8 +14,11 @@ from test_run_live import PLAN, UR5, Arm, Gauge, poses, run
 
 from wrenchbed.campaigns import run as recording_run
 from wrenchbed.campaigns.resume import Retries, retries
+from wrenchbed.data import parquet, writer
+from wrenchbed.data.metadata import parse
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
+from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import (
     DriverError,
     LateError,
@@ -237,3 +243,224 @@ def test_a_zero_that_changes_is_named_with_its_pose(tmp_path):
     assert len(told) == 1
     assert "pose 2: the sensor's zero changed (bias id 0, now 1)" in str(told[0].message)
     assert "separately, or record anew" in str(told[0].message)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A complete recording, and its run."""
+    path = tmp_path_factory.mktemp("recorded") / "r.parquet"
+    return path, run(Arm(), path)
+
+
+@pytest.fixture
+def path(recorded, tmp_path):
+    """A copy of it."""
+    return shutil.copy(recorded[0], tmp_path / "r.parquet")
+
+
+def kept(path, rows: np.ndarray) -> Recording:
+    """Leave some rows (50,) of a recording; the whole one."""
+    whole = Recording.read(path)
+    Recording(whole.metadata, {k: v[rows] for k, v in whole.columns.items()}).write(path)
+    return whole
+
+
+FIRST = np.arange(50)
+
+
+def test_a_cut_revisit_is_made_anew(path):
+    first, arm = kept(path, FIRST < 44), Arm()
+    done = run(arm, path, resume=True)
+    rec = Recording.read(path)
+    assert (done.visited, arm.moves, len(rec)) == (0, 1, 50)
+    assert np.array_equal(rec.wrench[:40], first.wrench[:40])
+    second = rec.columns["segment"] == 4
+    assert second.sum() == 10
+    assert rec.t[second][0] > first.t[49]
+    assert np.diff(rec.t[second]).max() < 0.1  # one visit, without a gap
+    mean = [rec.wrench[rec.columns["segment"] == k].mean(axis=0) for k in (0, 4)]
+    assert np.allclose(done.drift.change, mean[1] - mean[0])
+    assert done.drift.seconds == pytest.approx(rec.t[-1] - rec.t[9])
+
+
+def test_a_whole_revisit_is_done(recorded, path):
+    first, arm = Recording.read(path), Arm()
+    done = run(arm, path, resume=True)
+    assert (done.visited, arm.moves, done.rows) == (0, 0, 50)
+    assert np.array_equal(Recording.read(path).wrench, first.wrench)
+    assert np.array_equal(done.drift.change, recorded[1].drift.change)
+    assert done.drift.seconds == recorded[1].drift.seconds
+
+
+@pytest.mark.parametrize(
+    ("rows", "visited"),
+    [((FIRST < 5) | (FIRST >= 40), 4), (FIRST < 25, 2), (FIRST < 4, 4)],
+    ids=["a revisit does not make its pose whole", "half a pose", "no whole pose"],
+)
+def test_poses_that_are_not_whole_are_visited_again(path, rows, visited):
+    first = kept(path, rows)
+    done = run(Arm(), path, resume=True)
+    rec = Recording.read(path)
+    assert (done.visited, poses(path)) == (visited, [20, 10, 10, 10])
+    assert (np.diff(rec.t) > 0).all()
+    assert rec.metadata.extra["started"] == first.metadata.extra["started"]
+
+
+def test_what_stood_there_before_the_campaign_stays(path, tmp_path):
+    (tmp_path / "r.parquet~").write_text("precious")
+    kept(path, FIRST < 25)
+    run(Arm(), path, resume=True)
+    assert (tmp_path / "r.parquet~").read_text() == "precious"
+    assert len(Recording.read(tmp_path / "r.parquet.cut~")) == 25
+
+
+@pytest.mark.parametrize(
+    ("plan", "samples", "words"),
+    [
+        (PLAN, 8, "10 samples at pose 0, not 8: give --samples 10, or record anew"),
+        (PLAN, 20, "10 samples at pose 0, not 20: give --samples 10, or record anew"),
+        (
+            Plan("ur5", PLAN.q, PLAN.segment, np.full(4, 0.1)),
+            10,
+            "not 50: give the plan it was made with",
+        ),
+        (Plan.of("ur5", PLAN.q + 0.3), 10, "row 0 is not at pose 0"),
+        (
+            Plan.of("ur5", np.repeat(UR5.home[None], 20, axis=0), rate_hz=500.0),
+            10,
+            "a motion cannot be resumed",
+        ),
+    ],
+)
+def test_another_plan_or_other_samples_are_refused(path, plan, samples, words):
+    with Arm() as arm, pytest.raises(PlanError, match=words):
+        recording_run.record(arm, plan, path, samples=samples, rate=500.0, resume=True)
+    assert len(Recording.read(path)) == 50
+
+
+def test_another_rate_sensor_or_driver_is_refused(path):
+    with Arm() as arm:
+        with pytest.raises(PlanError, match=r"rate_hz = 500\.0, not 250\.0: give --rate"):
+            recording_run.record(arm, PLAN, path, samples=10, rate=250.0, resume=True)
+        stated = arm.metadata
+        own = replace(stated("static", 500.0).sensor, model="ur-wrench")
+        arm.metadata = lambda mode, rate: replace(stated(mode, rate), sensor=own)
+        words = "sensor.model = 'ati-gamma', not 'ur-wrench': give --sensor as it was"
+        with pytest.raises(PlanError, match=words):
+            recording_run.record(arm, PLAN, path, samples=10, rate=500.0, resume=True)
+        arm.metadata = lambda mode, rate: replace(stated(mode, rate), source="other")
+        with pytest.raises(PlanError, match="source 'test', not 'other': give --driver"):
+            recording_run.record(arm, PLAN, path, samples=10, rate=500.0, resume=True)
+        assert arm.moves == 0
+
+
+METADATA = parse({"format": 1, "robot": "oriented", "mode": "dynamic"}, "x")
+NAMES = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+
+def block(t: float) -> dict[str, np.ndarray]:
+    return {"t": np.array([t]), "q1": np.array([t])} | {name: np.array([t]) for name in NAMES}
+
+
+@pytest.fixture
+def slow(monkeypatch):
+    """Every rewriting of the whole file takes half a second; how many ran."""
+    runs, write, one = [], parquet.write, threading.Lock()
+
+    def late(path, table):
+        assert one.acquire(blocking=False), "two at once"
+        try:
+            time.sleep(0.5)
+            write(path, table)
+            runs.append(table.num_rows)
+        finally:
+            one.release()
+
+    monkeypatch.setattr(parquet, "write", late)
+    monkeypatch.setattr(writer, "FLUSH_S", 0.05)
+    return runs
+
+
+class Steady(Arm):
+    """An arm that notes how long each of its rows was waited for."""
+
+    def _track(self, targets, rate):
+        self.waits = []
+        begun = time.monotonic()
+        for k in range(len(targets)):
+            time.sleep(max(0.0, begun + k / rate - time.monotonic()))
+            row = self._row(begun + k / rate, self.read(), self.read_wrench())
+            handed = time.monotonic()
+            yield {name: np.array([value]) for name, value in row.items()}
+            self.waits.append(time.monotonic() - handed)
+
+
+def test_rows_are_taken_while_the_file_is_rewritten(tmp_path, slow):
+    arm, path = Steady(), tmp_path / "r.parquet"
+    moving(arm, path, 250)
+    assert max(arm.waits) < 0.4  # a rewriting takes 0.5 s
+    assert len(slow) > 2  # twice or more on the way, and at the end
+    rec = Recording.read(path)
+    assert len(rec) == 250
+    assert (np.diff(rec.t) > 0).all()
+    assert [p.name for p in tmp_path.iterdir()] == ["r.parquet"]
+
+
+def test_what_is_being_rewritten_is_in_the_journal(tmp_path, slow):
+    path = tmp_path / "r.parquet"
+    with RecordingWriter(path, METADATA) as out:
+        for k in range(30):
+            out.append(block(float(k)))
+            time.sleep(0.01)
+        assert slow == []
+        with pytest.warns(UserWarning, match="did not finish"):
+            told = Recording.read(path)
+        assert np.array_equal(told.t, np.arange(len(told)))
+        assert len(told) > 15
+    assert np.array_equal(Recording.read(path).t, np.arange(30.0))
+
+
+def test_flush_waits_for_a_rewriting_under_way(tmp_path, slow, monkeypatch):
+    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
+    with RecordingWriter(tmp_path / "r.parquet", METADATA) as out:
+        out.append(block(0.0))
+        out.append(block(1.0))
+        out.flush()  # two at once would fail
+        assert slow[0] == 1
+
+
+def full(path, table):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_is_named_by_the_next_rows_and_the_journal_stays(tmp_path, monkeypatch):
+    monkeypatch.setattr(parquet, "write", full)
+    monkeypatch.setattr(writer, "FLUSH_S", 0.02)
+    path = tmp_path / "r.parquet"
+    given = 0
+    with pytest.raises(OSError) as told, RecordingWriter(path, METADATA) as out:
+        for k in range(100):
+            out.append(block(float(k)))
+            given = k + 1
+            time.sleep(0.01)
+    assert told.value.errno == errno.ENOSPC
+    assert given < 20
+    with pytest.warns(UserWarning, match="did not finish"):
+        assert len(Recording.read(path)) == given
+
+
+def test_a_disk_that_has_space_again_at_the_end_loses_nothing(tmp_path, monkeypatch):
+    write, calls = parquet.write, []
+
+    def once_full(path, table):
+        calls.append(table.num_rows)
+        if len(calls) == 1:
+            full(path, table)
+        write(path, table)
+
+    monkeypatch.setattr(parquet, "write", once_full)
+    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
+    with RecordingWriter(tmp_path / "r.parquet", METADATA) as out:
+        out.append(block(0.0))
+    assert len(calls) == 2
+    assert len(Recording.read(tmp_path / "r.parquet")) == 1

@@ -15,18 +15,15 @@ import pytest
 
 import wrenchbed as wb
 from commanded import said
-from wrenchbed import registry
 from wrenchbed.cli import _GROUPS, _VERBS, console, main
-from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
-from wrenchbed.hardware.drivers.sim import SimDriver
 from wrenchbed.robots.motion_limits import Limits
 
 
 @pytest.mark.parametrize("kind", ["robots", "sensors", "drivers", "effects"])
 def test_list_names_every_plug_in(capfd, kind):
-    faults = SimDriver.drive_faults() if kind == "effects" else ()
-    known = list(dict.fromkeys([*registry.names(kind), *faults]))  # of two a joint's own sensor has
+    faults = wb.SimDriver.drive_faults() if kind == "effects" else ()
+    known = list(dict.fromkeys([*wb.names(kind), *faults]))  # of two a joint's own sensor has
     assert main(["list", kind, "--json"]) == 0
     assert list(json.loads(capfd.readouterr().out)) == known
     assert main(["list", kind]) == 0
@@ -99,7 +96,7 @@ def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
         err = process.stderr.read()
     assert process.returncode == 130
     assert "what was recorded is on disk" in err and "--resume" not in err  # only on a robot
-    assert len(Recording.read(tmp_path / "rec.parquet")) >= 500
+    assert len(wb.Recording.read(tmp_path / "rec.parquet")) >= 500
     assert not list(tmp_path.glob("*.journal"))
 
 

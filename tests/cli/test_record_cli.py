@@ -8,22 +8,20 @@ import numpy as np
 import pytest
 from test_run_live import PLAN, Arm
 
-from wrenchbed import registry
+import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.cli.record import ready
-from wrenchbed.data.plan import Plan
-from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, SafetyStopError
 from wrenchbed.hardware.device import only_here
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
 
-UR5 = registry.load("robots", "ur5")
+UR5 = wb.load("robots", "ur5")
 
 
 @pytest.fixture
 def plan(tmp_path):
-    Plan.of("ur5", UR5.sample(3, np.random.default_rng(0))).write(tmp_path / "p.parquet")
+    wb.Plan.of("ur5", UR5.sample(3, np.random.default_rng(0))).write(tmp_path / "p.parquet")
     return tmp_path / "p.parquet"
 
 
@@ -46,14 +44,14 @@ def test_a_dry_run_shows_every_move_and_simulates_the_campaign(record, capsys):
     assert "at 10% of top speed" in text
     assert "joints [rad, m]" in text and "move [s]" in text
     assert "first pose again after" in text
-    rec = Recording.read(out)
+    rec = wb.Recording.read(out)
     assert rec.metadata.source == "sim"
     assert len(rec) == 4 * 8  # three poses, and the first again
 
 
 def test_a_pose_in_the_bench_is_refused_before_anything_moves(tmp_path, capsys):
     into = np.array([0.0, 0.35, 0.0, 0.0, 1.5708, 0.0])
-    Plan.of("ur5", np.stack([UR5.home, into])).write(tmp_path / "p.parquet")
+    wb.Plan.of("ur5", np.stack([UR5.home, into])).write(tmp_path / "p.parquet")
     words = ["record", "--robot", "ur5", "--plan", str(tmp_path / "p.parquet"), "--out",
              str(tmp_path / "r.parquet"), "--dry-run"]  # fmt: skip
     assert main(words) == 1
@@ -70,7 +68,7 @@ def test_a_pose_in_the_bench_is_refused_before_anything_moves(tmp_path, capsys):
 )
 def test_the_channels_that_are_asked_for_are_recorded(record, channels, there, absent):
     code, out = record("--channels", channels)
-    columns = Recording.read(out).columns
+    columns = wb.Recording.read(out).columns
     assert code == 0 and set(there) <= columns.keys() and not columns.keys() & set(absent)
 
 

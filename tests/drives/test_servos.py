@@ -7,14 +7,10 @@ import numpy as np
 import pytest
 from pytest import approx
 
+import wrenchbed as wb
 from servo_arm import COUNT, Servos, follow, own_servo, recording, teleoperated
-from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.data.recording import Recording
-from wrenchbed.drives.servo import calibrate_servos
 from wrenchbed.errors import CalibrationError, ParameterError
-from wrenchbed.robots.described import describe
-from wrenchbed.twin.servos import export_servos
 
 SECONDS = 20.0
 SERVOS = Servos()
@@ -26,8 +22,8 @@ def arm(tmp_path_factory):
     """Name of the arm, known from its file."""
     folder = tmp_path_factory.mktemp("arm")
     (folder / "so.xml").write_text(SERVOS.xml(), encoding="utf-8")
-    describe(folder / "so.xml", "tip", folder / "so.toml")
-    return registry.load("robots", str(folder / "so.toml")).name
+    wb.describe_robot(folder / "so.xml", "tip", folder / "so.toml")
+    return wb.load("robots", str(folder / "so.toml")).name
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +36,7 @@ def moved(arm):
 
 @pytest.fixture(scope="module")
 def fit(moved):
-    return calibrate_servos(moved[0])
+    return wb.calibrate_servos(moved[0])
 
 
 def replayed(path, targets, rate=50.0):
@@ -83,7 +79,7 @@ def test_the_servos_of_mujoco_come_out_within_their_intervals(fit):
 def test_another_servo_law_moves_no_value_beyond_its_interval(arm, seed):
     """Friction rises by up to 0.3 towards rest there, and setpoints have a largest speed."""
     targets = teleoperated(seed, SECONDS)
-    fit = calibrate_servos(recording(own_servo(SERVOS, targets), targets, robot=arm))
+    fit = wb.calibrate_servos(recording(own_servo(SERVOS, targets), targets, robot=arm))
     slack = {"servo.delay": 1.5e-3, "drive.coulomb": 0.3 * 0.06}
     far = np.array(list(off(fit, SERVOS.truth() | LOAD, slack).values()))
     assert far.max() < 4.0 and np.sqrt(np.mean(far**2)) < 1.5
@@ -95,9 +91,9 @@ def test_written_servos_trail_a_motion_that_nobody_fitted_as_the_robot_does(
 ):
     if law is own_servo:
         targets = teleoperated(0, SECONDS)
-        fit = calibrate_servos(recording(law(SERVOS, targets), targets, robot=arm))
+        fit = wb.calibrate_servos(recording(law(SERVOS, targets), targets, robot=arm))
     fit.write(tmp_path / "fit.json")
-    mjcf, readme = export_servos(tmp_path / "fit.json", tmp_path / "model")
+    mjcf, readme = wb.export_servos(tmp_path / "fit.json", tmp_path / "model")
     targets = teleoperated(9, 8.0)
     q = law(SERVOS, targets)
     before, after = rms(q - targets), rms(q - replayed(mjcf, targets))
@@ -113,7 +109,7 @@ def test_counting_encoders_move_nothing(arm, moved):
     """Noise of encoders twice as coarse would lower inertia and damping by many σ."""
     _, targets, q = moved
     coarse = 2.0 * COUNT
-    fit = calibrate_servos(
+    fit = wb.calibrate_servos(
         recording(np.round(q / coarse) * coarse, targets, robot=arm, counts=False)
     )
     far = off(fit, SERVOS.truth(), {"servo.delay": 5e-4})
@@ -125,10 +121,10 @@ def test_episodes_and_gaps_part_the_pieces_and_short_ones_are_left_out(arm, move
     apart = np.r_[0:490, 495:550, 560:1000]  # the middle is shorter than the filter
     whole = recording(q, targets, robot=arm)
     columns = {k: v[apart] for k, v in whole.columns.items()}
-    gaps = calibrate_servos(Recording(whole.metadata, columns, "gaps"))
+    gaps = wb.calibrate_servos(wb.Recording(whole.metadata, columns, "gaps"))
     assert gaps.rows == 930
     columns |= {"t": np.arange(len(apart)) / 50.0, "segment": np.repeat([0, 1, 2], [490, 55, 440])}
-    episodes = calibrate_servos(Recording(whole.metadata, columns, "episodes"))
+    episodes = wb.calibrate_servos(wb.Recording(whole.metadata, columns, "episodes"))
     for p in gaps.identified:
         assert episodes[p.name].value == approx(p.value, abs=p.std), p.name
         assert fit[p.name].value == approx(p.value, abs=5.0 * p.std + 1e-4), p.name
@@ -144,17 +140,17 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(arm, moved):
         (recording(q, 2.0 * q - targets, robot=arm), "negative"),
     ):  # fmt: skip
         with pytest.raises(CalibrationError, match=why):
-            calibrate_servos(changed)
+            wb.calibrate_servos(changed)
     seen = dict.fromkeys(("mx", "my", "mz"), q[:, 0])
     some = {k: v for k, v in log.columns.items() if k != "q_target3"}
     with pytest.raises(CalibrationError, match="q_target3"):
-        calibrate_servos(Recording(log.metadata, some | seen, "x"))
+        wb.calibrate_servos(wb.Recording(log.metadata, some | seen, "x"))
     with pytest.raises(ParameterError, match="servo and tool"):
-        calibrate_servos(log, ["link"])
+        wb.calibrate_servos(log, ["link"])
 
 
 def test_a_load_that_is_stated_is_held(moved, fit):
-    held = calibrate_servos(moved[0], ["servo"])
+    held = wb.calibrate_servos(moved[0], ["servo"])
     assert not [p for p in held.identified if p.name.startswith("tool")]
     assert held["servo.stiffness.2"].std < fit["servo.stiffness.2"].std
 

@@ -5,14 +5,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from effect_scenes import added, at, displacement, motion, scene_of
+from effect_scenes import added, at, change, displacement, motion, scene_of
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.benchmark.lookalikes.mechanics import link_forces
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
+from wrenchbed.robots.medrue import kinematics
+from wrenchbed.simulation.simulation import Simulation
 
 G = 9.80665
 TOOL, COG = 1.35, np.array([0.004, -0.006, 0.071])
@@ -71,24 +74,6 @@ def test_what_turns_the_sensor_turns_its_tool_with_it(name, given, way):
     _, force = seen(scene)
     turned = Rotation.from_rotvec(way).inv().apply(force)
     assert added(scene, name, **given) == pytest.approx(loads(turned - force), abs=1e-12)
-
-
-def test_a_longer_upper_arm_accelerates_the_tool_more():
-    """a2 lies along (cos q1 cos q2, sin q1 cos q2, sin q2): F = −m δ d²/dt² of that."""
-    scene, h = motion("ur5", seconds=1.0), 1e-4
-
-    def way(q):
-        c = np.cos(q[:, 1])
-        return np.stack([np.cos(q[:, 0]) * c, np.sin(q[:, 0]) * c, np.sin(q[:, 1])], axis=1)
-
-    q, d, dd = scene.q.v, scene.q.d, scene.q.dd
-    after, before = (way(q + s * h * d + 0.5 * h * h * dd) for s in (1.0, -1.0))
-    acceleration = (after - 2.0 * way(q) + before) / h**2
-    to_sensor = Rotation.from_matrix(scene.pose[0].v).inv()
-    force = to_sensor.apply(-TOOL * 1e-3 * acceleration)
-    found = added(scene, "link.length", length__a2=1e-3)
-    assert np.abs(force).max() > 1e-3
-    assert found == pytest.approx(loads(force), abs=1e-6)
 
 
 def spins(scene, h=1e-3):
@@ -400,15 +385,147 @@ def test_cables_pull_where_they_hold_and_are_untwisted_at_their_neutral_angle():
     assert about == pytest.approx(found, abs=1e-12)  # on a UR5 both axes are one
 
 
-def test_a_gear_error_of_one_joint_by_its_short_names():
-    effect, robot = registry.load("effects", "joint.gear_error"), registry.load("robots", "ur5")
-    told = effect.values(robot, {"joint": 2, "sin": 3e-4, "cos": 1e-4, "order": 101.0})
-    assert {n: v for n, v in told.items() if v} == {
-        "sin.q2": 3e-4, "cos.q2": 1e-4, "order": 101.0,
-    }  # fmt: skip
-    q = np.tile([0.0, 0.3, 0.0, 0.0, 0.0, 0.0], (2, 1))
-    q[1, 1] = 0.3 + np.pi / 101.0  # half a wave on
-    moved = displacement(at("ur5", q), "joint.gear_error", **told)
-    expected = 3e-4 * np.sin(30.3) + 1e-4 * np.cos(30.3)
-    assert moved[:, 1] == pytest.approx([expected, -expected], abs=1e-15)
-    assert np.abs(np.delete(moved, 1, axis=1)).max() == 0.0
+def test_backlash_and_gear_errors_of_joints():
+    s = at("ur5", [np.zeros(6), [0, 0.1, 0, 0, 0, 0], [0, 0.05, 0, 0, 0, 0]])
+    load = displacement(s, "joint.backlash", joint=2, load=2e-4)
+    assert load[:, 1] == pytest.approx(2e-4)
+    way = displacement(s, "joint.backlash", joint=2, approach=2e-4)
+    assert way[:, 1] == pytest.approx([0.0, -2e-4, 2e-4])
+    idle = displacement(s, "joint.backlash", joint=1, load=2e-4)
+    assert np.abs(idle).max() < 1e-12  # upright axis: no torque, no side
+    s = motion("ur5", seconds=2.0)
+    dq = displacement(s, "joint.gear_error", joint=2, sin=3e-4, cos=1e-4, order=20.0)[..., 1]
+    angle, rate = 20.0 * s.q.v[:, 1], 20.0 * s.q.d[:, 1]
+    assert dq.v == pytest.approx(3e-4 * np.sin(angle) + 1e-4 * np.cos(angle))
+    assert dq.d == pytest.approx(rate * (3e-4 * np.cos(angle) - 1e-4 * np.sin(angle)))
+
+
+def at_45_degrees(sign=1.0):
+    """A tool of 1 kg at 45° about x: 6.93 N along −y (+y for sign −1) and −z of the sensor."""
+    half = np.deg2rad(22.5)
+    s = at("oriented", [np.cos(half), sign * np.sin(half), 0.0, 0.0])
+    theta = s.robot.theta_of_tool(s.theta, 1.0, [0.0, 0.0, 0.1])
+    return replace(s, theta=theta)
+
+
+def test_tools_that_bend_or_stick():
+    found = added(at_45_degrees(), "tool.flexure", bending=2e-3)[0]
+    assert found == pytest.approx([0, 0, 0, 2e-3 * 0.1**2 * G**2 / 2, 0, 0], abs=1e-12)
+    angle = np.deg2rad([40.0, 10.0, -10.0, -40.0, 10.0]) / 2
+    zero = np.zeros(5)
+    s = at("oriented", np.stack([np.cos(angle), np.sin(angle), zero, zero], axis=1))
+    found = added(s, "tool.loose", shift=1e-3, way__y=1.0, way__z=0.0, grip=0.3)[:, 3]
+    assert np.sign(found).tolist() == [1, 1, 1, -1, -1]
+
+
+def test_a_twisted_cable_turns_back_and_rubs():
+    q = np.zeros((3, 6))
+    q[:, 5] = 0.0, 1.0, 0.5
+    found = added(at("ur5", q), "cable.torsion", stiffness=5e-3, friction=1e-3)
+    assert found[:, 5] == pytest.approx([0.0, -6e-3, -1.5e-3], abs=1e-12)
+    assert np.abs(found[:, :5]).max() == 0.0
+    robot = registry.load("robots", "medrue")
+    s = at("medrue", robot.sample(5, np.random.default_rng(1)))
+    found = added(s, "cable.torsion", stiffness=5e-3, joint_axis=1.0)[:, 3:]
+    p = robot.values(s.theta)
+    u = kinematics.solved(p, s.q).u
+    rotation, _ = robot.sensor_pose(s.q, s.theta)
+    expected = -5e-3 * s.q[:, 5:] * (np.swapaxes(rotation, 1, 2) @ u[..., None])[..., 0]
+    assert found == pytest.approx(expected, abs=1e-12)
+
+
+# ---- five-bars -------------------------------------------------------------------------------
+
+
+def five_bars():
+    s = at("medrue", registry.load("robots", "medrue").sample(30, np.random.default_rng(2)))
+    p = s.robot.values(s.theta)
+    return s, p, [kinematics.five_bar(p, i, s.q[:, 2 * i - 1], s.q[:, 2 * i]) for i in (1, 2)]
+
+
+def lifted(s, p, bars):
+    """What another geometry of the five-bars adds to the readings (M, 6); the base is upright."""
+    _, design, drawn = five_bars()
+    nominal = kinematics.carried(design, s.q, *drawn).wrist
+    moved = kinematics.carried(p, s.q, *bars).wrist
+    sensor, _ = s.robot.sensor_pose(s.q, s.theta)
+    loads = []
+    for rotation in (sensor, moved @ np.swapaxes(nominal, 1, 2) @ sensor):
+        force = float(s.tool.mass) * np.swapaxes(rotation, 1, 2) @ s.gravity
+        loads.append(np.concatenate([force, np.cross(s.tool.cog, force)], axis=1))
+    return loads[1] - loads[0]
+
+
+@pytest.mark.parametrize("i", [1, 2])
+def test_a_tip_with_play_hangs_lower_and_no_link_turns(i):
+    s, p, bars = five_bars()
+    down = np.array([0.0, -1e-5])
+    bar = bars[i - 1]
+    bars[i - 1] = kinematics.FiveBar(bar.B, bar.D + down, bar.E + down, bar.direction)
+    found = added(s, "joint.clearance", **{f"play.{i}": 1e-5})
+    expected = lifted(s, p, bars)
+    assert np.linalg.norm(found - expected) < 1e-3 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("i", [1, 2])
+def test_links_with_slack_give_way_to_the_weight_that_mujoco_puts_on_them(i):
+    s, p, bars = five_bars()
+    angles = s.q[:, 2 * i - 1], s.q[:, 2 * i]
+    names = (f"L{i}2", f"L{i}4")
+    push = link_forces(s.robot, s.theta, s.q, s.gravity, names)
+    changed = dict(p)
+    for k, name in enumerate(names):
+        changed[name] = p[name] + 1e-5 * np.tanh(push[:, k] / 0.5)
+    bars[i - 1] = kinematics.five_bar(changed, i, *angles)
+    found = added(s, "joint.clearance", **{f"slack.{name}": 1e-5 for name in names})
+    expected = lifted(s, changed, bars)
+    assert np.linalg.norm(found - expected) < 1e-3 * np.linalg.norm(expected)
+
+
+def test_a_negative_play_of_tip_1_is_told_as_one_of_tip_2():
+    s, _, _ = five_bars()
+    effect = registry.load("effects", "joint.clearance")
+    values = effect.values(s.robot, {"play.1": -2e-5})
+    told = effect.publish(s.robot, effect.variants(s)[0], values, {"play.1": 1e-6})
+    assert told == {"play.2": {"value": 2e-5, "std": 1e-6, "unit": "m"}}
+    other = added(s, "joint.clearance", **{"play.2": 2e-5})
+    assert added(s, "joint.clearance", **{"play.1": -2e-5}) == pytest.approx(other, abs=1e-6)
+
+
+# ---- tools that leak or slide ------------------------------------------------------------------
+
+
+def test_mass_lost_beside_the_cog_takes_its_torque_along():
+    """The sensor's z is up: 0.1 kg at x = 50 mm turned the tool by +0.05·0.1·g about y."""
+    upright = at("oriented", np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)))
+    scene = replace(upright, t=np.array([0.0, 100.0]))
+    found = added(scene, "tool.leak", rate=1e-3, place__x=0.05)
+    assert found[1] == pytest.approx([0.0, 0.0, 0.1 * G, 0.0, -0.05 * 0.1 * G, 0.0])
+
+
+LEAK = {"rate": 1e-4, "wave.1": 5e-3, "wave.3": -1e-3, "duration": 200.0}
+SLIDE = {"rate.x": 1e-5, "rate.z": -4e-6, "wave.y.2": 5e-4, "duration": 200.0}
+
+
+@pytest.mark.parametrize("label", ["ur5 static", "medrue static", "ur5 motion"])
+def test_each_row_is_that_of_a_robot_with_the_tool_as_it_is_by_then(label):
+    """MuJoCo with another mass and CoG for each row, in motion Newton and Euler."""
+    scene = scene_of(label)
+    tool, age = scene.tool, scene.t - scene.t[0]
+    share = np.minimum(age / 200.0, 1.0)
+    lost = 1e-4 * age + 5e-3 * np.sin(np.pi * share) - 1e-3 * np.sin(3.0 * np.pi * share)
+    zero = np.zeros_like(age)
+    moved = np.stack([1e-5 * age, 5e-4 * np.sin(2.0 * np.pi * share), -4e-6 * age], axis=1)
+    for name, given, mass, cog in (
+        ("tool.leak", LEAK, tool.mass - lost, tool.cog + zero[:, None]),
+        ("tool.slide", SLIDE, tool.mass + zero, tool.cog + moved),
+    ):
+        found = change(name, label, given) + respond(scene)
+        for i in range(0, len(age), 40):
+            theta = scene.robot.theta_of_tool(scene.theta, float(mass[i]), cog[i].tolist())
+            if scene.moving:
+                whole = Scene(scene.robot, theta, scene.gravity, scene.q, scene.t, scene.held)
+                expected = respond(whole)[i]
+            else:
+                expected = Simulation(scene.robot, theta).wrench(scene.joints[i : i + 1])[0]
+            assert found[i] == pytest.approx(expected, abs=1e-9)

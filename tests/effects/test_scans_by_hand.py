@@ -5,7 +5,7 @@ import pytest
 from effect_scenes import static
 
 from wrenchbed import registry
-from wrenchbed.effects import cable_pull, environment_contact
+from wrenchbed.effects import environment_contact
 from wrenchbed.effects.base import Residual
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.physics.rotations import apply, sphere
@@ -60,29 +60,6 @@ def test_an_anchor_on_the_grid_is_found_at_its_place_and_length(reach, way, shar
     assert first.free == ("stiffness",) and set(first.shape) == set(first.at)
     assert [v.label for v in found] == [f"partly slack, fitted start {k}" for k in (1, 2, 3)]
     assert {v.weight for v in found} == {0.1}
-
-
-def test_the_point_where_a_cable_holds_comes_from_its_torques():
-    """The best force along given lines and its lever, against plain least squares."""
-    rng = np.random.default_rng(5)
-    pull = rng.uniform(0.0, 2.0, (20, 1)) * rng.standard_normal((20, 3))
-    y = 1.7 * np.concatenate([pull, np.cross(POINT, pull)], axis=1)
-    y = y + NOISE * rng.standard_normal(y.shape)
-    design = np.zeros((20, 6, 4))
-    design[:, :3, 0] = pull
-    for k, lever in enumerate(np.eye(3)):
-        design[:, 3:, 1 + k] = np.cross(lever, pull)
-    design = design / NOISE[:, None]
-    design = (design - design.mean(axis=0)).reshape(-1, 4)
-    seen = (y / NOISE - (y / NOISE).mean(axis=0)).ravel()
-    size = np.linalg.lstsq(design, seen, rcond=None)[0]
-    explained = seen @ seen - np.sum((seen - design @ size) ** 2)
-    residual = Residual(np.arange(20), seen.reshape(20, 6), NOISE, None)
-    (gain, pushed), (point, _) = cable_pull._gains(np.stack([pull, -pull]), residual)
-    assert point == pytest.approx(size[1:] / size[0], rel=1e-4)
-    assert point == pytest.approx(np.array(POINT), abs=2e-3)
-    assert gain == pytest.approx(explained, rel=1e-5)
-    assert pushed == 0.0  # a cable does not push
 
 
 def test_a_point_that_lies_far_from_the_tool_is_brought_back():

@@ -316,21 +316,3 @@ def test_readings_are_those_of_each_set_alone(label):
     kept = responses(scene)
     for active in sets(scene):
         assert np.array_equal(kept.of(active), respond(scene, active), equal_nan=True)
-
-
-def test_a_pose_is_made_once_while_only_later_stages_change(monkeypatch):
-    scene = scene_of(next(iter(SCENES)))
-    made = []
-    placed = EffectChain.placed
-    monkeypatch.setattr(
-        EffectChain, "placed", lambda self, scene: made.append(1) or placed(self, scene)
-    )
-    kept = responses(scene)
-    offset, gain = (registry.load("effects", n) for n in ("joint.offset", "sensor.gain"))
-    for k in range(5):
-        numbers = gain.values(scene.robot, {"gain.fx": 0.01 * k})
-        kept.of([ActiveEffect.of(scene.robot, "joint.offset", {}), ActiveEffect(gain, numbers)])
-    assert len(made) == 1
-    name = offset.parameters(scene.robot)[0].name
-    kept.of([ActiveEffect.of(scene.robot, "joint.offset", {name: 1e-3})])
-    assert len(made) == 2

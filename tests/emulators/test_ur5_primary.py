@@ -1,4 +1,4 @@
-"""The primary interface's bytes, read here by offsets of the maker's table, and its commands."""
+"""The primary and realtime interfaces' bytes, read by offsets of the maker's table; commands."""
 
 import socket
 import struct
@@ -12,6 +12,7 @@ from robot_emulators import Options, serve
 from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.primary import Primary
+from robot_emulators.ur.realtime import Realtime, size
 from ur5_bench import CYCLE, Bench
 
 SIZES = {0: 47, 1: 251, 2: 37, 3: 75, 4: 101, 5: 225, 6: 445, 7: 61, 8: 9, 9: 53, 10: 43, 12: 8}
@@ -19,15 +20,16 @@ SIZES = {0: 47, 1: 251, 2: 37, 3: 75, 4: 101, 5: 225, 6: 445, 7: 61, 8: 9, 9: 53
 
 
 class Listener:
-    """A client of the primary interface in this process."""
+    """A client of the primary interface in this process, or of the realtime one."""
 
-    def __init__(self, series: str = "cb3") -> None:
+    def __init__(self, series: str = "cb3", kind: type = Primary) -> None:
         self.bench = Bench(series=series)
         self.outputs = Outputs(self.bench.controller, shared=False)
-        self.primary = Primary(self.bench.controller, SimpleNamespace(now=lambda: 12.5))
+        self.interface = kind(self.bench.controller, SimpleNamespace(now=lambda: 12.5))
         self.heard: list[bytes] = []
         self.closed = False
-        self.talk = self.primary.primary(self)
+        self.primary = kind is Primary
+        self.talk = (self.interface.primary if self.primary else self.interface.answer)(self)
 
     def send(self, data: bytes, most: int = 0) -> None:
         self.heard.append(data)
@@ -38,8 +40,8 @@ class Listener:
         """What is heard in some time, message by message."""
         for _ in range(round(seconds / CYCLE)):
             self.bench.run(CYCLE)
-            self.outputs.update(12.5, set(self.primary.wanted))
-            self.primary.cycle(self.bench.now)
+            self.outputs.update(12.5, set(self.interface.wanted))
+            self.interface.cycle(*([self.bench.now] if self.primary else []))
         data, found = b"".join(self.heard), []
         self.heard.clear()
         while data:
@@ -198,3 +200,38 @@ def test_a_program_sent_to_the_primary_port_calls_back():
             while b"PROGRAM_XXX_STOPPEDf" not in heard and time.monotonic() < end:
                 heard += client.recv(65536)
     assert b"PROGRAM_XXX_STARTEDf" in heard and b"-3" in heard
+
+
+@pytest.mark.parametrize(
+    ("version", "bytes_"),
+    [((3, 3), 1060), ((3, 9), 1108), ((3, 13), 1116), ((3, 14), 1140), ((3, 15), 1220),
+     ((5, 3), 1108), ((5, 8), 1116), ((5, 9), 1140), ((5, 11), 1220), ((10, 10), 1220)],
+)  # fmt: skip
+def test_sizes_of_messages_by_software(version, bytes_):
+    assert size((*version, 0, 0)) == bytes_
+
+
+def test_every_cycle_has_a_message_with_joints_and_tool():
+    client = Listener(kind=Realtime)
+    client.ask("movej([0,-1.2,1.2,-1.5,-1.5,0.3], a=1.4, v=1.0)\n")
+    messages = client.run(0.8)
+    assert len(messages) == round(0.8 / CYCLE)
+    arm, last = client.bench.arm, messages[-1]
+    assert struct.unpack_from(">i", last)[0] == len(last) == 1220
+    assert struct.unpack_from(">d", last, 4)[0] == 12.5
+    assert np.allclose(struct.unpack_from(">6d", last, 12), arm.q)
+    assert np.allclose(struct.unpack_from(">6d", last, 252), arm.plant.q, atol=1e-9)
+    assert np.allclose(struct.unpack_from(">6d", last, 300), arm.plant.qd, atol=1e-9)
+    pose = arm.kinematics.pose(arm.plant.q, arm.tcp)
+    assert np.allclose(struct.unpack_from(">6d", last, 444), pose)
+    assert struct.unpack_from(">d", last, 756) == (7.0,)  # running
+    assert struct.unpack_from(">d", last, 812) == (1.0,)  # normal
+    assert struct.unpack_from(">d", last, 1108)[0] == 1.0  # safety status, behind the elbow
+    first = struct.unpack_from(">6d", messages[0], 252)
+    assert np.abs(np.array(first) - arm.plant.q).max() > 0.05
+
+
+def test_who_is_gone_gets_nothing_and_costs_nothing():
+    client = Listener(kind=Realtime)
+    client.closed = True
+    assert client.run(0.1) == [] and client.interface.wanted == frozenset()

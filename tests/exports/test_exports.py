@@ -16,12 +16,10 @@ import wrenchbed as wb
 from robot_emulators.ur.urscript.tokens import Collector
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from unstarted import emulated
-from wrenchbed import registry
 from wrenchbed.errors import ExportError
 from wrenchbed.exports.base import Export, output_files
 from wrenchbed.exports.load_numbers import Origin, load_numbers
 from wrenchbed.physics.wrench import CHANNELS, six_of
-from wrenchbed.plant.serving import EmulatorOptions
 
 INERTIA = {
     "tool.inertia.xx": 4e-3, "tool.inertia.yy": 5e-3, "tool.inertia.zz": 3e-3,
@@ -172,7 +170,7 @@ def test_a_ur_told_by_the_script_feels_no_force(tmp_path, series):
     """The controller's own wrench is zero at 100 poses, and was not before."""
     fit = fit_file(tmp_path, UR5_TRUTH)
     true = {n: v for n, v in UR5_TRUTH.items() if not n.startswith("sensor.")}
-    options = EmulatorOptions(
+    options = wb.EmulatorOptions(
         "127.0.1.37", parameters=true, noise="off", setting={"box": "off", "series": series}
     )
     controller = emulated("ur5", options).controller
@@ -306,8 +304,8 @@ def test_effects_of_a_twin_are_in_the_numbers_or_named_as_left_out(tmp_path):
         ],
     }  # fmt: skip
     path = tmp_path / "twin.json"
-    robot = registry.load("robots", "ur5")
-    creep = registry.load("effects", "sensor.creep").parameters(robot)
+    robot = wb.load("robots", "ur5")
+    creep = wb.load("effects", "sensor.creep").parameters(robot)
     raw["effects"][0]["parameters"] = {p.name: p.nominal + p.tolerance for p in creep}
     path.write_text(json.dumps(raw))
     numbers = load_numbers(path)
@@ -321,9 +319,9 @@ def test_effects_of_a_twin_are_in_the_numbers_or_named_as_left_out(tmp_path):
 # ---- every format, found by itself -------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", registry.names("exports"))
+@pytest.mark.parametrize("name", wb.names("exports"))
 def test_contract(fit, tmp_path, name):
-    form: Export = registry.load("exports", name)
+    form: Export = wb.load("exports", name)
     assert form.name == name and form.title and form.source
     numbers = load_numbers(fit)
     files, notes = wb.export_to(name, numbers, tmp_path / "out", wb.ExportOptions(urdf=URDF))
@@ -363,10 +361,10 @@ def exported_from(fit, folder, name, text):
 
 
 @pytest.mark.sampled
-@pytest.mark.parametrize("name", registry.names("exports"))
+@pytest.mark.parametrize("name", wb.names("exports"))
 def test_names_of_others_stay_within_comments(fit, tmp_path, name):
     """Only lines of comments differ, however the fit and its recording are called."""
-    form = registry.load("exports", name)
+    form = wb.load("exports", name)
     want = exported_from(fit, tmp_path / "benign", name, BENIGN)
     assert any(BENIGN in text for text in want)
     for k, hostile in enumerate(HOSTILE):

@@ -11,18 +11,15 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchbed import registry
+import wrenchbed as wb
 from wrenchbed.benchmark.frame import log_uniform
 from wrenchbed.benchmark.lookalikes.case import DRAWS as FAULTS
 from wrenchbed.benchmark.lookalikes.case import LARGEST, background
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.data.metadata import Metadata, SensorInfo
-from wrenchbed.data.plan import Plan
-from wrenchbed.data.recording import Recording
 from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.base import Robot
 
 FIRST = datetime(2020, 1, 15, 6, tzinfo=UTC)
 MONTH_S = 365.25 * 86400.0 / 12.0
@@ -58,8 +55,8 @@ class MonthlyRobot:
         gap: of the fault, mean squared change of readings in units of a row's noise.
     """
 
-    robot: Robot
-    plan: Plan
+    robot: wb.Robot
+    plan: wb.Plan
     seed: int
     warm: bool = True
     fault: str = ""
@@ -82,7 +79,7 @@ class MonthlyRobot:
     def _habits(self) -> dict[str, np.ndarray]:
         """Temperature coefficients of this robot's zero, span and arm."""
         rng = np.random.default_rng([self.seed, 2])
-        full = registry.load("sensors", self.robot.sensor).calibration().range
+        full = wb.load("sensors", self.robot.sensor).calibration().range
         return {
             "zero": rng.normal(0.0, ZERO_PER_K, 6) * full,
             "span": rng.normal(0.0, SPAN_PER_K, 1),
@@ -116,7 +113,7 @@ class MonthlyRobot:
                     break
         raise ValueError(f"{self.fault} has no gap of {self.gap:g} on {self.robot.name}")
 
-    def recording(self, month: int) -> Recording:
+    def recording(self, month: int) -> wb.Recording:
         """The check of a month (0, 1, …) that states its time."""
         rng = np.random.default_rng([self.seed, 4, month])
         law, n, poses = self._habits, ROWS, len(self.plan)
@@ -132,7 +129,7 @@ class MonthlyRobot:
             items.append(self.cause)
         load = np.repeat(self._readings.reading(items), n, axis=0)
         load = load * (1.0 + law["span"] * warm[:, None]) + law["zero"] * warm[:, None]
-        sensor = registry.load("sensors", self.robot.sensor)
+        sensor = wb.load("sensors", self.robot.sensor)
         noise = replace(sensor.noise, warmup_age=float(rng.uniform(*ON_S)))
         rows, _ = NoiseStream(noise, int(rng.integers(2**31))).corrupt(t, load)
         columns = {"t": t, "segment": np.repeat(np.arange(poses), n)}
@@ -146,4 +143,4 @@ class MonthlyRobot:
             sensor=SensorInfo(sensor.name, tuple(map(float, noise.row_std))),
             extra={"started": when.isoformat(timespec="milliseconds")},
         )  # fmt: skip
-        return Recording(metadata, columns, f"month {month}")
+        return wb.Recording(metadata, columns, f"month {month}")

@@ -7,12 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wrenchbed import registry
+import wrenchbed as wb
 from wrenchbed.errors import PlanError
-from wrenchbed.planning.choose import informative, poses
 from wrenchbed.planning.criteria import INDICES, InverseTrace, observability_indices
 from wrenchbed.planning.exchange import Pool, certify, exchange, rounded
-from wrenchbed.simulation.closed_form import Model
 
 M = 4
 
@@ -153,31 +151,31 @@ def test_a_prior_allows_fewer_measurements_than_parameters():
 
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 def test_informative_poses_beat_random_ones(robot):
-    arm = registry.load("robots", robot)
-    plan = informative(arm, 30, "O1", 1500, seed=0)
+    arm = wb.load("robots", robot)
+    plan = wb.informative(arm, 30, "O1", 1500, seed=0)
     assert len(plan) == 30
     assert not arm.infeasible(plan.q, arm.parameters.nominal)
-    assert np.array_equal(plan.q, informative(arm, 30, "O1", 1500, seed=0).q)
-    random = [_o1(arm, poses(arm, 30, seed).q) for seed in range(10)]
+    assert np.array_equal(plan.q, wb.informative(arm, 30, "O1", 1500, seed=0).q)
+    random = [_o1(arm, wb.poses(arm, 30, seed).q) for seed in range(10)]
     assert _o1(arm, plan.q) > max(random)
 
 
 def _o1(arm, q: np.ndarray) -> float:
-    model = Model.of(arm)
+    model = wb.Model.of(arm)
     columns = model.parameters.select(arm.free)
     scale = model.parameters.tolerance[list(columns)]
-    std = registry.load("sensors", arm.sensor).noise.row_std
+    std = wb.load("sensors", arm.sensor).noise.row_std
     jacobian = model.jacobian(q, model.parameters.nominal, columns) / std[:, None] * scale
     return observability_indices(jacobian)["O1"]
 
 
 def test_informative_poses_are_refused_clearly():
-    arm = registry.load("robots", "medrue")
+    arm = wb.load("robots", "medrue")
     with pytest.raises(PlanError, match="100 poses cannot be chosen from a pool of 50"):
-        informative(arm, 100, "O1", 50, 0)
+        wb.informative(arm, 100, "O1", 50, 0)
     with pytest.raises(PlanError, match="'O6' is not one of O1, O2, O3, O4, O5, A"):
-        informative(arm, 10, "O6", 50, 0)
+        wb.informative(arm, 10, "O6", 50, 0)
     with pytest.raises(PlanError, match="27 parameters need at least 5"):
-        informative(arm, 3, "O1", 50, 0)
+        wb.informative(arm, 3, "O1", 50, 0)
     with pytest.raises(PlanError, match="no joints"):
-        informative(registry.load("robots", "oriented"), 3, "O1", 50, 0)
+        wb.informative(wb.load("robots", "oriented"), 3, "O1", 50, 0)

@@ -13,9 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import wrenchbed as wb
-from wrenchbed import registry
 from wrenchbed.cli import _VERBS, main
-from wrenchbed.data.recording import Recording
 from wrenchbed.pages.draw import Drawn
 
 PAGE = (Path(__file__).parents[2] / "docs" / "contracts.md").read_text(encoding="utf-8")
@@ -96,7 +94,7 @@ def test_the_metadata_of_the_page_are_read(written, tmp_path):
     stated = example("Recording: one Parquet file") | {"source": "sim", "mode": "static"}
     rows = pq.read_table(written / "rec.parquet")
     pq.write_table(rows.replace_schema_metadata({"wrenchbed": json.dumps(stated)}), tmp_path / "r")
-    metadata = Recording.read(tmp_path / "r").metadata
+    metadata = wb.Recording.read(tmp_path / "r").metadata
     assert metadata.tool.mass == 1.35
     assert json.loads(json.dumps(metadata.to_json()))["tolerance"] == stated["tolerance"]
 
@@ -175,7 +173,7 @@ def test_the_options_that_the_page_names_exist(verb, capsys):
 
 def test_the_effects_are_those_of_the_page():
     text = section("Effects: names that referees use")
-    assert set(re.findall(r"`([a-z]+\.[a-z_]+)`", text)) == {*registry.names("effects")}
+    assert set(re.findall(r"`([a-z]+\.[a-z_]+)`", text)) == {*wb.names("effects")}
 
 
 SOURCE = Path(inspect.getfile(wb))

@@ -142,11 +142,6 @@ def test_the_lines_of_a_page_run_in_their_order(page, tmp_path):
         assert "d41 and d42 enter only as their sum" in printed
 
 
-def test_readmes_python_lines_are_few():
-    (block,) = [b for b in blocks(ROOT / "README.md") if b.language == "python"]
-    assert len([line for line in block.code.splitlines() if line]) <= 15
-
-
 def test_no_block_escapes():
     for page in PAGES:
         text = page.read_text(encoding="utf-8")

@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78943,
     "src/wrenchbed": 69443,
     "src/robot_emulators": 9500,
-    "tests": 40025,
+    "tests": 39597,
     "scripts": 3481,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -11,12 +11,11 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+import wrenchbed as wb
 from rrd_file import Rrd
 from simulated import driven
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.gap.gaps import Interval
 from wrenchbed.diagnosis.next.blind import BlindSpot, unseen
 from wrenchbed.errors import MissingExtraError
@@ -52,31 +51,31 @@ def without_scripts(html: str) -> str:
 def recorded(folder, samples=10, effects=()):
     """A recording of 24 poses."""
     robot = registry.load("robots", "ur5")
-    plan = Plan.of("ur5", robot.sample(24, np.random.default_rng(1)))
+    plan = wb.Plan.of("ur5", robot.sample(24, np.random.default_rng(1)))
     path = folder / "rec.parquet"
     return driven(plan, path, samples, noise="white", seed=1, effects=effects)
 
 
 def found(folder, *effects):
-    return diagnose(recorded(folder, effects=effects))
+    return wb.diagnose(recorded(folder, effects=effects))
 
 
 @pytest.fixture(scope="module")
-def springy(tmp_path_factory) -> Findings:
+def springy(tmp_path_factory) -> wb.Findings:
     """Of a compliant joint, without rivals."""
     return found(tmp_path_factory.mktemp("springy"), "joint.compliance:joint=2,stiffness=9000")
 
 
 @pytest.fixture(scope="module")
-def healthy(tmp_path_factory) -> Findings:
+def healthy(tmp_path_factory) -> wb.Findings:
     return found(tmp_path_factory.mktemp("healthy"))
 
 
-def changed(f: Findings, **fields) -> Findings:
+def changed(f: wb.Findings, **fields) -> wb.Findings:
     return replace(f, diagnosis=replace(f.diagnosis, **fields))
 
 
-def without_cause(f: Findings) -> Findings:
+def without_cause(f: wb.Findings) -> wb.Findings:
     gap = replace(
         f.diagnosis.gap,
         with_effects=None, closed=None, members={},
@@ -86,13 +85,13 @@ def without_cause(f: Findings) -> Findings:
     return changed(f, verdict="unknown", gap=gap, which=[], where=[], probabilities=p)
 
 
-def undrawn(f: Findings) -> str:
+def undrawn(f: wb.Findings) -> str:
     """Its page without what is drawn."""
     with patch("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>")):
         return diagnosis_page(f).html()
 
 
-def shown(f: Findings) -> Page:
+def shown(f: wb.Findings) -> Page:
     return Page(undrawn(f))
 
 

@@ -9,16 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import wrenchbed as wb
 from iiwa import IIWA
-from wrenchbed import registry
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.compiled import statics
-from wrenchbed.robots.described import describe
-from wrenchbed.simulation.closed_form import Model
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
-NAMES = [n for n in registry.names("robots") if registry.load("robots", n).compiled]
-ROBOTS = [*(registry.load("robots", name) for name in NAMES), IIWA]
+NAMES = [n for n in wb.names("robots") if wb.load("robots", n).compiled]
+ROBOTS = [*(wb.load("robots", name) for name in NAMES), IIWA]
 each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=lambda r: r.name)
 
 
@@ -53,7 +51,7 @@ def fresh(library, monkeypatch):
     monkeypatch.setattr(statics, "_FUNCTIONS", functions(library))
 
 
-def thetas(model: Model, count: int, seed: int = 5) -> np.ndarray:
+def thetas(model: wb.Model, count: int, seed: int = 5) -> np.ndarray:
     """Parameter vectors (count, P), all of robot and sensor off by up to their tolerances."""
     off = np.random.default_rng(seed).uniform(-1, 1, (count, len(model.parameters)))
     found = model.parameters.nominal + off * model.parameters.tolerance
@@ -67,7 +65,7 @@ def feasible(robot: SimulatedRobot, count: int, vectors: np.ndarray) -> np.ndarr
     return np.delete(q, list(bad), axis=0)
 
 
-def plain(model: Model, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
+def plain(model: wb.Model, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
     return model.read(model.plain_wrench(q, theta), theta)
 
 
@@ -78,7 +76,7 @@ def apart(found: np.ndarray, wanted: np.ndarray) -> float:
 @pytest.mark.sampled
 @each_robot
 def test_it_is_what_numpy_computes(robot):
-    model = Model.of(robot)
+    model = wb.Model.of(robot)
     vectors = thetas(model, 4)
     q = feasible(robot, 200, vectors)
     assert len(q) > 150
@@ -109,9 +107,9 @@ def test_slides_of_a_users_arm(tmp_path, hinges):
         mjcf = mjcf.replace(f'"{name}" axis', f'"{name}" type="slide" axis')
     (tmp_path / "gantry.xml").write_text(mjcf)
     tool = {"tool_mass": 1.2, "tool_cog": (0.01, -0.02, 0.05)}
-    robot = describe(tmp_path / "gantry.xml", "seat", tmp_path / "my.toml", **tool).robot
+    robot = wb.describe_robot(tmp_path / "gantry.xml", "seat", tmp_path / "my.toml", **tool).robot
     assert [j.unit for j in robot.joints].count("rad") == len(hinges)
-    model = Model.of(robot)
+    model = wb.Model.of(robot)
     for theta in thetas(model, 2):
         q = robot.sample(100, np.random.default_rng(1))
         assert apart(model.predict(q, theta), plain(model, q, theta)) < 1e-13
@@ -119,7 +117,7 @@ def test_slides_of_a_users_arm(tmp_path, hinges):
 
 @each_robot
 def test_a_pose_has_the_same_bits_alone_and_in_any_batch(robot):
-    model = Model.of(robot)
+    model = wb.Model.of(robot)
     vectors = thetas(model, 3)
     q = feasible(robot, 150, vectors)
     whole = model.predict(q, vectors[0])
@@ -133,7 +131,7 @@ def test_a_pose_has_the_same_bits_alone_and_in_any_batch(robot):
 def test_bits_do_not_depend_on_the_processor(tmp_path, monkeypatch):
     for_all = built(tmp_path, "-U__gnu_linux__")  # for the default processor only
     for name in ("ur5", "medrue"):
-        model = Model.of(registry.load("robots", name))
+        model = wb.Model.of(wb.load("robots", name))
         theta = thetas(model, 1)
         q = feasible(model.robot, 300, theta)
         wide = model.predict(q, theta[0])
@@ -143,7 +141,7 @@ def test_bits_do_not_depend_on_the_processor(tmp_path, monkeypatch):
 
 
 def test_far_and_missing_joint_values_are_as_in_numpy():
-    model = Model.of(registry.load("robots", "ur5"))
+    model = wb.Model.of(wb.load("robots", "ur5"))
     theta = thetas(model, 1)[0]
     q = np.random.default_rng(0).uniform(-6, 6, (40, 6))
     q[3, 2], q[7], q[20, 5], q[30, 0] = 1e9, 3.9e5, -1e300, np.nan
@@ -163,7 +161,7 @@ def test_far_and_missing_joint_values_are_as_in_numpy():
 @pytest.mark.parametrize("column", ["L12", "L24"])
 def test_a_loop_that_numpy_cannot_close_is_open(column):
     """Rounding differs; where it alone decides, the fit's Jacobian must still exist."""
-    model = Model.of(registry.load("robots", "medrue"))
+    model = wb.Model.of(wb.load("robots", "medrue"))
     start, k = model.parameters.nominal, model.parameters.index(column)
     seen = set()
 
@@ -189,7 +187,7 @@ def test_a_loop_that_numpy_cannot_close_is_open(column):
 
 
 def test_the_jacobian_is_numpys(monkeypatch):
-    model = Model.of(registry.load("robots", "medrue"))
+    model = wb.Model.of(wb.load("robots", "medrue"))
     vectors = thetas(model, 3)
     q = feasible(model.robot, 60, vectors)
     columns = list(range(len(model.parameters)))
@@ -205,7 +203,7 @@ def test_the_jacobian_is_numpys(monkeypatch):
 
 
 def test_without_the_library_and_of_other_numbers_numpy_does_the_work(monkeypatch):
-    model = Model.of(registry.load("robots", "ur5"))
+    model = wb.Model.of(wb.load("robots", "ur5"))
     theta, q = thetas(model, 1)[0], np.random.default_rng(0).uniform(-3, 3, (5, 6))
     shifted = theta.astype(complex)
     shifted[0] += 1e-30j
@@ -222,7 +220,7 @@ def test_without_the_library_and_of_other_numbers_numpy_does_the_work(monkeypatc
 def test_what_does_not_fit_is_refused(library):
     q, out, constants = np.zeros((4, 6)), np.zeros((4, 6)), {}
     for name in ("ur5", "medrue"):
-        model = Model.of(registry.load("robots", name))
+        model = wb.Model.of(wb.load("robots", name))
         theta = model.parameters.nominal
         constants[name] = model._compiled.constants(theta, sensed=True).tobytes()
     ours, theirs = constants.values()

@@ -6,14 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
+import wrenchbed as wb
 from servo_arm import JOINTS, Servos
-from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.robots.base import models
-from wrenchbed.robots.described import describe
 from wrenchbed.robots.ur5 import ur_arm
-from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.twin.export import export
 from wrenchbed.twin.twin import nominal
 
 NAMES = ("ur5", "medrue", "five_bar", "stewart")
@@ -76,8 +73,8 @@ def test_loops_stay_closed_and_servos_hold_while_the_tool_is_pushed(name, force)
 )
 def test_the_tool_does_not_pass_through_what_stands_there(name, point, top):
     """Driven down, the tip stops at bench or leg; without contact it arrives inside."""
-    robot = registry.load("robots", name)
-    inside = Simulation(robot, robot.parameters.nominal).seated(robot.home, np.array(point))
+    robot = wb.load("robots", name)
+    inside = wb.Simulation(robot, robot.parameters.nominal).seated(robot.home, np.array(point))
     heights = {}
     for touching in (True, False):
         model = mujoco.MjModel.from_xml_path(str(file_of(name)))
@@ -96,7 +93,7 @@ def test_the_tool_does_not_pass_through_what_stands_there(name, point, top):
 
 @pytest.mark.parametrize("name", ["ur5", "medrue"])
 def test_what_is_computed_knows_none_of_it(name):
-    robot = registry.load("robots", name)
+    robot = wb.load("robots", name)
     theta = robot.parameters.nominal
     model = robot.spec(theta).compile()
     assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -110,17 +107,17 @@ def test_what_is_computed_knows_none_of_it(name):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda folder: registry.load("robots", "ur5"),
-        lambda folder: registry.load("robots", "medrue"),
+        lambda folder: wb.load("robots", "ur5"),
+        lambda folder: wb.load("robots", "medrue"),
         lambda folder: ur_arm("ur10e"),
-        lambda folder: describe(file_of("stewart"), "sensor", folder / "s.toml").robot,
-        lambda folder: describe(file_of("five_bar"), "sensor", folder / "f.toml").robot,
+        lambda folder: wb.describe_robot(file_of("stewart"), "sensor", folder / "s.toml").robot,
+        lambda folder: wb.describe_robot(file_of("five_bar"), "sensor", folder / "f.toml").robot,
     ],
     ids=["ur5", "medrue", "ur10e", "stewart", "five_bar"],
 )
 def test_an_exported_model_stays_as_it_opens(make, tmp_path):
     robot = make(tmp_path)
-    mjcf, _ = export(nominal(robot), tmp_path / "out")
+    mjcf, _ = wb.export(nominal(robot), tmp_path / "out")
     run = Opened(mjcf, 0.5)
     at = [int(run.model.joint(j.name).qposadr[0]) for j in robot.joints]
     assert np.abs(run.start[at] - robot.home).max() < 1e-5  # MuJoCo writes six digits
@@ -150,7 +147,7 @@ def test_a_robot_of_the_cache_is_described_by_its_name(menagerie, tmp_path, monk
     (folder / robot.entry(robot.default_model).file).write_text(Servos().xml(), encoding="utf-8")
     (folder / ".complete").write_text("{}", encoding="utf-8")
     assert by_name(tmp_path) == 0
-    assert registry.load("robots", str(tmp_path / "my.toml")).joint_names == JOINTS
+    assert wb.load("robots", str(tmp_path / "my.toml")).joint_names == JOINTS
 
 
 def test_without_a_network_one_line_says_so(menagerie, tmp_path, capsys):

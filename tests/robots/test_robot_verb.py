@@ -13,11 +13,8 @@ import wrenchbed as wb
 from arm_files import CASES, DATA, TOOL_COG, TOOL_MASS, ArmFileCase
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.data.recording import Recording
 from wrenchbed.robots.base import models
 from wrenchbed.robots.described import read
-from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
 
 LOOP = ArmFileCase(str(models() / "five_bar" / "five_bar.xml"), "sensor", 4, True)
 """A robot with closed loops; its TOML says how they are solved."""
@@ -68,7 +65,7 @@ def test_an_arm_is_planned_recorded_and_calibrated_by_its_file_alone(case, tmp_p
     ran("calibrate", rec, "--out", out)
     fit = json.loads(out.read_text())
     robot = registry.load("robots", fit["robot"])
-    names = Model.of(robot).parameters
+    names = wb.Model.of(robot).parameters
     wanted = names.vector(values)
     for name in fit["parameters"]:
         assert fit["theta"][name] == pytest.approx(wanted[names.index(name)], abs=1e-9), name
@@ -116,7 +113,7 @@ def test_slides_skew_axes_anchors_refs_and_an_upside_down_base(tmp_path, capsys)
     data, hand, finger = mujoco.MjData(model), model.body("hand").id, model.body("finger").id
     q = robot.sample(40, np.random.default_rng(0))
     rotation, origin = robot.sensor_pose(q, theta)
-    load = Simulation(robot, theta).wrench(q)
+    load = wb.Simulation(robot, theta).wrench(q)
     torque = robot.gravity_torque(q, theta, np.array(robot.gravity))
     for k, row in enumerate(q):
         data.qpos[:] = [*row, 0.02]
@@ -323,7 +320,7 @@ def test_a_recording_is_diagnosed_where_neither_file_is(tmp_path):
     assert {p.name for p in found.iterdir()} >= {"report.html", "diagnosis.rrd", "twin.json"}
     forgotten()
     ran("simulate", found / "twin.json", "--like", rec, "--out", better)
-    assert Recording.read(better).q.shape[1] == 6
+    assert wb.Recording.read(better).q.shape[1] == 6
 
 
 @pytest.mark.parametrize(

@@ -153,10 +153,6 @@ def _finite(told: Told) -> bool:
         return False
 
 
-def _names(entry: Told) -> tuple[str, ...]:
-    return named_by(entry)
-
-
 # ---- JSON ---------------------------------------------------------------------------------------
 
 
@@ -200,9 +196,9 @@ def verdict(a: Answer) -> Rules:
     left = bool(means) and (g["closed"] is None or g["closed"] < 0.5 or g["closed_ci95"][0] <= 0.0)
     yield g["with_effects"] is None or left == (a.verdict == "partial"), a.verdict, g
     for w in (w for w in means if w["effect"] != "environment.contact" and w["probability"] > 0.5):
-        closes = next((d.gap.members[n] for n in _names(w) if n in d.gap.members), None)
+        closes = next((d.gap.members[n] for n in named_by(w) if n in d.gap.members), None)
         yield (closes or Interval(0.0, 0.0, 0.0)).low > 0.0, w["effect"], closes
-    lead = "|".join(_names(a.which[0])) if a.which else a.verdict
+    lead = "|".join(named_by(a.which[0])) if a.which else a.verdict
     yield lead in p, lead, "has no probability among", p
     if lead in p:
         yield p[lead] >= max(p.get("none", 0.0), p.get("unknown", 0.0)) - TINY, a.verdict, p
@@ -210,14 +206,14 @@ def verdict(a: Answer) -> Rules:
         yield a.which or crowd or p[lead] >= max(p.values()) - TINY, a.verdict, p
         present = a.which[0]["probability"] if a.which else 1.0
         yield present >= p[lead] - 1e-6, lead, "is present with", present, p
-    known = {n for k in p for n in k.split("|")} | {n for w in a.which for n in _names(w)}
+    known = {n for k in p for n in k.split("|")} | {n for w in a.which for n in named_by(w)}
     first = a.which[0]["effect"] if a.which else a.verdict
     yield first in a.told["set90"] and set(a.told["set90"]) <= known, first, a.told["set90"], known
 
 
 def where(a: Answer) -> Rules:
     """Every cause has its place, with what it closes; painted is what is named."""
-    parts = {n.split(".")[0] for w in a.which for n in _names(w)}
+    parts = {n.split(".")[0] for w in a.which for n in named_by(w)}
     for e in a.where:
         yield _inside(e["share"]), e
     for w in a.which:
@@ -274,7 +270,7 @@ def causes_in_words(a: Answer) -> Rules:
     yield elsewhere == (a.verdict == "partial"), a.verdict, a.headline
     yield a.verdict != "none" or a.headline.startswith("No cause found"), a.headline
     for w in a.which:
-        for name in _names(w)[1:]:
+        for name in named_by(w)[1:]:
             yield title(name).lower() in a.headline.lower(), name, "not in:", a.headline
         yield w["effect"].split(".")[0] in a.place, w["effect"], "not in:", a.place
     silent = not a.which and a.verdict in ("none", "unknown")

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import wrenchbed as wb
 from simulated import UR5_TRUTH, WHITE
-from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
 
 TRUTH = {k: v for k, v in UR5_TRUTH.items() if not k.startswith("mount")}
 
@@ -60,7 +58,7 @@ def random_how(seed: int) -> How:
 def log(how: How, seed: int) -> tuple[Recording, np.ndarray]:
     """A recording in motion as a controller logs it, and the true length of each hold (H,) [s]."""
     rng = np.random.default_rng([seed, 2])
-    arm = registry.load("robots", "ur5")
+    arm = wb.load("robots", "ur5")
     q = np.clip(arm.sample(how.holds, rng), -3.0, 3.0)
     hold = rng.uniform(1.0, 10.0, how.holds)
     way = np.abs(np.diff(q, axis=0)).max(axis=1)
@@ -79,10 +77,10 @@ def log(how: How, seed: int) -> tuple[Recording, np.ndarray]:
     rates = (s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2 / length,
              60 * s * (1 - 3 * s + 2 * s**2) / length**2)  # fmt: skip
     path = [r[:, None] * go for r in rates]
-    model = Model.of(arm)
+    model = wb.Model.of(arm)
     theta = model.parameters.vector(TRUTH)
     moving = Jet(q[k] + path[0], path[1], path[2])
-    load = model.read(Simulation(arm, theta[: len(arm.parameters)]).wrench(moving), theta)
+    load = model.read(wb.Simulation(arm, theta[: len(arm.parameters)]).wrench(moving), theta)
     after = np.where(k > 0, t - knots[k], 9.9)  # since the arm came to rest
     shaking = how.shake * np.exp(-after / 0.08) * np.sin(2 * np.pi * 18.0 * after)
     load = load + shaking[:, None] * np.array([1.0, 0.6, 0.3, 0.05, 0.08, 0.0])

@@ -103,6 +103,11 @@ def adds(change: Callable[[Dice], np.ndarray]) -> Mutator:
     return lambda d: with_added(d.r, change(d))
 
 
+def mutator(change: Callable[..., Recording]) -> Callable[..., Mutator]:
+    """Decorator: a change by a draw and by numbers becomes one of the numbers alone."""
+    return lambda *numbers: lambda d: change(d, *numbers)
+
+
 def reads(readings: Callable[[Dice], np.ndarray]) -> Mutator:
     """Other readings (N, 6)."""
     return lambda d: with_wrench(d.r, readings(d))
@@ -163,15 +168,12 @@ def _direction(d: Dice) -> np.ndarray:
     return np.asarray(x / np.linalg.norm(x))
 
 
-def _units(force: float, torque: float) -> Mutator:
+@mutator
+def _units(d: Dice, force: float, torque: float) -> Recording:
     """Other units of the readings and of their stated noise."""
-
-    def make(d: Dice) -> Recording:
-        std = tuple(map(float, d.noise * np.repeat([force, torque], 3)))
-        sensor = replace(d.r.metadata.sensor, noise_std=std)
-        return with_metadata(scaled(d.r, force, torque), sensor=sensor)
-
-    return make
+    std = tuple(map(float, d.noise * np.repeat([force, torque], 3)))
+    sensor = replace(d.r.metadata.sensor, noise_std=std)
+    return with_metadata(scaled(d.r, force, torque), sensor=sensor)
 
 
 def _unbiased(r: Recording) -> np.ndarray:
@@ -270,7 +272,7 @@ def _swap(one: str, other: str) -> Mutator:
     return lambda d: swapped(d.r, one, other)
 
 
-def _zero_off(name: str, angle: float) -> Mutator:
+def zero_off(name: str, angle: float) -> Mutator:
     """A joint's zero is off by an angle [rad]."""
     return lambda d: with_columns(d.r, {name: d.r.columns[name] + angle})
 
@@ -373,7 +375,7 @@ OF_ARMS: dict[str, tuple[str, Mutator]] = {
     "elbow_opposite": ("joints", _signs("q3")),
     "base_joint_opposite": ("joints", _signs("q1")),
     "joints_swapped": ("joints", _swap("q4", "q5")),
-    "elbow_from_elsewhere": ("joints", _zero_off("q3", np.pi / 2)),
+    "elbow_from_elsewhere": ("joints", zero_off("q3", np.pi / 2)),
 }
 IN_MOTION: dict[str, tuple[str, Mutator]] = {
     "time_in_milliseconds": ("clock", lambda d: with_columns(d.r, {"t": 1e3 * d.r.t})),

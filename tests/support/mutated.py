@@ -25,7 +25,7 @@ from altered import (
     with_rows,
     with_wrench,
 )
-from corrupted import CORRUPTIONS, Dice, Mutator, adds, reads
+from corrupted import CORRUPTIONS, Dice, Mutator, adds, mutator, reads
 from simulated import WHITE
 from sound import GRAVITY, good
 from subtle import SUBTLE
@@ -151,24 +151,18 @@ def _stated(r: Recording, rng: Random) -> Recording:
 # ---- mutations ----------------------------------------------------------------------------------
 
 
-def _bends(away: Callable[[Dice, np.ndarray], np.ndarray]) -> Mutator:
+@mutator
+def _bends(d: Dice, away: Callable[[Dice, np.ndarray], np.ndarray]) -> Recording:
     """Other readings about their mean, of what they were about it (N, 6)."""
-
-    def mutator(d: Dice) -> Recording:
-        mean = d.r.wrench.mean(axis=0)
-        return with_wrench(d.r, mean + away(d, d.r.wrench - mean))
-
-    return mutator
+    mean = d.r.wrench.mean(axis=0)
+    return with_wrench(d.r, mean + away(d, d.r.wrench - mean))
 
 
-def _moves_joint(course: Callable[[Dice, np.ndarray], np.ndarray]) -> Mutator:
+@mutator
+def _moves_joint(d: Dice, course: Callable[[Dice, np.ndarray], np.ndarray]) -> Recording:
     """Another course (N,) of one joint, where there are joints."""
-
-    def mutator(d: Dice) -> Recording:
-        name = d.pick(d.r.joints) if d.r.joints else ""
-        return with_columns(d.r, {name: course(d, d.r.columns[name])}) if name else d.r
-
-    return mutator
+    name = d.pick(d.r.joints) if d.r.joints else ""
+    return with_columns(d.r, {name: course(d, d.r.columns[name])}) if name else d.r
 
 
 def _hum(d: Dice) -> np.ndarray:

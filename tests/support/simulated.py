@@ -8,16 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed import registry
-from wrenchbed.campaigns.run import record
+import wrenchbed as wb
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
-from wrenchbed.data.plan import Plan
-from wrenchbed.data.recording import Recording
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.medrue.kinematics import PAPER
-from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
 
 WHITE = np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3])
 """Standard deviation of one row [N, N·m]."""
@@ -41,38 +35,38 @@ def static(
     noise: np.ndarray | None = None,
     wander: float = 0.0,
     seed: int = 0,
-) -> Recording:
+) -> wb.Recording:
     """Random poses at rest with independent normal noise, and a random offset of each hold."""
-    arm = registry.load("robots", robot)
+    arm = wb.load("robots", robot)
     rng = np.random.default_rng(seed)
-    model = Model.of(arm)
+    model = wb.Model.of(arm)
     theta = model.parameters.vector(truth)
     own = theta[: len(arm.parameters)]
     q = arm.sample(poses, rng)
     assert not arm.infeasible(q, own)
-    load = model.read(Simulation(arm, own).wrench(q), theta)
+    load = model.read(wb.Simulation(arm, own).wrench(q), theta)
     return recording(robot, q, load, samples, noise, wander, rng)
 
 
-def driven(plan: Plan, path: Path, samples: int = 20, **options: Any) -> Recording:
+def driven(plan: wb.Plan, path: Path, samples: int = 20, **options: Any) -> wb.Recording:
     """What the simulator's driver, with its options, records of a plan."""
-    with SimDriver(SimOptions(plan.robot, **options)) as driver:
-        record(driver, plan, path, samples=samples)
-    return Recording.read(path)
+    with wb.SimDriver(wb.SimOptions(plan.robot, **options)) as driver:
+        wb.record(driver, plan, path, samples=samples)
+    return wb.Recording.read(path)
 
 
-def as_driven(rec: Recording) -> Recording:
+def as_driven(rec: wb.Recording) -> wb.Recording:
     """The recording with all that the simulator's driver states, its noise included."""
-    with SimDriver(SimOptions(rec.metadata.robot)) as driver:
+    with wb.SimDriver(wb.SimOptions(rec.metadata.robot)) as driver:
         return replace(rec, metadata=driver.metadata("static", rec.metadata.rate_hz))
 
 
-def with_tool(rec: Recording, mass: float, *cog: float) -> Recording:
+def with_tool(rec: wb.Recording, mass: float, *cog: float) -> wb.Recording:
     """The recording with a tool [kg, m] as its metadata state it."""
     return replace(rec, metadata=replace(rec.metadata, tool=ToolInfo(float(mass), tuple(cog))))
 
 
-def recording(robot, q, load, samples, noise, wander, rng) -> Recording:
+def recording(robot, q, load, samples, noise, wander, rng) -> wb.Recording:
     """Rows of poses q (N, J) with readings ``load`` (N, 6)."""
     n = len(q) * samples
     std = np.zeros(6) if noise is None else noise
@@ -85,4 +79,4 @@ def recording(robot, q, load, samples, noise, wander, rng) -> Recording:
     metadata = Metadata(
         robot, "static", "sim", 100.0, ToolInfo(), SensorInfo(noise_std=tuple(map(float, std)))
     )
-    return Recording(metadata, columns)
+    return wb.Recording(metadata, columns)

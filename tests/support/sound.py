@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +23,7 @@ from altered import (
 from arm_files import CASES, TOOL_COG, TOOL_MASS
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, driven, static
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
-from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.described import describe
 from wrenchbed.robots.medrue.kinematics import PAPER
 
 Random = np.random.Generator
@@ -39,7 +37,7 @@ BASES = ("ur5", "medrue", "oriented", "motion", "file")
 class Good:
     """A recording with the values that a fit of it must find, by name."""
 
-    recording: Recording
+    recording: wb.Recording
     truth: Mapping[str, float]
 
 
@@ -74,12 +72,12 @@ def arm_of_file() -> str:
     """Name of an arm with seven joints, described from a user's MJCF."""
     case = next(c for c in CASES if c.file == "iiwa.xml")
     settings = Path(tempfile.mkdtemp()) / "arm.toml"
-    describe(case.path, case.frame, settings, tool_mass=TOOL_MASS, tool_cog=TOOL_COG)
+    wb.describe_robot(case.path, case.frame, settings, tool_mass=TOOL_MASS, tool_cog=TOOL_COG)
     return str(settings)
 
 
 @cache
-def moved(seed: int, seconds: float, rate: float) -> Recording:
+def moved(seed: int, seconds: float, rate: float) -> wb.Recording:
     """A multisine of a UR5."""
     plan = wb.multisine(wb.load("robots", "ur5"), seconds, rate, seed=seed)
     with tempfile.TemporaryDirectory() as folder:
@@ -96,11 +94,11 @@ def _bias(rng: Random) -> dict[str, float]:
     return {f"sensor.bias.{c}": float(v) for c, v in zip(CHANNELS, values, strict=True)}
 
 
-def _stated(r: Recording, mass: float, cog: np.ndarray | list[float]) -> Recording:
+def _stated(r: wb.Recording, mass: float, cog: np.ndarray | list[float]) -> wb.Recording:
     return with_metadata(r, tool=ToolInfo(mass, tuple(map(float, cog))))
 
 
-def _oriented(rng: Random, truth: Mapping[str, float], poses: int, rows: int) -> Recording:
+def _oriented(rng: Random, truth: Mapping[str, float], poses: int, rows: int) -> wb.Recording:
     turn = Rotation.random(poses, random_state=int(rng.integers(2**31)))
     segment = np.repeat(np.arange(poses), rows)
     mass, *cog = (truth[n] for n in TOOL)
@@ -111,15 +109,15 @@ def _oriented(rng: Random, truth: Mapping[str, float], poses: int, rows: int) ->
     columns |= by_name(QUATERNION, turn[segment].as_quat(scalar_first=True))
     sensor = SensorInfo(noise_std=tuple(map(float, WHITE)))
     metadata = Metadata("oriented", "static", "import", 100.0, ToolInfo(), sensor)
-    return Recording(metadata, columns | by_name(CHANNELS, y))
+    return wb.Recording(metadata, columns | by_name(CHANNELS, y))
 
 
 # ---- ways to record, none of which is a fault ---------------------------------------------------
 
-Variation = Callable[[Recording, Random], Recording]
+Variation = Callable[[wb.Recording, Random], wb.Recording]
 
 
-def _averaged(r: Recording, rng: Random) -> Recording:
+def _averaged(r: wb.Recording, rng: Random) -> wb.Recording:
     """One row a hold, its noise stated as that of such a row; a motion stays as it is."""
     if r.metadata.mode == "dynamic":
         return r
@@ -127,26 +125,26 @@ def _averaged(r: Recording, rng: Random) -> Recording:
     count = np.bincount(hold)
     columns = {k: np.bincount(hold, v) / count for k, v in r.columns.items() if k != "segment"}
     alone = tuple(float(s / np.sqrt(count.mean())) for s in std)
-    one = Recording(r.metadata, columns, r.name)
+    one = wb.Recording(r.metadata, columns, r.name)
     return with_metadata(one, sensor=replace(r.metadata.sensor, noise_std=alone))
 
 
-def _more_noise(draw: Callable[[Recording, Random], np.ndarray]) -> Variation:
+def _more_noise(draw: Callable[[wb.Recording, Random], np.ndarray]) -> Variation:
     """So many row's deviations (N, 6) more."""
     return lambda r, rng: with_added(r, draw(r, rng) * WHITE)
 
 
-def _wander_of_holds(r: Recording, rng: Random) -> np.ndarray:
+def _wander_of_holds(r: wb.Recording, rng: Random) -> np.ndarray:
     hold = holds(r)
     return 2.0 * rng.standard_normal((hold.max() + 1, 6))[hold]
 
 
-def _slow_walk(r: Recording, rng: Random) -> np.ndarray:
+def _slow_walk(r: wb.Recording, rng: Random) -> np.ndarray:
     walk = 4.0 * np.cumsum(rng.standard_normal((len(r), 6)), axis=0) / np.sqrt(len(r))
     return np.asarray(walk - walk.mean(axis=0))
 
 
-def _kept_noise(r: Recording, rng: Random) -> np.ndarray:
+def _kept_noise(r: wb.Recording, rng: Random) -> np.ndarray:
     """Noise of first order that forgets within five rows."""
     white, result = rng.standard_normal((len(r), 6)), np.zeros((len(r), 6))
     for k in range(1, len(r)):
@@ -154,26 +152,22 @@ def _kept_noise(r: Recording, rng: Random) -> np.ndarray:
     return result
 
 
-def _coarse(r: Recording, rng: Random) -> Recording:
+def _coarse(r: wb.Recording, rng: Random) -> wb.Recording:
     step = 4.0 * WHITE
     return with_wrench(r, np.round(r.wrench / step) * step)
 
 
-def _stating(times: float) -> Variation:
+def _stating(times: float, r: wb.Recording, rng: Random) -> wb.Recording:
     """A stated noise so many times the true one."""
-
-    def make(r: Recording, rng: Random) -> Recording:
-        std = tuple(times * s for s in r.metadata.sensor.noise_std)
-        return with_metadata(r, sensor=replace(r.metadata.sensor, noise_std=std))
-
-    return make
+    std = tuple(times * s for s in r.metadata.sensor.noise_std)
+    return with_metadata(r, sensor=replace(r.metadata.sensor, noise_std=std))
 
 
 SOUND: dict[str, Variation] = {
     "as it is": lambda r, rng: r,
     "noise not stated": lambda r, rng: without_noise_stated(r),
-    "half the noise stated": _stating(0.5),
-    "twice the noise stated": _stating(2.0),
+    "half the noise stated": partial(_stating, 0.5),
+    "twice the noise stated": partial(_stating, 2.0),
     "averaged": _averaged,
     "averaged, noise not stated": lambda r, rng: without_noise_stated(_averaged(r, rng)),
     "holds wander": _more_noise(_wander_of_holds),

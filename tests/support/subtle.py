@@ -7,6 +7,7 @@ mount), it states these.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,12 +15,13 @@ from scipy.spatial.transform import Rotation
 from altered import (
     holds,
     of_other_holds,
+    with_added,
     with_columns,
     with_metadata,
     with_wrench,
     without_noise_stated,
 )
-from corrupted import KGF, LBF, Dice, Mutator, adds, reads
+from corrupted import KGF, LBF, Dice, Mutator, adds, mutator, zero_off
 from sound import BASES, Good, Random
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS
@@ -82,102 +84,72 @@ def entry(to: str, of: str, value: float) -> Callable[[Random], np.ndarray]:
     return lambda rng: matrix
 
 
-def gains(by: float) -> Callable[[Random], np.ndarray]:
+def gains(by: float, rng: Random) -> np.ndarray:
     """Two forces and a torque read too much or too little, by up to so much.
 
     A gain that all forces share cannot be told from a heavier tool, by no data.
     """
-
-    def make(rng: Random) -> np.ndarray:
-        factor = np.ones(6)
-        some = [*rng.permutation(3)[:2], rng.integers(3, 6)]
-        factor[some] += by * rng.uniform(0.5, 1.0, 3) * rng.choice([-1.0, 1.0], 3)
-        return np.diag(factor)
-
-    return make
+    factor = np.ones(6)
+    some = [*rng.permutation(3)[:2], rng.integers(3, 6)]
+    factor[some] += by * rng.uniform(0.5, 1.0, 3) * rng.choice([-1.0, 1.0], 3)
+    return np.diag(factor)
 
 
-def shifted(rows: float) -> Mutator:
+@mutator
+def shifted(d: Dice, rows: float) -> Recording:
     """The wrench comes so many rows late, a fraction between two."""
-
-    def make(d: Dice) -> np.ndarray:
-        k = np.arange(len(d.r), dtype=float)
-        return np.stack([np.interp(k - rows, k, y) for y in d.r.wrench.T], axis=1)
-
-    return reads(make)
+    k = np.arange(len(d.r), dtype=float)
+    return with_wrench(d.r, np.stack([np.interp(k - rows, k, y) for y in d.r.wrench.T], axis=1))
 
 
-def low_passed(weight: float) -> Mutator:
+@mutator
+def low_passed(d: Dice, weight: float) -> Recording:
     """Each reading is the one before and a part of what is new: a filter of first order."""
-
-    def make(d: Dice) -> np.ndarray:
-        result = np.array(d.r.wrench)
-        for k in range(1, len(result)):
-            result[k] = (1.0 - weight) * result[k - 1] + weight * result[k]
-        return result
-
-    return reads(make)
+    result = np.array(d.r.wrench)
+    for k in range(1, len(result)):
+        result[k] = (1.0 - weight) * result[k - 1] + weight * result[k]
+    return with_wrench(d.r, result)
 
 
-def lost(part: float, *channels: str) -> Mutator:
+@mutator
+def lost(d: Dice, part: float, *channels: str) -> Recording:
     """A part of the rows reads zero, in all channels or in some."""
-
-    def make(d: Dice) -> Recording:
-        there = d.rng.random(len(d.r)) >= part
-        return with_columns(d.r, {c: d.r.columns[c] * there for c in channels or CHANNELS})
-
-    return make
+    there = d.rng.random(len(d.r)) >= part
+    return with_columns(d.r, {c: d.r.columns[c] * there for c in channels or CHANNELS})
 
 
-def lost_at_once(rows: int, times: int) -> Mutator:
+@mutator
+def lost_at_once(d: Dice, rows: int, times: int) -> Recording:
     """The wrench stays at zero for so many rows, several times."""
-
-    def make(d: Dice) -> np.ndarray:
-        there = np.ones(len(d.r))
-        for begin in d.rng.integers(0, len(d.r) - rows, times):
-            there[begin : begin + rows] = 0.0
-        return d.r.wrench * there[:, None]
-
-    return reads(make)
+    there = np.ones(len(d.r))
+    for begin in d.rng.integers(0, len(d.r) - rows, times):
+        there[begin : begin + rows] = 0.0
+    return with_wrench(d.r, d.r.wrench * there[:, None])
 
 
-def repeated(part: float) -> Mutator:
+@mutator
+def repeated(d: Dice, part: float) -> Recording:
     """A part of the rows repeats the reading before."""
-
-    def make(d: Dice) -> np.ndarray:
-        fresh = d.rng.random(len(d.r)) >= part
-        fresh[0] = True
-        return d.r.wrench[np.maximum.accumulate(np.where(fresh, np.arange(len(d.r)), 0))]
-
-    return reads(make)
+    fresh = d.rng.random(len(d.r)) >= part
+    fresh[0] = True
+    last = np.maximum.accumulate(np.where(fresh, np.arange(len(d.r)), 0))
+    return with_wrench(d.r, d.r.wrench[last])
 
 
-def of_elsewhere(part: float) -> Mutator:
+@mutator
+def of_elsewhere(d: Dice, part: float) -> Recording:
     """A part of the rows are readings of other rows of the recording."""
-
-    def make(d: Dice) -> np.ndarray:
-        wrong = d.rng.random(len(d.r)) < part
-        return d.r.wrench[
-            np.where(wrong, d.rng.integers(0, len(d.r), len(d.r)), np.arange(len(d.r)))
-        ]
-
-    return reads(make)
+    wrong, rows = d.rng.random(len(d.r)) < part, np.arange(len(d.r))
+    read = np.where(wrong, d.rng.integers(0, len(d.r), len(d.r)), rows)
+    return with_wrench(d.r, d.r.wrench[read])
 
 
-def exchanged(pairs: int) -> Mutator:
+@mutator
+def exchanged(d: Dice, pairs: int) -> Recording:
     """Pairs of poses read what the other one should."""
-
-    def make(d: Dice) -> Recording:
-        order, places = np.arange(d.poses), d.rng.permutation(d.poses)[: 2 * pairs]
-        order[places] = places.reshape(2, -1)[::-1].ravel()
-        return of_other_holds(d.r, order)
-
-    return make
-
-
-def zero_off(name: str, degrees: float) -> Mutator:
-    """A joint's zero is off."""
-    return lambda d: with_columns(d.r, {name: d.r.columns[name] + np.deg2rad(degrees)})
+    order, places = np.arange(d.poses), d.rng.permutation(d.poses)[: 2 * pairs]
+    order[places] = places.reshape(2, -1)[::-1].ravel()
+    return of_other_holds(d.r, order)
 
 
 def as_if_mounted(name: str, degrees: float) -> Callable[[Values, str], Values]:
@@ -195,18 +167,18 @@ def as_if_mounted(name: str, degrees: float) -> Callable[[Values, str], Values]:
     return truth
 
 
-def clock(times: float, stated: bool) -> Mutator:
+@mutator
+def clock(d: Dice, times: float, stated: bool) -> Recording:
     """Time runs faster or slower; whether the stated rate does so too."""
-
-    def make(d: Dice) -> Recording:
-        begin = d.r.t[0]
-        run = with_columns(d.r, {"t": begin + times * (d.r.t - begin)})
-        return with_metadata(run, rate_hz=d.r.metadata.rate_hz / times) if stated else run
-
-    return make
+    begin = d.r.t[0]
+    run = with_columns(d.r, {"t": begin + times * (d.r.t - begin)})
+    return with_metadata(run, rate_hz=d.r.metadata.rate_hz / times) if stated else run
 
 
-def drift(shape: Callable[[Dice], np.ndarray], rows: float, noise_stated: bool = False) -> Mutator:
+@mutator
+def drift(
+    d: Dice, shape: Callable[[Dice], np.ndarray], rows: float, noise_stated: bool = False
+) -> Recording:
     """A zero that wanders about its mean, by so many deviations of a row in all.
 
     Args:
@@ -214,14 +186,10 @@ def drift(shape: Callable[[Dice], np.ndarray], rows: float, noise_stated: bool =
         rows: how far it wanders, in deviations of a row.
         noise_stated: whether the recording states its noise.
     """
-
-    def make(d: Dice) -> Recording:
-        size = rows * d.noise * d.rng.choice([-1.0, 1.0], 6) * d.rng.uniform(0.5, 1.0, 6)
-        course = shape(d)
-        moved = adds(lambda d: size * (course - course.mean(axis=0)))(d)
-        return moved if noise_stated else without_noise_stated(moved)
-
-    return make
+    size = rows * d.noise * d.rng.choice([-1.0, 1.0], 6) * d.rng.uniform(0.5, 1.0, 6)
+    course = shape(d)
+    moved = with_added(d.r, size * (course - course.mean(axis=0)))
+    return moved if noise_stated else without_noise_stated(moved)
 
 
 def walk(d: Dice) -> np.ndarray:
@@ -254,7 +222,7 @@ SUBTLE: dict[str, Way] = {
         for by in (0.05, 0.1, 0.2, 0.3)
     },
     **{
-        f"gains ±{100 * by:.0f} %": mixed(("gain of", "unknown"), gains(by))
+        f"gains ±{100 * by:.0f} %": mixed(("gain of", "unknown"), partial(gains, by))
         for by in (0.05, 0.1, 0.3)
     },
     **{
@@ -304,7 +272,7 @@ SUBTLE: dict[str, Way] = {
         f"{name} off by {degrees:g}°": Way(
             _ZEROS,
             (*ARMS, "medrue") if name in ("q2", "q6") else ARMS,
-            zero_off(name, degrees),
+            zero_off(name, np.deg2rad(degrees)),
             as_if_mounted(name, degrees),
         )
         for name in ("q2", "q3", "q4", "q5", "q6")

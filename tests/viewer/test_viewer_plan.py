@@ -107,20 +107,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_a_picture_shows_what_a_fit_leaves(folder, capsys):
-    recorded, fitted = (
-        [Rrd(folder / f).values(f"/residual/{c}", "Scalars:scalars") for c in ("fx", "fy", "fz")]
-        for f in ("r.rrd", "c.rrd")
-    )
-    assert np.shape(fitted) == np.shape(recorded)
-    assert np.square(fitted).sum() < np.square(recorded).sum()
-    out = folder / "v.rrd"
-    told = ["view", str(folder / "rec.parquet"), str(folder / "fit.json"), "--rrd", str(out)]
-    assert main(told) == 0
-    assert f"view → {out}" in capsys.readouterr().out.replace("\n", "")
-    assert not list(folder.glob(".*"))
-
-
 def test_the_viewer_listens_to_this_machine_alone_and_tells_nobody(tmp_path, monkeypatch):
     told = show.command("x.rrd")
     assert told[told.index("--bind") + 1] == "127.0.0.1" and told[-1] == "x.rrd"

@@ -293,7 +293,7 @@ class Rdt:
                 self._stream = None
 
     def _take(self, stream: RecordStream, n: int) -> memoryview:
-        """The next n records; as many as the body knows already are made at a time."""
+        """Return the next n records; all that the plant can give by now are made at once."""
         made = len(self._ready) // _SIZE
         if made < n:
             first, every = stream.tick + made * stream.every, stream.every

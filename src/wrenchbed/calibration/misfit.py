@@ -110,7 +110,7 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
 
 
 def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
-    """Sentence on the likeliest faults, their size if it is a zero, and what they move."""
+    """Sentence on the likeliest faults: of a sensor's zero its ``size``, else what they move."""
     if names[0] == "a zero of the sensor":
         values = ", ".join(f"{v:.3g}" for v in size * CONSTANT)
         return (

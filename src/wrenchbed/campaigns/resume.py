@@ -88,7 +88,7 @@ class Before:
     revisited: bool
 
     def first(self, segment: int) -> Hold | None:
-        """The first pose as it was visited in a segment; None if it was not."""
+        """End [s] and wrench (n, 6) of a segment at the plan's first pose; None if it has none."""
         if not self.columns:
             return None
         rows = np.flatnonzero((self.columns[POSE] == 0) & (self.columns["segment"] == segment))

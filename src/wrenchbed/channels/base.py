@@ -87,7 +87,7 @@ class Channel(ABC):
         return self
 
     def facing(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
-        """Copy with nuisance `fitted` to readings, where these are not linear in it."""
+        """Copy with nuisance parameters `fitted` if readings (H, k) are not linear in them."""
         return self
 
     @abstractmethod

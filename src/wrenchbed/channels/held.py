@@ -22,13 +22,13 @@ _SCENES = 4
 
 @lru_cache(_SCENES)
 def nominal(scene: Scene) -> np.ndarray:
-    """Torques (H, J) that hold the arm as configured at the scene's held poses; cached."""
+    """Torques (H, J) that hold the configured arm at the scene's held poses; cached."""
     return held_weight(scene.robot, scene.joints[scene.held], scene.theta, scene.gravity[None])
 
 
 @lru_cache(_SCENES)
 def nominal_ways(scene: Scene) -> np.ndarray:
-    """`ways` (J, H, 6) of the arm as configured at the scene's held poses; cached."""
+    """Twists (J, H, 6) as `ways`, of the configured arm at the scene's held poses; cached."""
     return ways(scene.robot, scene.joints[scene.held], scene.theta)
 
 

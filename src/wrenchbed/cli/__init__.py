@@ -259,7 +259,7 @@ def _call(verb: str, arguments: Sequence[str]) -> int:
 
 
 def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
-    """Wrap a function so that a call returns a function without arguments that does it."""
+    """Wrap a function so that a call only keeps its arguments and returns what will call it."""
 
     @wraps(function)
     def bound(*args: Any, **kwargs: Any) -> Callable[[], Any]:

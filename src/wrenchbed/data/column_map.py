@@ -343,7 +343,7 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
 
 
 def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
-    """Orientation (N,) from a file's columns, angles in rad; None where they are of none.
+    """Orientation (N,) from columns of a file, angles in rad; None if no columns state it.
 
     Raises:
         MapError: a matrix or quaternion that is no rotation; names the row.

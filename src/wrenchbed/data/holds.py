@@ -162,7 +162,7 @@ def _noise_of(values: np.ndarray) -> np.ndarray:
 def _stays_away(
     values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
-    """Which jumps of values (N,) last: those of noise return.
+    """Whether each jump of values (N,) lasts; after a jump by noise the values return.
 
     Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
     """

@@ -200,7 +200,7 @@ def _gains(p: RestProblem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_gains(body: np.ndarray) -> np.ndarray:
-    """Columns (H, J, J) of each joint's gain: its torque in torques (H, J), 0 elsewhere."""
+    """Columns (H, J, J) of each joint's gain error: torques (H, J) as diagonal matrices."""
     return np.asarray(body[:, :, None] * np.eye(body.shape[1]))
 
 

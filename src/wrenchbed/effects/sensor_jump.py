@@ -157,7 +157,7 @@ def _explained(rest: np.ndarray, basis: np.ndarray, after: np.ndarray) -> np.nda
 
 
 def _without(rest: np.ndarray, basis: np.ndarray, row: int) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (R, 6) without a jump at a row, and the basis (R, 6, k + 6) with that jump."""
+    """Residual (R, 6) after a jump at ``row`` is fitted, and the basis with it (R, 6, k + 6)."""
     step = np.zeros((*rest.shape, 6))
     step[row:] = np.eye(6)
     known, step = basis.reshape(rest.size, -1), step.reshape(rest.size, 6)

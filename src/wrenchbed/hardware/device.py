@@ -117,13 +117,13 @@ class ClockFit:
                 self._slope, self._offset = float(line[0]), float(line[1])
 
     def host(self, device: float) -> float:
-        """Time on this machine's clock [s] at which a reading of a device's time arrives
-        undelayed."""
+        """Convert a time on the device's clock [s] to this machine's [s]: when a reading made then
+        arrives if nothing delays it."""
         return device + self._offset + self._slope * (device - self._from)
 
     @property
     def ppm(self) -> float | None:
-        """How much faster the device's clock runs than this one [1e-6]; None until `LEAST_S`."""
+        """Rate of the device's clock above this machine's [1e-6]; None before `LEAST_S` of data."""
         long = len(self._marks) >= _FEW and self._marks[-1][0] - self._marks[0][0] >= LEAST_S
         return -1e6 * self._slope if long else None
 

@@ -121,7 +121,7 @@ def _read(path: Path) -> tuple[str, checked.Fields]:
 
 
 def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) -> Comparison:
-    """Comparison of two fits by their covariances."""
+    """Change of each parameter between two fits, in σ of both; ``names`` are their files."""
     entries = [{n: f.part("parameters").part(n) for n in f.part("parameters").raw} for f in fits]
     stated = ("value", "std")
     known = [

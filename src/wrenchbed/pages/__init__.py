@@ -37,7 +37,7 @@ class ReportPage:
     Attributes:
         context: values that the template shows, by name; ``verdict``, if any, chooses its colour.
         template: which kind of page it is.
-        figures: that answer on the page; libraries that draw none of them are left out.
+        figures: interactive ones; libraries that none of them needs are left out.
     """
 
     context: Mapping[str, Any]

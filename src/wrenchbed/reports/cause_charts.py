@@ -197,7 +197,7 @@ _OWN: Mapping[str, Callable[[Evidence, Cause, ActiveEffect], Chart | None]] = {
 
 
 def everywhere(e: Evidence, name: str) -> Chart:
-    """Chart of the residual of its largest channel over every joint, direction, time and load."""
+    """Chart of the channel with the largest residual over each joint, direction, time and load."""
     claimed = e.after is not None
     residual = (e.prepared.y - (e.before if e.after is None else e.after)) / e.std
     k = largest(residual)

@@ -164,7 +164,7 @@ class _Over:
 
     @classmethod
     def of(cls, recording: Recording) -> "_Over":
-        """What the rows of a recording are drawn over."""
+        """Axis for a recording's readings: poses by their means, or rows of a motion."""
         order, unit = order_of(recording)
         if unit != "pose":
             t = recording.t - recording.t[0]

@@ -32,11 +32,11 @@ class Canvas:
         self.stream, self.axis = stream, axis
 
     def once(self, path: str, shown: Any) -> None:
-        """Log data for all times."""
+        """Log an object of rerun that holds at all times."""
         self.stream.log(path, shown, static=True)
 
     def columns(self, path: str, at: np.ndarray, data: Any) -> None:
-        """Log data over the axis at (N,) [s or rows]."""
+        """Log rerun's columns of N values at times or rows ``at`` (N,) of the axis [s or rows]."""
         row = self.axis == ROW
         when = {"sequence": at.astype(np.int64)} if row else {"duration": at}
         self.stream.send_columns(path, [rr.TimeColumn(self.axis, **when)], data)
@@ -93,7 +93,7 @@ def channels(name: str, window: Window, *, residual: bool = False) -> Any:
 
 
 def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> Any:
-    """View of curves that shows all of a window at first."""
+    """View of an entity's curves, which opens zoomed to the whole of a time window."""
     b = rr.blueprint
     timeline, at = window
     unit = "seq" if timeline == ROW else "seconds"

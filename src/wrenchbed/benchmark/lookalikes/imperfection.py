@@ -117,7 +117,7 @@ Scaled = tuple[Imperfection, float]
 
 
 def spread(rng: Rng) -> float:
-    """Random factor on a size that was asked for; its range is an estimate."""
+    """Draw a factor by which a requested size is varied; its range is an estimate."""
     return rng.uniform(0.8, 1.25)
 
 

@@ -40,7 +40,7 @@ Cells = tuple[list[str], list[list[str]]]
 
 
 def ratio(s: np.ndarray) -> np.ndarray:
-    """Ratio of the first sum over the last one."""
+    """Ratio (…) of the first to the last of the sums in ``s`` (…, sums)."""
     return np.asarray(s[..., 0] / s[..., -1])
 
 
@@ -218,7 +218,7 @@ def _calibration(s: np.ndarray) -> np.ndarray:
 
 
 def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Whether the first subsystem is a true effect's, or that of a rival in a class with one."""
+    """Counts (hit, 1): whether ``claim.where`` is the subsystem of a true effect or its rival."""
     if not truth.effects:
         return None
     allowed = {subsystem(t) for t in truth.effects}

@@ -157,7 +157,7 @@ class Score:
 
     @property
     def beside(self) -> tuple[str, ...]:
-        """Methods beside the judged one; an oracle where every truth is known to the last digit."""
+        """Names of methods shown beside the judged one; an oracle where all truths are exact."""
         known = all(row.truth.oracle is not None for row in self.rows)
         return (ORACLE, *self.others) if known else self.others
 

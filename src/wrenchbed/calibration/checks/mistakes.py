@@ -87,7 +87,7 @@ def _mirrored(alike: Sequence[Mistake]) -> Finding:
 
 
 def _whole(mistake: Mistake) -> bool:
-    """Whether the load also explains torques that another unit made small."""
+    """Whether a mistake's load explains the torques too, which a wrong unit may make small."""
     return mistake.finding.reason != "units" or bool(mistake.load.channel[3:].max() < CLEAN)
 
 

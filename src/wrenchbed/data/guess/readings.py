@@ -173,7 +173,7 @@ def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Rea
 def _joint_columns(
     sheet: Sheet, joint_names: Sequence[str]
 ) -> Iterator[tuple[Sequence[str], bool]]:
-    """Groups of columns, one for each joint of a robot, and whether their names say so."""
+    """Yield columns that may be the robot's joints, in order, and whether names say they are."""
     count = len(joint_names)
     of_joints = [_of_joint(sheet, name) for name in joint_names]
     if all(len(hits) == 1 for hits in of_joints):
@@ -189,7 +189,7 @@ def _joint_columns(
 
 
 def _of_joint(sheet: Sheet, name: str) -> list[str]:
-    """Columns that are named after a joint, and are not its speed or torque."""
+    """Names of columns that are named after a joint, except those of its speed or torque."""
     word = re.compile(rf"(?:^|_){re.escape(plain(name).removesuffix('_joint'))}(?:_|$)")
     hits = [n for n in sheet.values if word.search(plain(n))]
     return [n for n in hits if not NO_JOINT.search(word.sub("_", plain(n)))]

@@ -248,7 +248,7 @@ def _tool(scene: EffortScene) -> Made:
 
 
 def _lag(scene: EffortScene) -> list[Column]:
-    """Columns of a delay and a filter common to all joints: the controller's clock, no cause."""
+    """Columns of a delay and a filter of all joints alike: fitted, but never named as a cause."""
     t, rate = scene.signals.t, scene.signals.rate
     delayed = np.stack([late(x, t, _LATE) for x in scene.total.T], axis=-1)
     filtered = np.stack([slow(x, rate, _LATE) for x in scene.total.T], axis=-1)

@@ -57,7 +57,7 @@ class OfProducts:
 
     @cached_property
     def _root(self) -> np.ndarray:
-        """Standard deviations (b,) of the columns `_on`."""
+        """Standard deviations (b,) of the coefficients of the columns in use (`_on`)."""
         return np.sqrt(self.V[self._on])
 
     def _beside(self) -> np.ndarray:
@@ -114,7 +114,7 @@ class Products(OfProducts):
 
 
 def factored(inner: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Cholesky factor of I + M for a symmetric M (n, n), which is overwritten."""
+    """Lower factor of I + M as `cho_factor` returns it; the symmetric M (n, n) is overwritten."""
     inner.flat[:: len(inner) + 1] += 1.0
     return cho_factor(inner.T, lower=True, overwrite_a=True, check_finite=False)
 

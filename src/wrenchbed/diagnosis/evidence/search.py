@@ -170,7 +170,7 @@ class Searcher:
     def remainders(
         self, rung: int, energy: float, score: np.ndarray, known: np.ndarray
     ) -> np.ndarray:
-        """What each hypothesis of plausible sizes must leave of a signal (H,): smallest square over
+        """Cost (H,) that each hypothesis leaves of a signal at least: square of the rest over
         background and noise, plus the square of its sizes over their largest scales.
 
         Args:

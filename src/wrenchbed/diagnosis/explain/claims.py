@@ -234,7 +234,7 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
 
 
 def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
-    """Range (C,) of a signal as biases among the stated numbers (S,), in typical sizes."""
+    """Biases, among the stated numbers (S,), as large as a signal's ranges ``extent`` (C,)."""
     result = np.zeros(len(d.stated))
     for i in np.flatnonzero(d.of_stated(STATED[0])):
         column = np.abs(d.E[:, d.stated[i]].reshape(-1, d.channels)).max(axis=0)

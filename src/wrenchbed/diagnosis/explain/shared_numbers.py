@@ -146,7 +146,7 @@ class Structure:
 
 
 def _homes(cases: Sequence[Case], same: Sequence[Hypothesis]) -> list[int]:
-    """Recordings with their own set of a part's numbers: one if these are the robot's."""
+    """Indices of recordings with own values of a part's numbers: one if they are the robot's."""
     shows = [r for r, (c, h) in enumerate(zip(cases, same, strict=True)) if h.name in c.shown]
     if same[0].effect.stated:
         return [r for r in shows if len(same[r].columns)]

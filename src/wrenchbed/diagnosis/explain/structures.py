@@ -303,14 +303,14 @@ def analyse(prepared: Prepared) -> Analysis:
 
 
 def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseline) -> Analysis:
-    """Analysis with slopes at the tool of ``at``."""
+    """Rank the structures that explain a recording, by slopes at the tool of baseline ``at``."""
     searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance))
     refitter = Refitter(searcher, case(searcher.d, coarse, at))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), refitter)
 
 
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
-    """Gap by which causes' readings may change with the tool, as the sensor's load does."""
+    """Largest change of the causes' gap when the tool becomes that of ``to``, by the load's."""
     p = p.leading
     here, there = (p.rows(x.expected) for x in (p, p.at(to.robot_theta)))
     change = ((there - here) ** 2).mean(axis=0) / np.maximum(here.var(axis=0), LEAST_LOAD)

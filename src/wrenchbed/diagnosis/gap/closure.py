@@ -96,7 +96,7 @@ class Claimed:
 
     @classmethod
     def of(cls, a: Analysis, f: Finalist, keep: Sequence[int], wrong: Sequence[str]) -> "Claimed":
-        """Simulator with some parts of a finalist as effects and the names of corrected numbers."""
+        """Claimed simulator: parts ``keep`` of a finalist, and names of wrong stated numbers."""
         return cls(twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
     def in_recording(self, a: Analysis, k: int) -> "Claimed":

@@ -81,8 +81,8 @@ class Closure:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Share of the gap closed by each cause, by `Part.label`: ``closed`` split by what comes
-        back.
+        """Share of the gap that each cause closes, by `Part.label`: ``closed`` in proportion to the
+        gap that returns without the cause.
 
         Each lies within 0 … 1: noise may let a twin end below the floor, or add to the gap.
         """

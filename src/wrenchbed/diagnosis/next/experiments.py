@@ -98,7 +98,7 @@ class Comparison:
         return x
 
     def columns_of(self, hypothesis: Hypothesis) -> np.ndarray:
-        """Indices of a hypothesis' columns among the chosen ones."""
+        """Indices of a hypothesis' columns among all that this comparison uses."""
         return np.array([self._place[int(k)] for k in hypothesis.columns])
 
     def _background(self) -> np.ndarray:

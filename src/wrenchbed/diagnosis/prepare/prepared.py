@@ -46,8 +46,8 @@ class Material(NamedTuple):
     place: float | None = None
 
     def counts(self, units: Sequence[str], noise: np.ndarray) -> np.ndarray:
-        """Material residual (C,) of columns with these units; for units without one, the noise
-        (C,)."""
+        """Material residual (C,) of channels, by their units; their ``noise`` (C,) where the unit
+        has none."""
         stated = {"N": self.force, "N·m": self.torque, "m": self.place}
         pairs = zip(map(stated.get, units), noise, strict=True)
         return np.array([n if size is None else size for size, n in pairs])
@@ -257,7 +257,7 @@ class Prepared:
 
     @cached_property
     def excerpt(self) -> Recording:
-        """Rows to search for effects between rows; of a motion none that are set aside."""
+        """Recording to search for effects between rows: of a motion without rows set aside."""
         if self.judged.all() or self.recording.metadata.mode != "dynamic":
             return scenes.excerpt(self.recording)
         t = self.scene.t[self.scene.held]

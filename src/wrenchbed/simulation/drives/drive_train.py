@@ -76,7 +76,7 @@ class JointTorques:
     Featherstone 2008, Rigid Body Dynamics Algorithms, Section 8.3 (loop-closure forces).
 
     Args:
-        theta: its parameters (P,).
+        theta: parameters of the robot (P,).
         gravity: in world axes (3,) [m/s²].
         rotor: inertia of each motor at its joint (J,) [kg·m² or kg]; if None, the MJCF's.
     """

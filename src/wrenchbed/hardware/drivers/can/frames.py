@@ -53,7 +53,7 @@ class GaugeReading(NamedTuple):
 
 
 def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
-    """The reply that a frame of an 11-bit id is, None if it is none of the board at ``base``."""
+    """Read a frame with an 11-bit id as a reply of the board at ``base``; None if it is not."""
     shape = _SHAPES.get(arbitration_id & 0xF)
     if arbitration_id >> 4 != base or shape is None or len(data) != shape.size:
         return None
