@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
+from altered import turned, with_added, with_columns, with_wrench
 from simulated import driven
 from wrenchbed import registry
 from wrenchbed.calibration.observations import observe
@@ -112,6 +113,39 @@ def test_none_says_what_it_could_not_have_seen(tmp_path):
     stiffer = blind["joint.compliance", "joint 5"]["smallest"]
     assert stiffer["value"] > 1e-5 and stiffer["unit"] == "rad/(N·m)"
     assert ("joint.offset", "joint 5") not in blind and ("sensor.gain", "fx") not in blind
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory):
+    return driven(poses(60), tmp_path_factory.mktemp("healthy") / "r.parquet", 30, seed=4)
+
+
+def numbers(recording, effect):
+    which = wb.diagnose(recording).diagnosis.to_json()["which"]
+    (cause,) = [w for w in which if w["effect"] == effect]
+    return cause["parameters"]
+
+
+def test_a_rotation_holds_what_an_ordinary_zero_of_the_last_joint_makes(healthy):
+    """Nothing tells them apart, so no residual says how large that zero is."""
+    rotated = with_wrench(
+        healthy, turned(healthy.wrench, Rotation.from_rotvec([0.01, 0.01, -0.008]))
+    )
+    off = with_columns(rotated, {"q6": rotated.columns["q6"] + 2e-4})
+    a, b = (numbers(r, "mount.rotation")["rotation.z"] for r in (rotated, off))
+    assert 1e-4 < abs(a["value"] - b["value"]) < 2 * a["std"] < 1e-3
+
+
+def test_numbers_of_crosstalk_that_hardly_show_may_be_large(healthy):
+    """The tool makes little torque about z, whatever its other numbers are."""
+    size = np.kron([[0.02, 0.3], [1e-3, 0.01]], np.ones((3, 3)))
+    matrix = size * np.random.default_rng(3).standard_normal((6, 6)) * (1.0 - np.eye(6))
+    found = numbers(with_added(healthy, healthy.wrench @ matrix.T), "sensor.crosstalk")
+    true = {
+        f"x.{a}.{b}": matrix[i, j] for i, a in enumerate(CHANNELS) for j, b in enumerate(CHANNELS)
+    }
+    z = [abs(p["value"] - true[name]) / p["std"] for name, p in found.items() if name in true]
+    assert len(z) == 30 and np.mean(np.array(z) < 1.645) > 0.9
 
 
 def test_elements_and_sums_in_words():

@@ -158,7 +158,7 @@ def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) ->
         size = {p.name: p.tolerance for p in part.effect.parameters(a.prepared.robot)}
         at = f.variables.of_parts([k])[: len(part.variant.free)]
         scale = spread * np.array([size[n] for n in part.variant.free])
-        covariance = f.covariance[np.ix_(at, at)] * np.outer(scale, scale)
+        covariance = a.refitter.uncertainty(f)[np.ix_(at, at)] * np.outer(scale, scale)
         curve = _free_curve(part.effect, part.variant, scene, values, covariance)
         _with_rivals(curve["parameters"], of.names)
         return of_elements | curve
@@ -215,7 +215,7 @@ def _uncertainty(a: Analysis, f: Finalist, part: int, spread: float) -> dict[str
     """Standard uncertainties of a part's variables by name, SI, with errors of its assumed form."""
     effect, v = f.parts[part].effect, f.variables
     size = {p.name: p.tolerance for p in effect.parameters(a.prepared.robot)}
-    std = np.sqrt(np.maximum(np.diagonal(f.covariance), 0.0))
+    std = np.sqrt(np.diagonal(a.refitter.uncertainty(f)))
     result = {}
     for i in v.of_parts([part]):
         form = 0.0 if v.shape[i] else effect.size_error * float(f.x[i])

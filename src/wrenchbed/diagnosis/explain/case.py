@@ -179,6 +179,28 @@ class Case:
         """Background level of a finalist's rung."""
         return self.level((), f.rung)
 
+    def uncertainty(self, f: Finalist) -> np.ndarray:
+        """Covariance (m, m) of a finalist's numbers with what no residual bounds.
+
+        Its rung is as large as the imperfections that its parts cannot make; those of other effects
+        that they can may be as large as every robot's. A number that hardly shows may have any
+        plausible size, however small the other numbers of its part are.
+        """
+        level, plausible = self.level(f.parts, f.rung), f.spread.copy()
+        variance = self.level(f.parts, max(f.rung, int(self.normal.max()))).V.copy()
+        for k, h in enumerate(f.parts):
+            own = self.d.of_effect(h.name)
+            variance[own] = level.V[own]
+            at = f.variables.of_parts([] if h.variant.free_form else [k])
+            at = at[~f.variables.shape[at]]
+            plausible[at] = np.maximum(plausible[at], self.searcher.scales(h)[-1])
+        both = (level, f.spread), (replace(level, V=variance), plausible)
+        std, wider = (
+            np.sqrt(np.diagonal(np.linalg.inv(of.products(f.design) + np.diag(1.0 / spread**2))))
+            for of, spread in both
+        )
+        return f.covariance * np.outer(wider / std, wider / std)
+
     def level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
         """Background of a rung in which the stated numbers that a structure blames are free."""
         blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)

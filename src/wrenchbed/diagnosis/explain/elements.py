@@ -181,7 +181,7 @@ def combination(refitter: Refitter, of: Elements, spread: float) -> Combination 
     return Combination(
         _sum(f.parts[p].name, [h.variant.free[0] for h in parts], weights.tolist(), of.names),
         float(f.x[at] * size[0]),
-        spread * float(np.sqrt(f.covariance[at, at])) * float(size[0]),
+        spread * float(np.sqrt(refitter.uncertainty(f)[at, at])) * float(size[0]),
         known[0].unit,
     )
 

@@ -133,10 +133,21 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
     best, far_by = made > np.inf, 0.0
     tried = (a.ranking.explanations[0].finalist, a.refitter.nothing())
     for f in dict.fromkeys(tried) if claimed is None else (claimed,):
-        far, contrast = _contradicted(a.refitter.level_of(f), f, p, blocks, made)
+        level, fixed = a.refitter.level_of(f), _with_known_jumps(a, f)
+        far, contrast = _contradicted(level, fixed, p, blocks, made)
         if contrast > far_by:
             best, far_by = far, contrast
     return np.isin(p.block, np.unique(blocks)[best]) & p.judged & ~p.at_limits
+
+
+def _with_known_jumps(a: Analysis, f: Finalist) -> Finalist:
+    """Finalist whose shapes that act by jumps are exact: a pose beside a jump of the zero would
+    else be predicted by a slope that only this pose has."""
+    jumps = np.array([f.parts[k].effect.rough for k in f.variables.part], dtype=bool)
+    known = np.flatnonzero(jumps & f.variables.shape)
+    design, moved = f.design.copy(), f.x - a.refitter.start(f.parts)
+    design[:, known] = 0.0
+    return replace(f, design=design, y=f.y - f.design[:, known] @ moved[known])
 
 
 def _contradicted(
