@@ -22,14 +22,14 @@ def _static(name, holds=60):
     return ExperimentDesign.of_plan(poses(robot, holds, 3), robot)
 
 
-def _dynamic(name, seconds=12.0):
-    robot = registry.load("robots", name)
-    return ExperimentDesign.of_plan(multisine(robot, seconds, 125.0, 1), robot)
+def _dynamic():
+    robot = registry.load("robots", "ur5")
+    return ExperimentDesign.of_plan(multisine(robot, 12.0, 125.0, 1), robot)
 
 
 DESIGNS = {
     "ur5 static": lambda: _static("ur5"),
-    "ur5 dynamic": lambda: _dynamic("ur5"),
+    "ur5 dynamic": _dynamic,
     "medrue static": lambda: _static("medrue"),
 }
 CACHE = {}

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -70,12 +71,9 @@ def recording_process(folder: Path, poses: int) -> subprocess.Popen:
     assert main(["plan", "ur5", "--n", str(poses), "--out", plan]) == 0
     command = [sys.executable, "-m", "wrenchbed", "record", "--robot", "ur5", "--plan", plan]
     command += ["--out", str(folder / "rec.parquet"), "--samples", "50"]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=_heeds_ctrl_c)
-
-
-def _heeds_ctrl_c() -> None:
-    """Also where the tests run in the background, whose children ignore it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # It heeds Ctrl-C also where the tests run in the background, whose children ignore it.
+    heeds = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heeds)
 
 
 def wait_for(path: Path, rows: int) -> None:

@@ -170,24 +170,26 @@ STEP = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """Standard deviation of a slip of the zero [N, N·m]."""
 
 
-def slipping(change, seed):
+def of_holds(seed):
     truth = {k: v for k, v in UR5_TRUTH.items() if k.startswith("tool")}
     rec = static("ur5", truth, poses=HOLDS, samples=EACH, noise=WHITE, seed=seed)
-    return with_wrench(with_tool(rec, *truth.values()), change(rec.wrench.copy()))
+    return with_tool(rec, *truth.values())
+
+
+def slipped(rec, row, rng):
+    """The recording with a slip of the zero from a row on, and the step (6,)."""
+    step = np.where(rng.random(6) < 0.5, -1.0, 1.0) * rng.uniform(0.6, 1.4, 6) * STEP
+    return with_added(rec, np.outer(np.arange(len(rec)) >= row, step)), step
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_a_sensor_that_was_zeroed_twice_jumps_twice(seed):
-    rows = [13 * EACH, 27 * EACH]
-
-    def zeroed(wrench):
-        for k in rows:
-            wrench[k:] -= wrench[k]
-        return wrench
-
-    rec = slipping(zeroed, seed)
-    answer = wb.diagnose(rec).diagnosis.to_json()
+    rec, rows = of_holds(seed), [13 * EACH, 27 * EACH]
+    wrench = rec.wrench.copy()
+    for k in rows:
+        wrench[k:] -= wrench[k]
+    answer = wb.diagnose(with_wrench(rec, wrench)).diagnosis.to_json()
     (cause,) = answer["which"]
     assert cause["effect"] == "sensor.jump" and cause["probability"] > 0.9
     found = [cause["parameters"][name]["value"] for name in ("time", "time2")]
@@ -200,15 +202,10 @@ def test_a_sensor_that_was_zeroed_twice_jumps_twice(seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_three_slips_are_no_drift(seed):
-    rng = np.random.default_rng(seed)
-    rows = [k * EACH for k in np.sort(rng.choice(np.arange(6, HOLDS - 5, 5), 3, replace=False))]
-
-    def slipped(wrench):
-        for k in rows:
-            wrench[k:] += np.where(rng.random(6) < 0.5, -1.0, 1.0) * rng.uniform(0.6, 1.4, 6) * STEP
-        return wrench
-
-    answer = wb.diagnose(slipping(slipped, seed)).diagnosis.to_json()
+    rec, rng = of_holds(seed), np.random.default_rng(seed)
+    for k in np.sort(rng.choice(np.arange(6, HOLDS - 5, 5), 3, replace=False)):
+        rec, _ = slipped(rec, k * EACH, rng)
+    answer = wb.diagnose(rec).diagnosis.to_json()
     assert [w["effect"] for w in answer["which"]] == ["sensor.jump"]
     assert "time3" in answer["which"][0]["parameters"]
 
@@ -219,13 +216,7 @@ def test_a_slip_in_the_middle_of_a_pose_is_one(seed):
     """The pose's mean has a part of the step: nothing jumps twice."""
     rng = np.random.default_rng(seed)
     row = int(rng.integers(8, HOLDS - 8)) * EACH + int(rng.integers(3, EACH - 3))
-    step = np.where(rng.random(6) < 0.5, -1.0, 1.0) * rng.uniform(0.6, 1.4, 6) * STEP
-
-    def slipped(wrench):
-        wrench[row:] += step
-        return wrench
-
-    rec = slipping(slipped, seed)
+    rec, step = slipped(of_holds(seed), row, rng)
     (cause,) = wb.diagnose(rec).diagnosis.to_json()["which"]
     found = cause["parameters"]
     assert cause["effect"] == "sensor.jump" and cause["probability"] > 0.9

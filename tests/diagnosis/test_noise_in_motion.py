@@ -42,13 +42,10 @@ def white(seed=0):
     return np.random.default_rng(seed).standard_normal((ROWS, 6))
 
 
-def remembering(seed=0):
-    kicks = np.random.default_rng(seed).standard_normal((ROWS, 6))
-    return lfilter([0.8], [1.0, -0.6], kicks, axis=0)
-
-
 def test_noise_is_measured_and_what_moves_slowly_or_jumps_is_none():
-    for x, near in ((white(), 0.1), (2.0 * white(1), 0.1), (remembering(), 0.25)):
+    kicks = np.random.default_rng(0).standard_normal((ROWS, 6))
+    remembering = lfilter([0.8], [1.0, -0.6], kicks, axis=0)
+    for x, near in ((white(), 0.1), (2.0 * white(1), 0.1), (remembering, 0.25)):
         row, mean = noise_in_motion(x, PERIOD, STRIDE)
         assert row == pytest.approx(x.var(axis=0), rel=near)
         assert mean == pytest.approx(averages(x), rel=0.4)

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from altered import at_point, with_added, with_columns, with_rows
-from simulated import UR5_TRUTH, WHITE, driven, static, with_tool
+from simulated import UR5_TRUTH, WHITE, static, with_tool
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
 from wrenchbed.benchmark.lookalikes import recording as look_alike
-from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain.outliers import Outlier, comes_again
 from wrenchbed.planning import choose
@@ -97,16 +96,6 @@ def test_poses_that_disagree_at_many_times_are_a_fault_of_their_own():
     assert len(told.outliers) == 5
     assert told.verdict == "unknown" and told.which == []
     assert any("intermittent fault" in note for note in told.notes)
-
-
-def test_a_pose_beside_a_jump_is_no_exception(tmp_path):
-    """No other pose says whether the zero jumped before it or behind it."""
-    rec = driven(
-        Plan.of("ur5", UR5.sample(60, np.random.default_rng(1))), tmp_path / "r", 30, seed=4
-    )
-    step = 0.4 * np.outer(rec.columns["segment"] >= 45, np.eye(6)[1])
-    told = diagnose(with_added(rec, step)).diagnosis
-    assert [w["effect"] for w in told.which] == ["sensor.jump"] and told.outliers == []
 
 
 @pytest.mark.parametrize("channels", [1, 6])

@@ -68,7 +68,8 @@ def test_nothing_happens_at_nominal(name, scene):
 @each_case
 def test_the_input_is_left_alone(name, scene):
     rows = scene_of(scene)
-    arrays = [rows.theta, rows.gravity, rows.joints, rows.t, rows.held, *(x for x in _poses(rows))]
+    poses = [np.asarray(getattr(x, "v", x)) for x in rows.pose]
+    arrays = [rows.theta, rows.gravity, rows.joints, rows.t, rows.held, *poses]
     before = [a.copy() for a in arrays]
     for v in variants(name, scene)[-1:]:
         sizes = {n: typical(name, scene, n) for n in v.free}
@@ -79,10 +80,6 @@ def test_the_input_is_left_alone(name, scene):
             effect.read(rows, reading, effect.values(rows.robot, dict(v.at) | sizes))
             assert np.array_equal(reading, plain(scene))
     assert all(np.array_equal(a, b) for a, b in zip(arrays, before, strict=True))
-
-
-def _poses(rows):
-    return [np.asarray(getattr(x, "v", x)) for x in rows.pose]
 
 
 @pytest.mark.sampled

@@ -37,10 +37,6 @@ def springy(tmp_path_factory):
     return diagnosis_page(found(folder, f"joint.compliance:joint=2,stiffness={STIFFNESS:g}"))
 
 
-def chart_of(page, name: str) -> Chart:
-    return next(f.chart for f in page.figures if f.chart.name == name)
-
-
 def test_one_spike_in_a_million_rows_is_drawn_and_gaps_are_no_extremes():
     y = np.zeros(1_000_000)
     y[123_456], y[654_321] = 7.0, -5.0
@@ -91,7 +87,7 @@ def test_still_and_interactive_have_the_same_numbers():
 
 @pytest.mark.slow
 def test_a_spring_shows_as_a_line_of_its_stiffness_that_no_fit_drew(springy):
-    panel = chart_of(springy, "cause-0").panels[0]
+    panel = next(f.chart for f in springy.figures if f.chart.name == "cause-0").panels[0]
     measured = next(s for s in panel.series if s.name == "measured")
     assert panel.x.unit == "N·m" and panel.y.unit == "mrad"
     weight = 1.0 / measured.std**2

@@ -117,17 +117,14 @@ def _rivals(
         of, numbers = c.elements.get(name), dict[str, Any]()
         if of is None:
             fits = [e for e in a.ranking.explanations if e.names == beside | {name}]
-            of = next((_alone(e.finalist, name) for e in fits if name in e.finalist.names), None)
+            f = next((e.finalist for e in fits if name in e.finalist.names), None)
+            if f is not None:
+                k = f.names.index(name)
+                of = Elements((element(f.parts[k].variant),), (f,), (k,))
         if of is not None:
             numbers = numbers_of(a, of.fits[0], of.parts[0], of, spread)
         result.append(rival(name, c.probability * fraction, numbers))
     return result
-
-
-def _alone(f: Finalist, name: str) -> Elements:
-    """Elements with the single one that a finalist has of an effect."""
-    k = f.names.index(name)
-    return Elements((element(f.parts[k].variant),), (f,), (k,))
 
 
 def _numbers(
@@ -243,13 +240,9 @@ def _flat(a: Analysis, f: Finalist, i: int) -> float:
             middle = (inside + outside) / 2.0
             inside, outside = (middle, outside) if same(sign * middle) else (inside, middle)
         reach.append(inside)
-    return 0.0 if max(reach) <= _FINEST else rms_between(*reach)
-
-
-def rms_between(below: float, above: float) -> float:
-    """Rms deviation from a point of values uniform between ``below`` under it and ``above`` over
-    it."""
-    return float(np.sqrt((below**2 - below * above + above**2) / 3.0))
+    below, above = reach  # values between are alike: mean square about x_i
+    square = (below**2 - below * above + above**2) / 3.0
+    return 0.0 if max(reach) <= _FINEST else float(np.sqrt(square))
 
 
 def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[str, Any]:
@@ -362,8 +355,12 @@ def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> D
     names = [n for w in d.which for n in named_by(w)]
     contact = cause(CONTACT, touch.probability, touch.parameters, elements=[touch.detail])
     entry = _touched(touch, f"lies in the environment: {CONTACT} ({touch.detail}).")
+    untouched = [dict(e) for e in d.where]
+    for e in untouched:
+        sentence = str(e["sentence"]).replace(": no cause is claimed", "")  # the contact is one
+        e["sentence"] = f"{sentence.rstrip('.')}, untouched."
     return replace(
-        d, which=[contact, *d.which], where=[entry, *map(_untouched, d.where)],
+        d, which=[contact, *d.which], where=[entry, *untouched],
         set90=tuple(dict.fromkeys((CONTACT, *names))),
     )  # fmt: skip
 
@@ -375,9 +372,3 @@ def _touched(touch: Touch, text: str) -> dict[str, Any]:
         "subsystem": "environment", "detail": touch.detail, "share": touch.share,
         "p_value": 1.0 - touch.probability, "sentence": f"{much} {text}",
     }  # fmt: skip
-
-
-def _untouched(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy of an entry of ``where`` that says that its share is of the untouched rows."""
-    sentence = str(entry["sentence"]).replace(": no cause is claimed", "")  # the contact is one
-    return dict(entry) | {"sentence": f"{sentence.rstrip('.')}, untouched."}

@@ -175,10 +175,6 @@ class Case:
         energy = float(y @ solved[:, -1] - along @ known)
         return energy, self.d.E.T @ solved[:, -1] - side @ known, half
 
-    def level_of(self, f: Finalist) -> BackgroundLevel:
-        """Background level of a finalist's rung."""
-        return self.level((), f.rung)
-
     def uncertainty(self, f: Finalist) -> np.ndarray:
         """Covariance (m, m) of a finalist's numbers with what no residual bounds.
 

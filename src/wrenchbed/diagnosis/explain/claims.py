@@ -249,23 +249,16 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
     Zeros take whatever is constant in small imperfections, so that no residual bounds it: their
     uncertainty is that beside the largest background which every robot may have.
     """
-    estimate, most = _stated(refitter, f, f.rung), int(refitter.normal.max())
-    if f.rung >= most:
-        return estimate
-    wider = np.where(
-        refitter.d.of_stated(STATED[0]), _stated(refitter, f, most).std / estimate.std, 1.0
-    )
-    return estimate._replace(covariance=estimate.covariance * np.outer(wider, wider))
-
-
-def _stated(refitter: Refitter, f: Finalist, rung: int) -> Stated:
-    """Errors of the stated numbers as in `stated`, with the background of one rung."""
-    d = refitter.d
-    count, numbers = len(f.x), len(d.stated)
+    d, count, numbers = refitter.d, len(f.x), len(refitter.d.stated)
     columns = np.column_stack([d.E[:, d.stated], f.design[:, :count]])
     spread = np.concatenate([np.full(numbers, LARGEST), f.spread[:count]])
-    mean, covariance = _fitted(_exact(refitter, rung), columns, f.y, spread)
-    return Stated(mean[:numbers], covariance[:numbers, :numbers])
+    estimate, wide = (
+        Stated(mean[:numbers], covariance[:numbers, :numbers])
+        for rung in (f.rung, max(f.rung, int(refitter.normal.max())))
+        for mean, covariance in [_fitted(_exact(refitter, rung), columns, f.y, spread)]
+    )
+    wider = np.where(d.of_stated(STATED[0]), wide.std / estimate.std, 1.0)
+    return estimate._replace(covariance=estimate.covariance * np.outer(wider, wider))
 
 
 def stated_errors_beside(refitter: Refitter, f: Finalist) -> np.ndarray:

@@ -164,7 +164,7 @@ def combination(refitter: Refitter, of: Elements, spread: float) -> Combination 
         return None
     f, p = of.fits[0], of.parts[0]
     columns = refitter.d.E[:, [int(h.columns[0]) for h in parts]]
-    gram = refitter.level_of(f).products(columns)
+    gram = refitter.level((), f.rung).products(columns)
     along = gram[0] / gram[0, 0]
     residual = np.diagonal(gram) - along * gram[0]
     if (residual > SAME * np.diagonal(gram)).any():

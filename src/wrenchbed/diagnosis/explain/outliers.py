@@ -133,7 +133,7 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
     best, far_by = made > np.inf, 0.0
     tried = (a.ranking.explanations[0].finalist, a.refitter.nothing())
     for f in dict.fromkeys(tried) if claimed is None else (claimed,):
-        level, fixed = a.refitter.level_of(f), _with_known_jumps(a, f)
+        level, fixed = a.refitter.level((), f.rung), _with_known_jumps(a, f)
         far, contrast = _contradicted(level, fixed, p, blocks, made)
         if contrast > far_by:
             best, far_by = far, contrast

@@ -319,13 +319,8 @@ def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
 
 def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:
     """Readings (C R,) relative to the dictionary's baseline, with stated numbers as stated."""
-    moved = stated_vector(d, baseline)
-    return prepared.rows(prepared.y).ravel() - d.baseline + d.E[:, d.stated] @ moved
-
-
-def stated_vector(d: EffectDictionary, baseline: Baseline) -> np.ndarray:
-    """Baseline minus stated mass and CoG (S,), in typical sizes; 0 for the bias."""
-    moved = np.zeros(len(d.stated))
+    moved = np.zeros(len(d.stated))  # baseline minus stated mass and CoG, SI
     for effect, change in baseline.moved.items():
         moved[d.of_stated(effect)] = change
-    return moved / d.size[d.stated]
+    rows = prepared.rows(prepared.y).ravel() - d.baseline
+    return np.asarray(rows + d.E[:, d.stated] @ (moved / d.size[d.stated]))

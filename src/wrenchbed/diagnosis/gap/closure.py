@@ -99,10 +99,6 @@ class Claimed:
         """Claimed simulator: parts ``keep`` of a finalist, and names of wrong stated numbers."""
         return cls(twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
-    def in_recording(self, a: Analysis, k: int) -> "Claimed":
-        """The same claim as fitted to recording ``k`` of several."""
-        return Claimed.of(a, self.finalist.each[k], self.keep, self.wrong)
-
 
 def judged(
     a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter] | None = None
@@ -134,8 +130,8 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
     """Gaps on the held-out rows of all recordings, with a claim or without causes."""
     every = (a, *a.others)
     claims = [
-        claim if k == 0 or claim is None else claim.in_recording(other, k)
-        for k, other in enumerate(every)
+        claim and (Claimed.of(one, claim.finalist.each[k], claim.keep, claim.wrong) if k else claim)
+        for k, one in enumerate(every)
     ]
     fits = {k: a.refitter.without(k) for k in sorted({k for o in every for k in o.prepared.folds})}
     each = [

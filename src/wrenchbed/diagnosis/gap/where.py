@@ -128,20 +128,14 @@ def _local(prepared: Prepared, residual: np.ndarray, permutations: int, seed: in
 
 
 def _sentence(name: str, share: float, p_value: float) -> str:
-    varies = _varies(name)
+    varies = _VARIES.get(name, f"repeats with {name}'s angle")
+    if name.startswith("direction of joint"):
+        varies = f"depends on the direction from which {name.removeprefix('direction of ')} came"
     if p_value >= SEEN:
         return f"No significant sign that the residual {varies}."
     if share < 0.005:
         return f"The residual {varies}, but no more than other variables already explain."
     return f"The residual {varies}: {100 * share:.0f} % of it."
-
-
-def _varies(name: str) -> str:
-    if name.startswith("direction of joint"):
-        return f"depends on the direction from which {name.removeprefix('direction of ')} came"
-    if name.startswith("joint"):
-        return f"repeats with {name}'s angle"
-    return _VARIES[name]
 
 
 def _of_cause(effect: str, detail: str, share: float, p_value: float) -> dict[str, Any]:
