@@ -163,6 +163,13 @@ def test_a_coarse_count_is_measured_even_when_printed_with_few_digits(mode):
     assert named(row_effects(without_noise_stated(coarse))) == {"sensor.quantization"}
 
 
+@pytest.mark.parametrize("rows", [5, 20])
+def test_counts_of_many_noises_repeat_rows_by_chance(rows):
+    rec = with_rows(quiet("static"), np.arange(len(quiet("static"))) % 60 < rows)
+    coarse = 8.0 * STD * np.round(rec.wrench / (8.0 * STD))
+    assert named(row_effects(with_wrench(rec, coarse))) == {"sensor.quantization"}
+
+
 def test_clipped_fine_or_single_rows_are_no_finding():
     wrench = np.round(quiet("static").wrench, 6)
     wrench[:, 1] = np.clip(wrench[:, 1], -8.0, 3.0)

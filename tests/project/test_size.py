@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 938,
     "cli": 2684,
     "data": 5395,
-    "diagnosis": 13108,
+    "diagnosis": 13106,
     "drives": 1618,
     "effects": 4975,
     "environments": 589,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78943,
-    "src/wrenchbed": 69443,
+    "src": 78941,
+    "src/wrenchbed": 69441,
     "src/robot_emulators": 9500,
-    "tests": 39597,
+    "tests": 39596,
     "scripts": 3481,
 }
 """Lines of Python below a folder at most; of scripts every line."""

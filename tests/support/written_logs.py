@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from altered import turned
 from wrenchbed import registry
 
 POSES = 24
@@ -97,7 +98,7 @@ def write(folder: Path, seed: int, named: bool | None = None) -> Written:
         if wide.random() < 0.3:
             load = load - load[0]
         beside = _beside(wide, len(load))
-    written = sign * (_turned(sensor, load) if in_base else load)
+    written = sign * (turned(load, sensor) if in_base else load)
     written = written / np.repeat([UNITS[unit][0], UNITS[unit][2]], 3)
     if robot is not None and kind.endswith("deg"):
         turning = [joint.unit == "rad" for joint in registry.load("robots", robot).joints]
@@ -165,10 +166,6 @@ def _path(rng, moving: bool, name: str | None):
         q = q[k] + s[:, None] * (q[nearest] - q[k])
         return t, q, Rotation.from_matrix(robot.sensor_pose(q, theta)[0])
     return t, q, Slerp(np.arange(n), turns)(np.minimum(k + s, n - 1))
-
-
-def _turned(sensor: Rotation, load: np.ndarray) -> np.ndarray:
-    return np.hstack([sensor.apply(load[:, :3]), sensor.apply(load[:, 3:])])
 
 
 def _orientation(kind: str, flange: Rotation, q: np.ndarray):

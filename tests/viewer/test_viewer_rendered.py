@@ -34,7 +34,7 @@ def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_
         places = transforms(viewer)
         picture = viewer.picture("fx [N]")
         assert {"fx measured − simulated [N]", "tz measured − simulated [N·m]"} <= names
-        open_ones = connections(viewer.pid)
+        open_ones = psutil.Process(viewer.pid).net_connections("inet")
     simulation = Simulation(robot, robot.parameters.nominal)
     wanted = motion(simulation, recording.q[40:41])
     for k, body in enumerate(wanted.names):
@@ -67,7 +67,3 @@ def transforms(viewer) -> dict[str, np.ndarray]:
         if edge["source"]["kind"] == "transform" and "/" not in name:
             found[name] = np.array(edge["source"]["parent_from_child"])[:3, 3]
     return found
-
-
-def connections(pid: int):
-    return psutil.Process(pid).net_connections("inet")

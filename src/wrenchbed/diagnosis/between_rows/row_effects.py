@@ -83,7 +83,7 @@ def find_row_effects(
     """
     if len(recording) < 3:
         return (), None
-    again = repeats(recording.wrench)
+    again = repeats(recording)
     stale = again.stale & again.some
     s = scatter(recording, configuration, stale)
     fresh = recording.wrench[np.flatnonzero(stale == 0)]

@@ -120,7 +120,10 @@ def scatter(
     stated = bool((scale > 0.0).all())
     if not stated:
         scale = np.maximum(rows.std(axis=0), 1e-12)
-    rows = _drawn_in(rows / scale)
+    rows = rows / scale
+    distance = np.sqrt(np.square(rows) @ np.maximum(rows.std(axis=0), 1e-12) ** -2.0)
+    limit = TAIL * max(float(np.median(distance)), 1e-12)  # far rows shrink as a whole
+    rows = rows * np.minimum(1.0, limit / np.maximum(distance, 1e-12))[:, None]
     rotation, lever = _carried(recording, configuration, index[starts + count // 2])
     return Scatter(recording.t[index], rows, scale, stated, starts, count, rotation, lever, kernel)
 
@@ -165,14 +168,6 @@ def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
     index = fresh[(fresh >= window // 2) & (fresh < len(t) - window // 2)]
     groups = max(1, len(index) // size)
     return index, y[index], np.arange(groups) * (len(index) // groups), kernel
-
-
-def _drawn_in(rows: np.ndarray) -> np.ndarray:
-    """Rows (N, 6) in which far ones are shrunk as a whole (robust)."""
-    spread = np.maximum(rows.std(axis=0), 1e-12)
-    distance = np.sqrt(np.square(rows) @ spread**-2.0)
-    limit = TAIL * max(float(np.median(distance)), 1e-12)
-    return np.asarray(rows * np.minimum(1.0, limit / np.maximum(distance, 1e-12))[:, None])
 
 
 def _carried(

@@ -61,12 +61,21 @@ def find_contact(prepared: Prepared) -> Touch | None:
     scene = prepared.scene
     residual = prepared.y - prepared.expected - scene.inertial
     limit = BEYOND * float(scene.tool.mass * np.linalg.norm(scene.gravity))
-    away = np.linalg.norm(residual[:, :3] - _usual(residual[:, :3], limit), axis=1)
+    force = residual[:, :3]
+    near = np.linalg.norm(force[:, None] - force[None], axis=2) < limit
+    usual = force[near[int(near.sum(axis=1).argmax())]].mean(axis=0)  # of the untouched tool
+    away = np.linalg.norm(force - usual, axis=1)
     touched = _long(away > limit, max(2, round(LEAST_S / scene.period)))
-    free = _widened(touched)
-    if not touched.any() or (~free).sum() < LEAST_ROWS or free[0] or free[-1]:
+    at, free = np.flatnonzero(touched), np.zeros(len(touched), dtype=bool)
+    if not len(at):
         return None
-    if np.linalg.norm(_beyond_gains(prepared, residual[:, :3]), axis=1)[touched].max() < limit:
+    free[max(0, at[0] - MARGIN) : at[-1] + 1 + MARGIN] = True
+    if (~free).sum() < LEAST_ROWS or free[0] or free[-1]:
+        return None
+    weight = scene.gravity @ value(scene.pose[0])
+    gains = np.column_stack([weight, np.ones(len(weight))])  # in sensor axes, with a constant
+    beyond = force - gains @ np.linalg.lstsq(gains, force, rcond=1e-3)[0]
+    if np.linalg.norm(beyond, axis=1)[touched].max() < limit:
         return None
     point, std, explained = _point(residual[touched])
     share = float((away[free] ** 2).sum() / (away**2).sum())
@@ -109,35 +118,12 @@ def without_touch(prepared: Prepared) -> Prepared:
     )  # fmt: skip
 
 
-def _usual(force: np.ndarray, radius: float) -> np.ndarray:
-    """Mean (3,) of the largest group of forces (H, 3) within a radius: the untouched tool's."""
-    near = np.linalg.norm(force[:, None] - force[None], axis=2) < radius
-    return np.asarray(force[near[int(near.sum(axis=1).argmax())]].mean(axis=0))
-
-
 def _long(rows: np.ndarray, least: int) -> np.ndarray:
     """Whether each row (H,) lies in a run of at least ``least`` marked rows, boolean."""
     result = np.zeros(len(rows), dtype=bool)
     for start, end in runs(rows):
         result[start:end] = end - start >= least
     return result
-
-
-def _widened(rows: np.ndarray) -> np.ndarray:
-    """Mask (H,) of all rows from the first to the last marked one, with a margin."""
-    at = np.flatnonzero(rows)
-    result = np.zeros(len(rows), dtype=bool)
-    if len(at):
-        result[max(0, at[0] - MARGIN) : at[-1] + 1 + MARGIN] = True
-    return result
-
-
-def _beyond_gains(prepared: Prepared, force: np.ndarray) -> np.ndarray:
-    """Residual of forces (H, 3) after a linear fit in gravity in sensor axes, with a constant."""
-    scene = prepared.scene
-    weight = scene.gravity @ value(scene.pose[0])
-    design = np.column_stack([weight, np.ones(len(weight))])
-    return np.asarray(force - design @ np.linalg.lstsq(design, force, rcond=1e-3)[0])
 
 
 def _point(residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

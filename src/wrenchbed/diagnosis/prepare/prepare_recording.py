@@ -145,7 +145,7 @@ def _refreshed(
     recording: Recording, data: Observations, expected: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Readings (N, 6) in which repeated rows continue the residual around them; row counts (N,)."""
-    again = repeats(recording.wrench)
+    again = repeats(recording)
     stale = again.stale[np.searchsorted(recording.t, data.t)] & again.some
     fresh = np.flatnonzero(~stale)
     if not stale.any() or len(fresh) < 2:

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchbed.data.recording import Recording
+
 ON = 0.1
 """A value is on a lattice if it is off by less than this part of its step."""
 ALL = 0.97
@@ -118,14 +120,15 @@ class Repeats:
         return bool(self.channels) and self.share >= self.expected + FEW
 
 
-def repeats(wrench: np.ndarray) -> Repeats:
-    """Find repeats of rows (N, 6) in all channels, else in continuous forces or torques alone."""
+def repeats(recording: Recording) -> Repeats:
+    """Find repeats of rows in all channels, else in continuous forces or torques alone."""
+    wrench = recording.wrench
     same = wrench[1:] == wrench[:-1]
     all_same = same.all(axis=1)
     others = same[~all_same]
     if len(others) < 2 * WINDOW:
         return _repeats(all_same, 1.0, ())
-    expected = max(_chance(others), FAR_TO_NEAR * _far(wrench, all_same))
+    expected = max(_chance(others), FAR_TO_NEAR * _far(wrench, all_same), _in_any_order(recording))
     result = _repeats(all_same, expected, (0, 1, 2, 3, 4, 5))
     if result.share > result.expected + 0.01:
         return result
@@ -164,6 +167,22 @@ def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
     changes = np.concatenate([[0], np.cumsum(~all_same)])
     same = (wrench[FAR:] == wrench[:-FAR]).all(axis=1)
     return float(np.mean(same & (changes[FAR:] > changes[:-FAR])))
+
+
+def _in_any_order(recording: Recording) -> float:
+    """Share of repeats in all channels if the rows of each pose came in any order; 0 where no value
+    comes back: so coarse counts repeat, and rows that are sent again do not.
+
+    Of a pose of n rows, c of them equal, so many are (c − 1) c / n on average.
+    """
+    pose = recording.columns.get("segment", np.zeros(len(recording)))
+    rows = np.column_stack([pose, recording.wrench])
+    _, value, count = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
+    value = value.ravel()
+    if np.count_nonzero(np.diff(value)) + 1 == len(count):
+        return 0.0
+    _, of, in_pose = np.unique(pose, return_inverse=True, return_counts=True)
+    return float(((count - 1)[value] / in_pose[of]).mean())
 
 
 def _continuous(y: np.ndarray) -> bool:
