@@ -277,7 +277,7 @@ class Client(Connection):
         self._hub.hear(self, commands, rubbish)
 
     def obey(self, command: Command) -> None:
-        """Answer everything but ``send``."""
+        """Answer a command of the client other than ``send``, which the hub carries out."""
         if command.verb == "open" and not self._opened:
             self._opened = command.words == (self._hub.channel,)
             self.answer("ok" if self._opened else "error could not open bus")

@@ -12,9 +12,10 @@ import wrenchbed as wb
 from altered import by_name, in_degrees, opposite, with_columns, with_metadata, with_rows
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, driven, static
 from sound import good
-from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate, check_mass
+from wrenchbed.calibration.calibrate import CalibrationOptions, _status, calibrate, check_mass
+from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.observations import window_of
-from wrenchbed.calibration.touches import Touches
+from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.recording import POINT, Recording
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
@@ -256,6 +257,25 @@ def test_a_tool_weighs_something_and_touches_are_no_recording_under_gravity():
     bare = {k: v for k, v in touching.items() if not k.startswith("q")}
     with pytest.raises(CalibrationError, match="touches need joint columns"):
         Touches.of(SimpleNamespace(name="r", columns=bare, joints=()), 1e-4)
+
+
+def test_the_status_says_how_far_to_trust_a_fit():
+    one, explained = np.ones(6), "; the residual is what the noise of the repeats explains"
+
+    def status(source="repeats", scatter=one, agreement=None, steps=1, converged=True):
+        noise = FitNoise(one, source, 2.0 * one, scatter, one, 4.0, scatter is not one)
+        solution = SimpleNamespace(steps=steps, converged=converged)
+        return _status(solution, noise, [], SimpleNamespace(left_out=0, flagged=0), agreement)
+
+    assert status() == "converged in 1 step" + explained
+    assert status(steps=3) == "converged in 3 steps" + explained
+    assert status(converged=False).startswith("not converged after 1 step: do not use these values")
+    wide = status("stated", np.array([1.0, 2.0, 3.0, 4.0, 9.0, 6.0]))
+    assert "up to 4.5 times what the stated noise explains" in wide
+    assert status("residual").endswith("no stated noise: uncertainties follow the residual")
+    assert status(agreement=Agreement(4, 1e-4, 2, 3.0, 0.5)) == status()
+    doubtful = status(agreement=Agreement(4, 1e-4, 2, 6.0, 1e-6))
+    assert "touch 2 (counted from 0) lies 6.0 standard deviations" in doubtful
 
 
 def flickering(seed: int) -> Recording:

@@ -12,7 +12,6 @@ import wrenchbed as wb
 from altered import by_name
 from recorded import METADATA
 from rest_noise import WHITE, Rest, recorded
-from wrenchbed import registry
 from wrenchbed.calibration.learn_sensor import grid_step
 from wrenchbed.cli import main
 from wrenchbed.data.metadata import Metadata, SensorInfo
@@ -107,7 +106,7 @@ def ntnu() -> Recording:
 
 def test_the_real_gamma_gets_about_the_published_numbers(ntnu):
     """The published ones were read off by hand; lines of the arm are named, not fitted."""
-    found, published = wb.learn_sensor(ntnu), registry.load("sensors", "ati-gamma").noise
+    found, published = wb.learn_sensor(ntnu), wb.load("sensors", "ati-gamma").noise
     noise = found.sensor.noise
     np.testing.assert_allclose(noise.white, published.white, rtol=0.04)
     np.testing.assert_allclose(noise.flicker[:5], published.flicker[:5], rtol=0.08)
@@ -194,13 +193,13 @@ def test_the_verb_writes_what_loads_again(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "white" in printed and re.search(r"50\.0\d Hz", printed) and "±" in printed
     assert "It cannot tell:" in printed and "slower than 20 s" in printed
-    sensor, learnt = registry.load("sensors", str(out)), wb.learn_sensor(rest, name="mine").sensor
+    sensor, learnt = wb.load("sensors", str(out)), wb.learn_sensor(rest, name="mine").sensor
     for name in ("white", "flicker", "correlation", "mains_amplitude", "resolution", "range"):
         np.testing.assert_array_equal(getattr(sensor.noise, name), getattr(learnt.noise, name))
     assert main(["sensor", str(rec), "--out", str(out), "--like", "ati-delta", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["like"] == "ati-delta" and result["mains_hz"] == pytest.approx(50.03, abs=0.02)
     assert result["channels"]["fx"]["white"] == pytest.approx(WHITE[0], rel=0.05)
-    assert registry.load("sensors", str(out)).mass == 0.913
+    assert wb.load("sensors", str(out)).mass == 0.913
     assert main(["sensor", str(rec), "--out", str(rec)]) == 1
     assert "rest.parquet" in capsys.readouterr().err

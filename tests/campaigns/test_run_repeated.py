@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 from test_run_live import PLAN, UR5, Arm, Gauge, poses, run
 
+import wrenchbed as wb
 from wrenchbed.campaigns import run as recording_run
 from wrenchbed.campaigns.resume import Retries, retries
 from wrenchbed.data import parquet, writer
 from wrenchbed.data.metadata import parse
-from wrenchbed.data.plan import Plan
-from wrenchbed.data.recording import Recording
 from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import (
     DriverError,
@@ -163,7 +162,7 @@ def test_before_the_first_row_there_is_nothing_to_resume(tmp_path):
 
 
 def moving(arm: Arm, path, n: int = 60):
-    plan = Plan.of("ur5", np.repeat(UR5.home[None], n, axis=0), rate_hz=125.0)
+    plan = wb.Plan.of("ur5", np.repeat(UR5.home[None], n, axis=0), rate_hz=125.0)
     with arm:
         return recording_run.record(arm, plan, path)
 
@@ -192,9 +191,9 @@ def test_a_motion_begun_again_keeps_the_recording_that_stood_there(tmp_path):
     path.write_text("precious")
     with pytest.warns(WrenchbedWarning, match="the motion: gone"):
         done = moving(Cut(LinkError("gone"), LinkError("gone")), path)
-    assert (done.visited, len(Recording.read(path))) == (60, 60)
+    assert (done.visited, len(wb.Recording.read(path))) == (60, 60)
     assert (tmp_path / "r.parquet~").read_text() == "precious"
-    assert len(Recording.read(tmp_path / "r.parquet.cut~")) == 20
+    assert len(wb.Recording.read(tmp_path / "r.parquet.cut~")) == 20
 
 
 def test_a_motion_that_was_stopped_for_safety_is_not_begun_again(tmp_path):
@@ -204,12 +203,12 @@ def test_a_motion_that_was_stopped_for_safety_is_not_begun_again(tmp_path):
     ):
         moving(arm, tmp_path / "r.parquet")
     assert arm.recovered == 0
-    assert len(Recording.read(tmp_path / "r.parquet")) == 20
+    assert len(wb.Recording.read(tmp_path / "r.parquet")) == 20
 
 
 def test_touches_are_refused_before_the_arm_moves(tmp_path):
     arm = Arm()
-    plan = Plan.of("ur5", PLAN.q, points=np.zeros((4, 3)))
+    plan = wb.Plan.of("ur5", PLAN.q, points=np.zeros((4, 3)))
     with arm, pytest.raises(PlanError, match="'arm' cannot touch points"):
         recording_run.record(arm, plan, tmp_path / "r.parquet")
     assert (arm.moves, list(tmp_path.iterdir())) == (0, [])
@@ -258,10 +257,10 @@ def path(recorded, tmp_path):
     return shutil.copy(recorded[0], tmp_path / "r.parquet")
 
 
-def kept(path, rows: np.ndarray) -> Recording:
+def kept(path, rows: np.ndarray) -> wb.Recording:
     """Leave some rows (50,) of a recording; the whole one."""
-    whole = Recording.read(path)
-    Recording(whole.metadata, {k: v[rows] for k, v in whole.columns.items()}).write(path)
+    whole = wb.Recording.read(path)
+    wb.Recording(whole.metadata, {k: v[rows] for k, v in whole.columns.items()}).write(path)
     return whole
 
 
@@ -271,7 +270,7 @@ FIRST = np.arange(50)
 def test_a_cut_revisit_is_made_anew(path):
     first, arm = kept(path, FIRST < 44), Arm()
     done = run(arm, path, resume=True)
-    rec = Recording.read(path)
+    rec = wb.Recording.read(path)
     assert (done.visited, arm.moves, len(rec)) == (0, 1, 50)
     assert np.array_equal(rec.wrench[:40], first.wrench[:40])
     second = rec.columns["segment"] == 4
@@ -284,10 +283,10 @@ def test_a_cut_revisit_is_made_anew(path):
 
 
 def test_a_whole_revisit_is_done(recorded, path):
-    first, arm = Recording.read(path), Arm()
+    first, arm = wb.Recording.read(path), Arm()
     done = run(arm, path, resume=True)
     assert (done.visited, arm.moves, done.rows) == (0, 0, 50)
-    assert np.array_equal(Recording.read(path).wrench, first.wrench)
+    assert np.array_equal(wb.Recording.read(path).wrench, first.wrench)
     assert np.array_equal(done.drift.change, recorded[1].drift.change)
     assert done.drift.seconds == recorded[1].drift.seconds
 
@@ -300,7 +299,7 @@ def test_a_whole_revisit_is_done(recorded, path):
 def test_poses_that_are_not_whole_are_visited_again(path, rows, visited):
     first = kept(path, rows)
     done = run(Arm(), path, resume=True)
-    rec = Recording.read(path)
+    rec = wb.Recording.read(path)
     assert (done.visited, poses(path)) == (visited, [20, 10, 10, 10])
     assert (np.diff(rec.t) > 0).all()
     assert rec.metadata.extra["started"] == first.metadata.extra["started"]
@@ -311,7 +310,7 @@ def test_what_stood_there_before_the_campaign_stays(path, tmp_path):
     kept(path, FIRST < 25)
     run(Arm(), path, resume=True)
     assert (tmp_path / "r.parquet~").read_text() == "precious"
-    assert len(Recording.read(tmp_path / "r.parquet.cut~")) == 25
+    assert len(wb.Recording.read(tmp_path / "r.parquet.cut~")) == 25
 
 
 @pytest.mark.parametrize(
@@ -320,13 +319,13 @@ def test_what_stood_there_before_the_campaign_stays(path, tmp_path):
         (PLAN, 8, "10 samples at pose 0, not 8: give --samples 10, or record anew"),
         (PLAN, 20, "10 samples at pose 0, not 20: give --samples 10, or record anew"),
         (
-            Plan("ur5", PLAN.q, PLAN.segment, np.full(4, 0.1)),
+            wb.Plan("ur5", PLAN.q, PLAN.segment, np.full(4, 0.1)),
             10,
             "not 50: give the plan it was made with",
         ),
-        (Plan.of("ur5", PLAN.q + 0.3), 10, "row 0 is not at pose 0"),
+        (wb.Plan.of("ur5", PLAN.q + 0.3), 10, "row 0 is not at pose 0"),
         (
-            Plan.of("ur5", np.repeat(UR5.home[None], 20, axis=0), rate_hz=500.0),
+            wb.Plan.of("ur5", np.repeat(UR5.home[None], 20, axis=0), rate_hz=500.0),
             10,
             "a motion cannot be resumed",
         ),
@@ -335,7 +334,7 @@ def test_what_stood_there_before_the_campaign_stays(path, tmp_path):
 def test_another_plan_or_other_samples_are_refused(path, plan, samples, words):
     with Arm() as arm, pytest.raises(PlanError, match=words):
         recording_run.record(arm, plan, path, samples=samples, rate=500.0, resume=True)
-    assert len(Recording.read(path)) == 50
+    assert len(wb.Recording.read(path)) == 50
 
 
 def test_another_rate_sensor_or_driver_is_refused(path):
@@ -400,7 +399,7 @@ def test_rows_are_taken_while_the_file_is_rewritten(tmp_path, slow):
     moving(arm, path, 250)
     assert max(arm.waits) < 0.4  # a rewriting takes 0.5 s
     assert len(slow) > 2  # twice or more on the way, and at the end
-    rec = Recording.read(path)
+    rec = wb.Recording.read(path)
     assert len(rec) == 250
     assert (np.diff(rec.t) > 0).all()
     assert [p.name for p in tmp_path.iterdir()] == ["r.parquet"]
@@ -414,10 +413,10 @@ def test_what_is_being_rewritten_is_in_the_journal(tmp_path, slow):
             time.sleep(0.01)
         assert slow == []
         with pytest.warns(UserWarning, match="did not finish"):
-            told = Recording.read(path)
+            told = wb.Recording.read(path)
         assert np.array_equal(told.t, np.arange(len(told)))
         assert len(told) > 15
-    assert np.array_equal(Recording.read(path).t, np.arange(30.0))
+    assert np.array_equal(wb.Recording.read(path).t, np.arange(30.0))
 
 
 def test_flush_waits_for_a_rewriting_under_way(tmp_path, slow, monkeypatch):
@@ -446,7 +445,7 @@ def test_a_full_disk_is_named_by_the_next_rows_and_the_journal_stays(tmp_path, m
     assert told.value.errno == errno.ENOSPC
     assert given < 20
     with pytest.warns(UserWarning, match="did not finish"):
-        assert len(Recording.read(path)) == given
+        assert len(wb.Recording.read(path)) == given
 
 
 def test_a_disk_that_has_space_again_at_the_end_loses_nothing(tmp_path, monkeypatch):
@@ -463,4 +462,4 @@ def test_a_disk_that_has_space_again_at_the_end_loses_nothing(tmp_path, monkeypa
     with RecordingWriter(tmp_path / "r.parquet", METADATA) as out:
         out.append(block(0.0))
     assert len(calls) == 2
-    assert len(Recording.read(tmp_path / "r.parquet")) == 1
+    assert len(wb.Recording.read(tmp_path / "r.parquet")) == 1

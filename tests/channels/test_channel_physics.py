@@ -8,7 +8,7 @@ import pytest
 from iiwa import IIWA
 from plain_ur5 import GRAVITY, flange, poses, turned
 from wrenchbed import registry
-from wrenchbed.channels.held import held, ways
+from wrenchbed.channels.holding_torques import held, ways
 from wrenchbed.channels.own_noise import own_noise
 from wrenchbed.channels.response import readings
 from wrenchbed.data.metadata import parse

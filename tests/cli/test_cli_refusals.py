@@ -13,10 +13,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 
 from commanded import names, said
+from simulated import UR5_TRUTH, WHITE, static
 from wrenchbed.cli import main
 from wrenchbed.data import parquet
 from wrenchbed.data.plan import is_plan
@@ -24,6 +26,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import ShortageError, shortage
 from wrenchbed.pages.draw import Drawn
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.recording_page import recording_page
 from wrenchbed.twin.comparison import simulators
 
@@ -289,3 +292,39 @@ def test_names_that_are_not_utf_8(folder):
         assert main([*line, "--force"] if line[-2] == "--mcap" else line) in (0, 1), line
     assert len(Recording.read(f"{odd}.s.parquet")) == 100
     assert json.loads((folder / f"{odd}.fit.json").read_bytes())["recording"] == f"{odd}.parquet"
+
+
+MAP = """
+[recording]
+robot = "ur5"
+mode = "static"
+
+[[file]]
+match = "*"
+[file.columns]
+t = { column = "t", unit = "s" }
+segment = { column = "segment" }
+"""
+MAP += "".join(f'q{j} = {{ column = "q{j}", unit = "rad" }}\n' for j in range(1, 7))
+MAP += "".join(
+    f'{c} = {{ column = "{c}", unit = "{"N" if c[0] == "f" else "N·m"}" }}\n' for c in CHANNELS
+)
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_a_doubt_is_said_and_the_recording_written(tmp_path, capsys, broken):
+    columns = dict(static("ur5", UR5_TRUTH, poses=30, samples=5, noise=WHITE).columns)
+    if broken:
+        columns["fx"], columns["fz"] = columns["fz"], columns["fx"]
+    pa.csv.write_csv(pa.table({k: np.asarray(x) for k, x in columns.items()}), tmp_path / "a.csv")
+    (tmp_path / "map.toml").write_text(MAP, encoding="utf-8")
+    out = tmp_path / "rec.parquet"
+    command = ["import", str(tmp_path / "a.csv"), "--map", str(tmp_path / "map.toml")]
+    assert main([*command, "--out", str(out), "--json"]) == 0
+    told = capsys.readouterr()
+    assert out.exists()
+    assert ("doubt" in json.loads(told.out)) == broken
+    assert ("calibrate will refuse" in told.err) == broken
+    assert main(["calibrate", str(out)]) == (1 if broken else 0)
+    if broken:
+        assert json.loads(told.out)["doubt"] in capsys.readouterr().err

@@ -7,12 +7,11 @@ from pathlib import Path
 import arm_torques as arm
 import numpy as np
 
+import wrenchbed as wb
 from arm_files import CASES
 from wrenchbed import registry
 from wrenchbed.data.metadata import parse
-from wrenchbed.data.recording import Recording
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.robots.described import describe
 
 TOOL = (0.8, (0.0, 0.0, 0.05))
 """What is stated of the tool [kg, m]."""
@@ -53,7 +52,7 @@ def by_file(folder: Path, file="iiwa.xml"):
     """An arm from its file, whose tool is stated."""
     case = next(c for c in CASES if c.file == file)
     stated = {"tool_mass": TOOL[0], "tool_cog": TOOL[1]}
-    robot = describe(case.path, case.frame, folder / "my.toml", **stated).robot
+    robot = wb.describe_robot(case.path, case.frame, folder / "my.toml", **stated).robot
     registry.remember("robots", robot.name, robot.record)
     return robot
 
@@ -105,4 +104,4 @@ def recording(robot, seed, load=(1.4, (0.01, -0.02, 0.07)), *, poses=50, rows=RO
     columns |= {f"{prefix}{j + 1}": effort[:, j] for j in range(joints)}
     raw = {"format": 1, "robot": robot.name, "source": "test", "mode": "static", "rate_hz": 100.0,
            "tool": {"mass": TOOL[0], "cog": list(TOOL[1])}}  # fmt: skip
-    return Recording(parse(raw, "test"), columns, "rest.parquet")
+    return wb.Recording(parse(raw, "test"), columns, "rest.parquet")

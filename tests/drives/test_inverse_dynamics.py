@@ -8,7 +8,7 @@ from test_robots import random_theta
 from arm_files import CASES, TOOL_COG, TOOL_MASS
 from simulated import driven
 from wrenchbed import Plan, excite, multisine, registry
-from wrenchbed.channels.held import LINK_MASS, of_links
+from wrenchbed.channels.holding_torques import LINK_MASS, of_links
 from wrenchbed.cli import main
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.effects.scene import Scene

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from arm_torques import by_joint, fourier
 
+import wrenchbed as wb
 from simulated import driven
 from wrenchbed import multisine, registry
 from wrenchbed.cli import main
-from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.errors import NotFoundError, ParameterError
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.plant.body import Body, BodyOptions
 from wrenchbed.simulation.drives.drive_train import DriveTrain
@@ -39,7 +38,7 @@ def test_a_fit_finds_the_true_drives(tmp_path, kind):
     for more in ("q_target6", "qd_target6", "tau_target6", "joint_temperature6"):
         assert np.isfinite(rec.columns[more]).all()
     assert rec.columns["joint_temperature1"][0] == pytest.approx(25.0, abs=0.1)
-    fit = calibrate_efforts(rec)
+    fit = wb.calibrate_efforts(rec)
     usual = by_joint(coulomb=SIX, viscous=(8.0, 8.5, 6.5, 1.5, 1.4, 1.2))
     for name, value in (usual | TRUE).items():
         least = 0.02 * value if name in TRUE else 0.1
@@ -145,7 +144,7 @@ def test_row_by_row_is_as_all_at_once(kind):
 )
 def test_refusals(options, text):
     with pytest.raises((ParameterError, NotFoundError), match=text):
-        SimDriver(SimOptions("ur5", **options))
+        wb.SimDriver(wb.SimOptions("ur5", **options))
 
 
 def test_the_list_says_in_which_channels_an_effect_shows(capsys):

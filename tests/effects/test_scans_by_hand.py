@@ -5,7 +5,7 @@ import pytest
 from effect_scenes import static
 
 from wrenchbed import registry
-from wrenchbed.effects import environment_contact
+from wrenchbed.effects import cable_pull, environment_contact
 from wrenchbed.effects.base import Residual
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.physics.rotations import apply, sphere
@@ -60,6 +60,14 @@ def test_an_anchor_on_the_grid_is_found_at_its_place_and_length(reach, way, shar
     assert first.free == ("stiffness",) and set(first.shape) == set(first.at)
     assert [v.label for v in found] == [f"partly slack, fitted start {k}" for k in (1, 2, 3)]
     assert {v.weight for v in found} == {0.1}
+
+
+def test_a_cable_does_not_push():
+    pull = np.random.default_rng(5).standard_normal((20, 3))
+    y = np.concatenate([pull, np.cross(POINT, pull)], axis=1) / NOISE
+    residual = Residual(np.arange(20), y - y.mean(axis=0), NOISE, None)
+    (gain, pushed), _ = cable_pull._gains(np.stack([pull, -pull]), residual)
+    assert gain > pushed == 0.0
 
 
 def test_a_point_that_lies_far_from_the_tool_is_brought_back():

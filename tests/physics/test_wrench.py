@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from wrenchbed import registry
+import wrenchbed as wb
 from wrenchbed.calibration.calibrate import identify_from_gravity
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics import time_derivatives as td
@@ -23,7 +23,6 @@ from wrenchbed.physics.rotations import (
 )
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool, physical_inertia, wrench
-from wrenchbed.simulation.closed_form import Model
 
 G = np.array([0.0, 0.0, -9.80665])
 
@@ -113,8 +112,8 @@ def test_a_load_is_that_of_newton_and_euler_also_by_the_regressor():
 
 @pytest.mark.parametrize("name", ["ur5", "medrue"])
 def test_motion_and_its_jacobian_are_those_of_the_pose(name):
-    robot = registry.load("robots", name)
-    model, own = Model.of(robot), len(robot.parameters)
+    robot = wb.load("robots", name)
+    model, own = wb.Model.of(robot), len(robot.parameters)
     q = robot.sample(8, RNG)
     jets = Jet(q, 0.3 * RNG.standard_normal(q.shape), RNG.standard_normal(q.shape))
     theta = model.parameters.nominal + 0.01 * RNG.standard_normal(len(model.parameters))

@@ -5,14 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from wrenchbed import registry
+import wrenchbed as wb
 from wrenchbed.campaigns.moves import itinerary
-from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
 from wrenchbed.planning.clearance import Clearance
 from wrenchbed.robots.motion_limits import Limits
 
-UR5 = registry.load("robots", "ur5")
+UR5 = wb.load("robots", "ur5")
 INTO_BENCH = np.array([0.0, 0.35, 0.0, 0.0, 1.5708, 0.0])  # the arm points 20° below the horizon
 
 
@@ -62,7 +61,7 @@ def test_where_there_is_no_way_the_pose_is_refused(clearance):
 
 
 def test_an_itinerary_is_refused_by_row():
-    plan = Plan.of("ur5", np.stack([UR5.home, INTO_BENCH]))
+    plan = wb.Plan.of("ur5", np.stack([UR5.home, INTO_BENCH]))
     with pytest.raises(PlanError, match=r"row 1: .* would touch"):
         itinerary(UR5, plan, UR5.home, Limits(), [0, 1], clear=True)
     free = itinerary(UR5, plan, UR5.home, Limits(), [0, 1], clear=False)
@@ -70,7 +69,7 @@ def test_an_itinerary_is_refused_by_row():
 
 
 def test_slower_limits_take_longer_in_proportion():
-    plan = Plan.of("ur5", UR5.sample(3, np.random.default_rng(1)))
+    plan = wb.Plan.of("ur5", UR5.sample(3, np.random.default_rng(1)))
     fast, slow = (
         sum(leg.seconds for leg in itinerary(UR5, plan, UR5.home, Limits(s), range(3), clear=True))
         for s in (0.4, 0.1)

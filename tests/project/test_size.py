@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78941,
     "src/wrenchbed": 69441,
     "src/robot_emulators": 9500,
-    "tests": 39596,
+    "tests": 39595,
     "scripts": 3481,
 }
 """Lines of Python below a folder at most; of scripts every line."""

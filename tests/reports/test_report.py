@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import json
 import re
 from dataclasses import replace
 from html import unescape
@@ -269,6 +270,8 @@ def test_the_command_line_writes_it_with_its_command(tmp_path, capsys):
         assert f"SHA-256 of rec.parquet {digest}" in shown.replace(":", "")
         assert f"UTC by wrenchbed {version('wrenchbed')}" in shown
         assert "seed 3" in shown.replace(":", "") and f"--out '{out}' --seed 3" in shown
+    verdict = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))["verdict"]
+    assert told.startswith(f"# {verdict}: ") and "\n- calibrated " in told
     text = (out / "report.html").read_text(encoding="utf-8")
     assert f"--out &#39;{out}&#39; --seed 3" in text
 

@@ -6,11 +6,10 @@ import pytest
 import test_robots
 from test_robots import random_theta
 
+import wrenchbed as wb
 from arm_files import CASES, TOOL_COG, TOOL_MASS, PlainArm
 from wrenchbed import registry
 from wrenchbed.robots.described import describe, read, rebuilt
-from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
 
 each_file = pytest.mark.parametrize("case", CASES, ids=lambda c: c.file)
 
@@ -24,7 +23,7 @@ def arm_of(case, folder, tool=True):
 
 def loads(robot, q, theta):
     """Closed form (N, 6) at robot parameters (P,)."""
-    model = Model.of(robot)
+    model = wb.Model.of(robot)
     full = model.parameters.nominal
     full[: len(theta)] = theta
     return model.true_wrench(q, full)
@@ -43,7 +42,7 @@ def test_the_closed_form_is_the_users_file_in_mujoco(case, tmp_path):
     assert np.abs(measured).max() > 5.0
     assert np.abs(measured - loads(robot, q, robot.parameters.nominal)).max() < 1e-10
     for theta in (robot.parameters.nominal, random_theta(robot, rng), random_theta(robot, rng)):
-        written = Simulation(robot, theta).wrench(q)
+        written = wb.Simulation(robot, theta).wrench(q)
         assert np.abs(written - loads(robot, q, theta)).max() < 1e-10
 
 

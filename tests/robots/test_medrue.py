@@ -7,21 +7,20 @@ import mujoco
 import numpy as np
 import pytest
 
-from wrenchbed import registry
+import wrenchbed as wb
 from wrenchbed.calibration.observability import analyse
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.medrue import kinematics, workspace
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER
 from wrenchbed.robots.motion_limits import minimum_jerk
-from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot
 from wrenchbed.simulation.simulation import Simulation, loop_sites
 
 DATA = Path(__file__).parents[1] / "data"
 GOLDEN = json.loads((DATA / "medrue_golden.json").read_text())
 TABLE = json.loads((DATA / "medrue_parameters.json").read_text())["params"]
-ROBOT = registry.load("robots", "medrue")
+ROBOT = wb.load("robots", "medrue")
 UNIT = np.array([{"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}[p.unit] for p in PAPER])
 CASES = [(c, w) for c in GOLDEN["cases"] for w in ("nominal", "actual")]
 
@@ -102,7 +101,7 @@ def test_the_papers_workspace_is_reached_and_link_lengths_hold():
 
 @pytest.mark.parametrize("which", ["nominal", "actual"])
 def test_rank_is_27_and_the_redundancies_have_names(which):
-    model = Model.of(ROBOT)
+    model = wb.Model.of(ROBOT)
     theta = model.parameters.nominal
     theta[: len(PAPER)] = theta_of(which)[: len(PAPER)]
     q = ROBOT.sample(100, np.random.default_rng(0))

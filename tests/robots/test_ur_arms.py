@@ -6,11 +6,10 @@ import math
 import numpy as np
 import pytest
 
+import wrenchbed as wb
 from arm_files import DATA
 from wrenchbed.physics.rotations import rot_x, rot_z
 from wrenchbed.robots.ur5 import NAMES, ROBOT, ur_arm
-from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
 
 DESCRIPTION = json.loads((DATA / "ur_description.json").read_text())
 ROLL = (0.0, math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2)
@@ -60,8 +59,8 @@ def test_each_arm_weighs_and_turns_back_as_it_should(name):
     arm = arm_of(name)
     theta, rng = arm.parameters.nominal, np.random.default_rng(4)
     q = arm.sample(12, rng)
-    model = Model.of(arm)
-    measured = Simulation(arm, theta).wrench(q)
+    model = wb.Model.of(arm)
+    measured = wb.Simulation(arm, theta).wrench(q)
     assert np.abs(measured - model.true_wrench(q, model.parameters.nominal)).max() < 1e-10
     for row in q:
         rotation, position = arm.flange_pose(row[None], theta)
@@ -80,7 +79,7 @@ def test_the_tool_hanging_down_pulls_with_plus_m_g():
     theta = ROBOT.parameters.nominal
     rotation, _ = ROBOT.sensor_pose(q, theta)
     assert np.allclose(rotation[0, :, 2], [0, 0, -1], atol=1e-12)
-    load = Simulation(ROBOT, theta).wrench(q)[0]
+    load = wb.Simulation(ROBOT, theta).wrench(q)[0]
     weight = 1.35 * 9.80665
     assert np.allclose(load[:3], [0, 0, weight], atol=1e-12)
     assert np.allclose(load[3:], np.cross([0.004, -0.006, 0.071], [0, 0, weight]), atol=1e-12)

@@ -65,7 +65,7 @@ class RigidBodies:
         return drives, -load
 
     def places(self, q: np.ndarray) -> Iterator[np.ndarray]:
-        """Centres of mass (bodies, 3) [m] at joint values (N, J); the next ones overwrite them."""
+        """Yield centres of mass (bodies, 3) [m] at each of q (N, J), always in the same array."""
         for row in self.robot.qpos(q, self.theta):
             self.data.qpos[:] = row
             mujoco.mj_kinematics(self.model, self.data)

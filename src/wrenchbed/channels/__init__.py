@@ -5,5 +5,5 @@ Others rely on: names of columns; floors and usual sizes, which are a gap's unit
 Never: name a cause; what a channel fits away is nobody's fault.
 """
 
-SUPPORT = ("response", "own_noise", "posterior", "held")
+SUPPORT = ("response", "own_noise", "posterior", "holding_torques")
 """Modules of this package that are no plug-ins."""

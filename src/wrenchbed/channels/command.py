@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.channels.base import PLACING, Channel
-from wrenchbed.channels.held import held_torques
+from wrenchbed.channels.holding_torques import held_torques
 from wrenchbed.data.recording import COMMAND, Recording
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from wrenchbed.channels.base import PLACING, Channel
-from wrenchbed.channels.held import held_torques, of_links
+from wrenchbed.channels.holding_torques import held_torques, of_links
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain

@@ -179,7 +179,7 @@ def rank(refitters: Sequence[Refitter], analyses: Sequence[Analysis]) -> Ranking
 
 
 def _mixed(refitters: Sequence[Refitter], best: Finalist) -> float:
-    """Log posterior of an unknown cause beside a finalist, in each recording that gains by one."""
+    """Log posterior of an unknown cause beside a finalist, in recordings that it makes likelier."""
     base = best.log_posterior + float(np.log(MORE / PRIOR["one"]))
     more = [
         float(logsumexp([s.log_posterior for s in r.added(f) if s.index < 0])) - base

@@ -15,7 +15,7 @@ from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.effort import CHANNEL
-from wrenchbed.channels.held import held, held_weight, nominal_ways
+from wrenchbed.channels.holding_torques import held, held_weight, nominal_ways
 from wrenchbed.channels.posterior import Posterior, posterior
 from wrenchbed.data.holds import first_rows
 from wrenchbed.data.recording import EFFORT_UNITS, Recording

@@ -130,7 +130,7 @@ class CablePull(LoadEffect):
         return np.concatenate([local, cross(np.broadcast_to(lever, local.shape), local)], axis=-1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """Add a tendon to the anchor, and one to a far point for the constant pull."""
+        """A tendon to the anchor, and one to a far point for the constant pull."""
         from wrenchbed.simulation.springs import cable, pull
 
         point = tuple(p[n] for n in POINT)

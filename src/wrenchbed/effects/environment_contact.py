@@ -133,7 +133,7 @@ class EnvironmentContact(LoadEffect):
         return np.concatenate([force, cross(np.broadcast_to(lever, force.shape), force)], axis=1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """A plane that pushes the tip back like a spring; else it stays closed form."""
+        """A plane that pushes the tip as a linear spring; other laws and drag stay closed form."""
         from wrenchbed.simulation.springs import plane
 
         if p["stiffness"] and p["power"] == 1.0 and not any(p[n] for n in SLIDE):

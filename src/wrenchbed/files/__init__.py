@@ -283,7 +283,7 @@ def _make(folder: Path) -> list[Path]:
 
 
 def _unmake(made: list[Path]) -> None:
-    """Delete those folders that stayed empty."""
+    """Delete those of the folders ``made`` that are still empty."""
     with suppress(OSError):
         for folder in reversed(made):
             folder.rmdir()

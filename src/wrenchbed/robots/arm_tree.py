@@ -193,7 +193,7 @@ class ArmTree:
         return one, two
 
     def _words(self, e: int) -> str:
-        """Text for an equality in messages."""
+        """Words for an equality constraint in messages: what it couples or closes."""
         model, one, two = self.model, int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
         if model.eq_type[e] == COUPLED:
             other = repr(model.joint(two).name) if two >= 0 else "a number"

@@ -54,7 +54,7 @@ def rotor_torque(
 
 
 def _unit_speeds(q: np.ndarray) -> Jet:
-    """Jet (N J, J): each row (N, J) once for each joint, which alone moves, at a speed of 1."""
+    """Jet (N J, J) of each row of q (N, J) J times, each time with one joint moving at speed 1."""
     still = np.repeat(q, q.shape[1], axis=0)
     return Jet(still, np.tile(np.eye(q.shape[1]), (len(q), 1)), 0.0 * still)
 

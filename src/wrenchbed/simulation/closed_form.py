@@ -75,7 +75,7 @@ class CompiledForm:
         return statics.readings(name, q, self._of_one(theta, sensed))
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
-        """Result of `Model.gravity_seen`, as the force on a tool of 1 kg."""
+        """Result of `Model.gravity_seen`, the force on 1 kg; None if it is not compiled."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None

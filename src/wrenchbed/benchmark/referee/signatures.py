@@ -245,8 +245,8 @@ class Block(NamedTuple):
     r: np.ndarray
 
     def residual(self, x: np.ndarray, bounded: bool) -> float:
-        """Squared residual of x (6 n,) after the best imitation, if ``bounded`` by sizes that a
-        robot may have."""
+        """Sum of squares that the best imitation of x (6 n,) by the columns leaves; ``bounded``: of
+        sizes that a robot may have."""
         projection = self.q.T @ x
         free = float(x @ x) - float(projection @ projection)
         if not bounded:

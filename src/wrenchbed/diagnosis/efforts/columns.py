@@ -9,7 +9,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.channels.effort import ZERO
-from wrenchbed.channels.held import LINK_CENTRE, LINK_MASS
+from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.names import drive_effects
 from wrenchbed.diagnosis.efforts.scene import COMMANDED, EffortScene
 from wrenchbed.diagnosis.prepare.baseline import COG_M, MASS_SHARE

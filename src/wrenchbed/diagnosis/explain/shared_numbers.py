@@ -102,8 +102,8 @@ class Structure:
 
     @property
     def scales(self) -> np.ndarray:
-        """Prior standard deviations (sets, s) to try for each set; a shared set's start low if one
-        recording shows it well."""
+        """Prior standard deviations (sets, s) to try for each set of numbers: of a set that
+        recordings share, those of the one that shows it best."""
         result = []
         for p, home in self.sets:
             one = self.parts[home][p]
