@@ -188,7 +188,7 @@ def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
 
 
 class Connection(asyncio.Protocol):
-    """Connection of one TCP client of a listener; the kernel holds so many bytes for it."""
+    """Connection of one TCP client; the kernel holds at most ``kernel`` bytes sent to it."""
 
     transport: asyncio.Transport
 

@@ -324,7 +324,7 @@ def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
 
 
 def _left_to_mcap(path: Path) -> SimpleNamespace:
-    """Replace rosbags' reader of MCAP, which unpacks without a limit, by one of nothing."""
+    """Replace rosbags' reader of MCAP, which unpacks without a limit, by one that reads nothing."""
     return SimpleNamespace(path=path, connections=(), open=lambda: None, close=lambda: None)
 
 

@@ -303,31 +303,31 @@ class Effect(ABC):
     # ---- what it does at its stages: nothing at those at which it does not act ------------------
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        """``model``: the robot's parameters (P,) with the effect."""
+        """Stage ``model``: the robot's parameters (P,) with the effect."""
         return theta
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """``joint``: displacement to add to the joint values (M, J) [rad or m]."""
+        """Stage ``joint``: displacement to add to the joint values (M, J) [rad or m]."""
         return 0.0
 
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
-        """``pose``: the sensor's pose with the effect."""
+        """Stage ``pose``: the sensor's pose with the effect."""
         return pose
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """``load``: wrench to add to the load on the sensor (M, 6) [N, N·m], in sensor axes."""
+        """Stage ``load``: wrench to add to the load on the sensor (M, 6) [N, N·m], its axes."""
         return np.zeros_like(load)
 
     def sense(self, torque: np.ndarray, p: Values) -> np.ndarray:
-        """``effort``: readings of joint torques (M, J) [N·m, of slides N]."""
+        """Stage ``effort``: readings of joint torques (M, J) with the effect [N·m, of slides N]."""
         return torque
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        """``reading`` and ``timing``: readings (M, 6) [N, N·m] with the effect."""
+        """Stages ``reading`` and ``timing``: readings (M, 6) [N, N·m] with the effect."""
         return reading
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
-        """``row``: readings (N, 6) at times (N,) [s] with the random part."""
+        """Stage ``row``: readings (N, 6) at times (N,) [s] with the effect's random part."""
         return rows
 
     # ---- MuJoCo ----------------------------------------------------------------------------

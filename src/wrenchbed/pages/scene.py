@@ -93,7 +93,7 @@ class Scene:
     columns: int = 1
 
     def to_json(self) -> dict[str, Any]:
-        """What the page's script turns."""
+        """JSON object of the scene, which the page's script draws and turns."""
         return dict(to_json(self)) | {"ramp": [_colour(s) for s in np.linspace(0.0, 1.0, 5)]}
 
     @property

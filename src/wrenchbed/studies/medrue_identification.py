@@ -122,7 +122,7 @@ class PaperRobot:
 
 
 def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: int) -> PaperRobot:
-    """Identify Table 1's robot without noise, with the certificate's, and ±1 N by each design."""
+    """Identify Table 1's robot by each design: with no noise, the certificate's, and ±1 N."""
     theta = of_table_1(setting, published.ACTUAL)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}

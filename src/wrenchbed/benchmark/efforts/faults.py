@@ -19,7 +19,7 @@ WARMING = (6.0, 18.0)
 
 
 def _larger(setting: EffortSetting, joint: int, unit: str, factor: float) -> EffortFault:
-    """A friction or rotor that is larger by a factor."""
+    """Fault of a joint's number ``unit``, a friction or the rotor, larger by a factor."""
     values = getattr(setting.drives, unit).copy()
     values[joint] *= factor
     true = {"value": float(values[joint])}

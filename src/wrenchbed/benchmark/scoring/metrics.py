@@ -212,7 +212,7 @@ def _bins(truth: Answer, claim: Claim) -> Sequence[float]:
 
 
 def _calibration(s: np.ndarray) -> np.ndarray:
-    """Σ_b |Σ stated − Σ right| / n (Naeini, Cooper & Hauskrecht 2015)."""
+    """Expected calibration error: Σ_bins |Σ stated − Σ right| / n (Naeini et al. 2015)."""
     bins = s[..., :-1].reshape(*s.shape[:-1], BINS, 2)
     return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
 

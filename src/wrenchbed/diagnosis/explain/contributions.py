@@ -69,8 +69,8 @@ def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> floa
 def twins(
     refitter: Refitter, f: Finalist, part: int, share: float, named: Collection[int]
 ) -> tuple[str, ...]:
-    """Names of effects that might as well be a part, which adds the gap ``share``, beside the parts
-    ``named``."""
+    """Names of effects that explain as much as a part, which adds the gap ``share``, when they take
+    its place; parts ``named`` are left out."""
     claimed = {f.parts[k].name for k in named}
     others = _as_many_numbers(refitter, f, part, made_by(refitter, f, [part]), share)
     alike = (n for n in others if n not in claimed)

@@ -162,7 +162,7 @@ class Prepared:
 
     @property
     def usual(self) -> str:
-        """Words for what the usual fit takes."""
+        """Words for what the usual fit has free, such as ``bias, mass and CoG``."""
         return "bias, mass and CoG" if self.has_wrench else self.channels[0].usual
 
     @property

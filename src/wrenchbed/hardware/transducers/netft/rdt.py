@@ -172,7 +172,7 @@ class DeviceClock:
 
     @property
     def ppm(self) -> float | None:
-        """How much faster than this machine's clock the device's runs [1e-6]; None for 2 s."""
+        """Rate of the device's clock above this machine's [1e-6]; None in the first 2 s."""
         return self._fit.ppm
 
     def take(self, host: float, stamp: int) -> tuple[float, float]:
