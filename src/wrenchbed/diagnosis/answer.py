@@ -96,7 +96,7 @@ def _of_elements(entry: Mapping[str, Any]) -> str:
     return f"{effect} of {text}" if names[0].split()[0] in NAMING else f"{effect} ({text})"
 
 
-def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+def with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
     """Parameters; a joint's or link's number also lists those that the data cannot rule out."""
     for key in ("joint", "link"):
         if key in parameters and len(names) > 1:
@@ -157,11 +157,11 @@ def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) ->
         scale = spread * np.array([size[n] for n in part.variant.free])
         covariance = a.refitter.uncertainty(f)[np.ix_(at, at)] * np.outer(scale, scale)
         curve = _free_curve(part.effect, part.variant, scene, values, covariance)
-        _with_rivals(curve["parameters"], of.names)
+        with_rivals(curve["parameters"], of.names)
         return of_elements | curve
     std = _uncertainty(a, f, k, spread) if total is None else {}  # a sum has it, no element
     parameters = part.effect.publish(a.prepared.robot, part.variant, values, std)
-    return of_elements | {"parameters": _with_rivals(parameters, of.names)}
+    return of_elements | {"parameters": with_rivals(parameters, of.names)}
 
 
 def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -51,7 +51,7 @@ class EffortAnswer(Answer):
         claims = []
         for cause, entry in zip(self.findings.verdict.causes, self.d.which, strict=True):
             first, *others = cause.keys
-            rivals = [(k[0] if k[0] != first[0] else place_of(k)[1], title(*k)) for k in others]
+            rivals = [(k[0] if k[0] != first[0] else place_of(k), title(*k)) for k in others]
             claims.append(claim(entry, title(*first), rivals))
         return claims
 

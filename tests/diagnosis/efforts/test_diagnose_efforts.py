@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.options import facts_of
 from wrenchbed.diagnosis.efforts.search import Evidence
 from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
-from wrenchbed.diagnosis.efforts.sizes import shows_from
+from wrenchbed.diagnosis.efforts.sizes import shown_from
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 from wrenchbed.diagnosis.gap.result import named_by
@@ -213,10 +213,9 @@ def test_links_about_the_vertical_and_a_joint_that_hardly_moves_are_blind():
     swing[4] = 0.01
     found = diagnose_efforts(case(seed=3, seconds=30.0, swing=swing)).diagnosis
     blind = {(s.effect, s.element): s for s in found.blind}
-    assert found.verdict == "none"
-    assert blind["link.mass", "link 1"].smallest is None  # its axis is vertical
+    assert found.verdict == "none" and blind["link.mass", "link 1"].smallest is None  # vertical
     assert blind["drive.viscous", "joint 5"].smallest > 3.0
-    assert ("drive.viscous", "joint 4") not in blind and ("link.mass", "link 3") not in blind
+    assert blind["drive.viscous", "joint 4"].smallest < 1.0
     assert "recording" in blind["drive.temperature", "joint 2"].sentence
     assert {"effect": "link.mass", "element": "link 1", "smallest": None,
             "sentence": "link.mass of link 1: no effect on these readings"} in [
@@ -228,7 +227,7 @@ def test_a_cause_that_this_motion_lacks_shows_at_no_size():
     """Stiction, of a joint that never reverses: its columns are zero."""
     block = Block("drive.stiction", 5, False, ("since3.5", "since4.5"))
     nothing = SimpleNamespace(size=np.zeros(2), blocks=(block,), sized=lambda _: np.array([0, 1]))
-    assert shows_from(SimpleNamespace(d=nothing), 0) == np.inf
+    assert shown_from(SimpleNamespace(d=nothing)) == {0: (np.inf, np.inf)}
 
 
 def test_what_nobody_states_is_fitted_and_shows_at_no_size():
@@ -241,17 +240,18 @@ def test_what_nobody_states_is_fitted_and_shows_at_no_size():
 @pytest.mark.slow
 @pytest.mark.parametrize(("effect", "joint"), [("drive.coulomb", 2), ("tool.mass", None)])
 def test_a_cause_is_reported_from_the_size_that_is_stated(effect, joint):
-    """In 95 % of recordings: two of three, with probability 0.993; never at a quarter of it."""
+    """In 95 % of them, two of three with p = 0.993; of a quarter the answer says from which on."""
     reported, too_small = [], []
     for seed in range(60, 63):
         healthy = diagnose_efforts(case(seed=seed, spread=0.0))
         block = next(k for k, b in enumerate(healthy.d.blocks) if b.key == (effect, joint))
-        size = shows_from(Evidence(healthy.d), block)
+        size = shown_from(Evidence(healthy.d))[block][0]
         unit = 1.0 if joint is None else NOISE[joint - 1]
         for factor, answers in ((1.0, reported), (0.25, too_small)):
             gap = Gap(effect, joint or 2, factor * size / unit)
             found = diagnose_efforts(case(gap, seed, spread=0.0)).diagnosis
             answers.append(effect in {w["effect"] for w in (*found.which, *found.minor)})
+            assert answers[-1] or effect in {s.effect for s in found.blind}
     assert sum(reported) >= 2 and not any(too_small)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from wrenchbed.diagnosis.decision.facts import Decision, Facts
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
+from wrenchbed.diagnosis.explain.elements import RIVAL
 from wrenchbed.diagnosis.explain.reliability import key_of, tempered
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Key, Option, Part, S, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
@@ -111,7 +112,7 @@ def _cause(
             score[key] = max(score.get(key, 0.0), p ** (1.0 / facts.doubt))
     total = max(sum(score.values()), 1e-300)
     rivals = sorted((k for k in score if k != part.key), key=lambda k: -score[k])
-    members = (part.key, *(k for k in rivals if score[k] > facts.rival * total))
+    members = (part.key, *(k for k in rivals if score[k] > RIVAL * total))
     present = sum(p for keys, p in mass.items() if keys & set(members))
     within = np.array([score[k] for k in members])
     shares = tuple((within / max(float(within.sum()), 1e-300)).tolist())

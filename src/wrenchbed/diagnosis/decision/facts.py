@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Generic
 
 from wrenchbed.diagnosis.evidence.search import NONE
-from wrenchbed.diagnosis.explain.elements import DOUBT, RIVAL
+from wrenchbed.diagnosis.explain.elements import DOUBT
 from wrenchbed.diagnosis.explain.verdict import Option, S, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 
@@ -43,7 +43,6 @@ class Facts(Generic[S]):
         measure: function from a verdict to the gaps on held-out rows with its causes.
         right: function to the share of such verdicts that were right.
         doubt: factor by which the evidence overstates log odds.
-        rival: share of a class from which another effect is a rival.
         least: smallest probability of a cause: above 0 where few rows are left to separate causes.
         ordinary_fitted: whether the calibrated simulator fits all stated values within their
             ordinary spread, so that it may imitate causes.
@@ -57,7 +56,6 @@ class Facts(Generic[S]):
     measure: Callable[[Verdict[S]], Closure]
     right: Callable[[Verdict[S], Closure], float]
     doubt: float = DOUBT
-    rival: float = RIVAL
     least: float = 0.0
     ordinary_fitted: bool = False
     own_rest: bool = False

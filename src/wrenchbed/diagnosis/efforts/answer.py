@@ -4,20 +4,21 @@ from collections.abc import Sequence
 from typing import Any
 
 from wrenchbed.diagnosis.answer import notes as of_gap
+from wrenchbed.diagnosis.answer import with_rivals
 from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulators
-from wrenchbed.diagnosis.efforts.names import all_effects, place, title
-from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks, facts_of
+from wrenchbed.diagnosis.efforts.names import all_effects, place
+from wrenchbed.diagnosis.efforts.options import BELIEVED, blocks, facts_of
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import parameters
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
-from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
+from wrenchbed.diagnosis.explain.verdict import Cause, Key, Option, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Scale, cause, families, rival
-from wrenchbed.diagnosis.gap.where import located, of_channels
+from wrenchbed.diagnosis.gap.where import entries, located, of_channels
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 
 _OF_COMMANDS = (
@@ -40,12 +41,10 @@ def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, 
 def _entry(s: Simulators, c: Cause, beside: Sequence[int], probability: float) -> dict[str, Any]:
     """Entry of a cause, fitted beside the blocks of other causes, with its joints and rivals."""
     assert c.part.index is not None
-    numbers, (effect, joint) = parameters(s.of((*beside, c.part.index)), c.part.index), c.part.key
-    alike = [key for key in c.keys if key[0] == effect]
-    if joint is not None and alike[1:]:
-        numbers["joint"] = {"value": joint, "rivals": [k for _, k in alike[1:]]}
-    elements = [place(key)[1] for key in alike]
-    return cause(effect, probability, numbers, _rivals(s, c, beside), 0.0, elements)
+    numbers = parameters(s.of((*beside, c.part.index)), c.part.index)
+    elements = [place(key) for key in c.keys if key[0] == c.part.name]
+    numbers = with_rivals(numbers, elements)
+    return cause(c.part.name, probability, numbers, _rivals(s, c, beside), 0.0, elements)
 
 
 def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
@@ -58,14 +57,16 @@ def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, An
     result = []
     for effect, keys in by_effect.items():
         block = next(k for k, b in enumerate(s.d.blocks) if b.key == keys[0][0])
-        elements = [place(key)[1] for key, _ in keys]
+        elements = [place(key) for key, _ in keys]
         numbers = {"elements": elements, "parameters": parameters(s.of((*beside, block)), block)}
         probability = c.probability * sum(share for _, share in keys)
         result.append(rival(effect, probability, numbers))
     return result
 
 
-def minor(s: Simulators, every: Sequence[Weighed], v: Verdict[Structure]) -> list[dict[str, Any]]:
+def minor(
+    s: Simulators, every: Sequence[Option[Structure]], v: Verdict[Structure]
+) -> list[dict[str, Any]]:
     """Entries of ``minor``: detected causes, with rivals, that add less gap than a claim must."""
     claimed = {key for c in v.causes for key in c.keys}
     result = []
@@ -90,33 +91,14 @@ def where(
     if v.word == NONE:
         return []
     if v.causes:
-        return [_claimed(c, gap.shares[c.part.label]) for c in v.causes]
-    if seen:
-        return [
-            located(*_channel(d, s.joint - 1), 0.0, 1.0,
-                  f"{s.text[:1].upper()}{s.text[1:]}: no cause is claimed.")
-            for s in seen[:2]
-        ]  # fmt: skip
-    return of_channels(gap, [_channel(d, j) for j in range(len(gap.per_channel))])
-
-
-def _channel(d: Dictionary, j: int) -> tuple[str, str]:
-    """Subsystem (drive or sensor) and name of channel j, from 0."""
-    return "drive" if j < d.scene.joints else "sensor", d.scene.channels[j]
-
-
-def _claimed(c: Cause, share: float) -> dict[str, Any]:
-    subsystem, detail = place(c.part.key)
-    text = f"{100 * share:.0f} % of the gap is closed by {c.part.name} of {detail}"
-    if c.keys[1:]:
-        text += f", or by {' or '.join(f'{k[0]} of {place(k)[1]}' for k in c.keys[1:])}"
-    return located(subsystem, detail, share, 1.0 - c.probability, f"{text}.")
-
-
-def cannot_tell(v: Verdict[Structure]) -> tuple[str, ...]:
-    """Sentences on causes that this recording does not separate from their rivals."""
-    classes = (" or ".join(title(*key) for key in c.keys) for c in v.causes if c.keys[1:])
-    return tuple(f"{titles}: this recording does not distinguish them" for titles in classes)
+        each = ((c, gap.shares[c.part.label]) for c in v.causes)
+        return entries([(c.part.name, place(c.part.key), s, 1.0 - c.probability) for c, s in each])
+    channels = [("drive" if j < d.scene.joints else "sensor", n)
+                for j, n in enumerate(d.scene.channels)]  # fmt: skip
+    hints = [(channels[s.joint - 1], f"{s.text[:1].upper()}{s.text[1:]}") for s in seen[:2]]
+    if hints:
+        return [located(*of, 0.0, 1.0, f"{text}: no cause is claimed.") for of, text in hints]
+    return of_channels(gap, channels)
 
 
 def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.answer import cannot_tell
 from wrenchbed.diagnosis.decision.decide import conclude, decide
 from wrenchbed.diagnosis.efforts import answer
 from wrenchbed.diagnosis.efforts.commanded import as_efforts
@@ -122,10 +123,11 @@ def diagnose_efforts(
     members = {c.part.name: gap.members[c.part.label] for c in final.causes}
     theta = np.asarray(scene.model.configured(scene.recording.metadata))
     twin = Twin(scene.model, theta, (), recording.name)
+    which = answer.which(simulators, final, gap)
     diagnosis = Diagnosis(
         recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
-        answer.where(d, final, gap, seen), answer.which(simulators, final, gap),
-        dict(final.probabilities), answer.cannot_tell(final), answer.next_steps(final), twin,
+        answer.where(d, final, gap, seen), which, dict(final.probabilities),
+        cannot_tell(which), answer.next_steps(final), twin,
         time.perf_counter() - begun,
         (*notes(given, recording, recording), *answer.notes(d, final, gap, seen, unnamed)),
         set90=set90(final, UNLEARNT),

@@ -141,23 +141,23 @@ class Simulators:
         return Judged(d.fold, np.ones(rows), every, without, channels)
 
 
-def added(d: Dictionary, x: np.ndarray, block: int) -> float:
-    """Gap that a cause with amplitudes x (P,) adds at the joint where it is largest, after the
+def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
+    """Gap that some columns with amplitudes x (P,) add at the joint where it is largest, after the
     columns that every fit leaves free are fitted to it there.
 
     Columns common to all joints are known from the other joints, so they take up nothing of a cause
     in one drive.
     """
-    joint, gap = d.joint[d.at[block]], 0.0
+    joint, gap = d.joint[columns], 0.0
     in_one = bool((joint >= 0).all())
     free = d.free & (d.joint >= 0) if in_one else d.free
     for channel in [d.channels[joint[0]]] if in_one else d.channels:
         at, gram = channel.at, channel.gram
-        here = np.isin(at, d.at[block])
-        beside = free[at] & ~here
+        here = np.isin(at, columns)
+        taken = free[at] & ~here
         amplitudes = x[at[here]]
         square = float(amplitudes @ gram[np.ix_(here, here)] @ amplitudes)
-        across, taking = gram[np.ix_(beside, here)] @ amplitudes, gram[np.ix_(beside, beside)]
+        across, taking = gram[np.ix_(taken, here)] @ amplitudes, gram[np.ix_(taken, taken)]
         ridge = np.diag(np.maximum(np.diagonal(taking), 1e-300) * _RIDGE)
         gap = max(gap, square - float(across @ np.linalg.solve(taking + ridge, across)))
     return gap

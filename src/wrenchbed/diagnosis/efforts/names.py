@@ -62,13 +62,10 @@ def all_effects() -> Mapping[str, DriveEffect | Carried]:
     return {**drive_effects(), **OTHERS}
 
 
-def place(key: Key) -> tuple[str, str]:
-    """Subsystem and element of an effect: ``("drive", "joint 2")``, ``("link", "link 3")``."""
-    effect, joint = key
-    part = effect.split(".")[0]
-    if joint is None:
-        return part, part
-    return ("link", f"link {joint}") if part == "link" else ("drive", f"joint {joint}")
+def place(key: Key) -> str:
+    """Element of an effect: ``joint 2``, ``link 3``; for the whole arm ``tool`` or ``base``."""
+    part = key[0].split(".")[0]
+    return part if key[1] is None else f"{'link' if part == 'link' else 'joint'} {key[1]}"
 
 
 def title(effect: str, joint: int | None) -> str:

@@ -1,16 +1,17 @@
 """Structures of causes of a gap in joint efforts as the options of a decision."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cache
 
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulators, added
-from wrenchbed.diagnosis.efforts.search import Structure
+from wrenchbed.diagnosis.efforts.search import TEMPER, Structure
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
+from wrenchbed.diagnosis.explain.elements import DOUBT
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, closure
 
@@ -19,10 +20,6 @@ _SMALL = 1e-3
 _BESIDE = 0.25
 """Gap of causes without a name over that of named ones, from which nothing is named: the unnamed
 are then no small part."""
-_RIVAL = 0.1
-"""Share of a class from which another cause is a rival: odds of ten to one are those of two
-noises, which ordinary errors make. With the share of wrenches, and their doubt, a cable of no
-stiffness is a rival of every zero of a torque sensor."""
 BELIEVED = 0.85
 """Share of right answers where ordinary errors may imitate a cause, or causes leave a gap that
 counts: 79 % of `none` were right on the development seeds, half of all arms having a cause."""
@@ -32,57 +29,61 @@ _MOSTLY = 2.0 / 3.0
 """Share of the gap that causes close at least that are surer than that: clearly more than half."""
 
 
-@dataclass(frozen=True, eq=False)
-class Weighed:
-    """A structure with its probability, and the gap that each cause adds, by block index."""
-
-    structure: Structure
-    probability: float
-    gaps: Mapping[int, float]
-
-    @property
-    def counting(self) -> dict[int, float]:
-        """Gaps of the causes that are large enough for a claim, by block index."""
-        return {b: g for b, g in self.gaps.items() if g >= CLAIMABLE}
-
-
-def weighed(chances: Mapping[Structure, float], simulators: Simulators) -> tuple[Weighed, ...]:
-    """Probable structures, the best of all first, with the gap that each of their causes adds."""
+def weighed(
+    chances: Mapping[Structure, float], simulators: Simulators
+) -> tuple[Option[Structure], ...]:
+    """Probable structures, the best of all first, with the gap that each of their causes adds,
+    named or not, largest first."""
     likely = {s: p for k, (s, p) in enumerate(chances.items()) if p >= _SMALL or k == 0}
-    total, result = sum(likely.values()), list[Weighed]()
+    total, result = sum(likely.values()), list[Option[Structure]]()
     for structure, p in likely.items():
-        x = simulators.of(structure).x
-        gaps = {b: added(simulators.d, x, b) for b in structure}
-        result.append(Weighed(structure, p / total, gaps))
+        every = [_part(simulators, chances, structure, b) for b in structure]
+        parts = {part.key: part for part in sorted(every, key=lambda part: part.share)}
+        result.append(Option(structure, p / total, tuple(reversed(parts.values()))))
     return tuple(result)
 
 
-def outside(d: Dictionary, best: Weighed) -> str:
+def _part(
+    s: Simulators, chances: Mapping[Structure, float], structure: Structure, block: int
+) -> Part:
+    """Part of a structure's cause; of the cause that it contains, where evidence does not ask for
+    more: a zero with a cable whose stiffness explains nothing is a zero."""
+    d, b, beside = s.d, s.d.blocks[block], [k for k in structure if k != block]
+    for k, other in enumerate(d.blocks):
+        if other.joint == b.joint and set(other.columns) < set(b.columns):
+            less = tuple(sorted((*beside, k)))
+            block = k if chances.get(less, 0.0) >= chances[structure] else block
+    gap = added(d, s.of(structure).x, d.at[block])
+    return Part(d.blocks[block].effect, gap, index=block, joint=b.joint)
+
+
+def _named(part: Part) -> bool:
+    """Whether a part is an effect, whose name has a dot; a cause without a name has none."""
+    return "." in part.name
+
+
+def outside(d: Dictionary, best: Option[Structure]) -> str:
     """Name and channel of the unnamed cause that adds most; empty if there is none."""
-    unnamed = {b: g for b, g in best.counting.items() if d.blocks[b].outside}
+    unnamed = [p for p in best.parts if not _named(p) and p.share >= CLAIMABLE]
     if not unnamed:
         return ""
-    most = d.blocks[max(unnamed, key=lambda b: unnamed[b])]
-    return f"{most.effect} of {d.scene.channels[(most.joint or 1) - 1]}"
+    return f"{unnamed[0].name} of {d.scene.channels[(unnamed[0].joint or 1) - 1]}"
 
 
 def options(
-    d: Dictionary, every: Sequence[Weighed], least: float = CLAIMABLE
+    d: Dictionary, every: Sequence[Option[Structure]], least: float = CLAIMABLE
 ) -> tuple[tuple[Option[Structure], ...], float]:
     """Options made of named causes that each add the gap ``least``, and the probability of
     structures in which unnamed causes add too much."""
     result, unknown = list[Option[Structure]](), 0.0
-    for w in every:
-        named = {b: g for b, g in w.gaps.items() if g >= least and not d.blocks[b].outside}
-        counts = sum(g for g in named.values() if g >= CLAIMABLE)
-        if sum(w.counting.values()) > (1.0 + _BESIDE) * counts:
-            unknown += w.probability
-            continue
-        in_order = sorted(named, key=lambda b: -named[b])
-        parts = (
-            Part(d.blocks[b].effect, named[b], index=b, joint=d.blocks[b].joint) for b in in_order
-        )
-        result.append(Option(w.structure, w.probability, tuple(parts)))
+    for o in every:
+        named = tuple(p for p in o.parts if _named(p) and p.share >= least)
+        large = [p for p in o.parts if p.share >= CLAIMABLE]
+        counts = sum(p.share for p in large if p in named)
+        if sum(p.share for p in large) > (1.0 + _BESIDE) * counts:
+            unknown += o.probability
+        else:
+            result.append(replace(o, parts=named))
     return tuple(result) or (Option((), 0.0, ()),), unknown
 
 
@@ -92,7 +93,7 @@ def blocks(causes: Sequence[Cause]) -> tuple[int, ...]:
 
 
 def facts_of(
-    s: Simulators, every: Sequence[Weighed], seed: int, least: float = CLAIMABLE
+    s: Simulators, every: Sequence[Option[Structure]], seed: int, least: float = CLAIMABLE
 ) -> Facts[Structure]:
     """Facts for a decision on joint efforts, from probable structures, best first; see `Facts`.
 
@@ -112,7 +113,7 @@ def facts_of(
 
     return Facts(
         some, unknown, lambda verdict: measured(blocks(verdict.causes)), _right,
-        doubt=1.0, rival=_RIVAL, ordinary_fitted=True,
+        doubt=DOUBT / TEMPER, ordinary_fitted=True,
     )  # fmt: skip
 
 

@@ -64,6 +64,10 @@ class Evidence:
         score = right - gram @ self.level.held(right)
         return self.level.information(every)[0], score[:, 0]
 
+    def information(self, columns: np.ndarray) -> np.ndarray:
+        """Blocks (b, k, k) of the information for sets of columns (b, k)."""
+        return np.asarray(self.known[0][columns[:, :, None], columns[:, None, :]])
+
     @cached_property
     def _added_std(self) -> np.ndarray:
         """Standard deviation (P,) that a cause adds in quadrature to each of its columns' prior."""
@@ -80,8 +84,8 @@ class Evidence:
         columns, more = np.zeros(shape, dtype=int), np.zeros(shape)
         for k, at in enumerate(each):
             columns[k, : len(at)], more[k, : len(at)] = at, self._added_std[at]
-        information, score = self.known
-        p = information[columns[:, :, None], columns[:, None, :]]
+        score = self.known[1]
+        p = self.information(columns)
         return gains(p, score[columns][:, :, None], more, np.ones(1))[:, 0, 0]
 
     @cached_property

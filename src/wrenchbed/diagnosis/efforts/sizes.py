@@ -116,35 +116,46 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
 
 
 def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
-    """Effects, by joint or link, that these efforts would show at no plausible size."""
-    d, spots = evidence.d, list[BlindSpot]()
+    """Effects, by joint or link, that these efforts would show at no plausible size, or only from
+    sizes on that count."""
+    d, spots, every = evidence.d, list[BlindSpot](), shown_from(evidence)
     for effect, number in _every(d):
-        blocks = [k for k, b in enumerate(d.blocks) if b.key == (effect, number)]
-        element = "" if number is None else place((effect, number))[1]
+        blocks = [k for k in every if d.blocks[k].key == (effect, number)]
+        element = "" if number is None else place((effect, number))
         most = all_effects()[effect].size.plausible * (d.blocks[blocks[0]].level if blocks else 1.0)
-        shown = min((shows_from(evidence, k) for k in blocks), default=np.inf)
+        shown, counts = min((every[k] for k in blocks), default=(np.inf, np.inf))
         if shown > ABSURD * most:
             why = NOTHING if blocks else _why(effect)
             spots.append(BlindSpot(effect, element, None, "", why))
-        elif shown > most:
+        elif shown > min(most, counts):
             spots.append(BlindSpot(effect, element, shown, unit_of(d, blocks[0])))
     return tuple(spots)
 
 
-def shows_from(evidence: Evidence, block: int) -> float:
-    """Size of a block's cause from which 95 % of recordings like this one report it; all columns of
-    the block have that size."""
-    d, some = evidence.d, evidence.d.sized(block)
-    if not d.size[some].any():  # no reversal, or nothing that warms
-        return np.inf
-    unit = 1.0 / max(float(np.sqrt(np.mean(d.size[some] ** 2))), 1e-12)  # a noise of a row
-    one = np.where(np.isin(np.arange(len(d.names)), some), unit, 0.0)
-    information = unit**2 * evidence.known[0][np.ix_(some, some)]
-    odds = np.array([evidence.prior((block,)) - evidence.prior(())])
-    gap = np.array([max(added(d, one, block), 1e-300)])
-    times = float(reported_from(information[None], np.array([[AMPLITUDE]]), odds, gap)[0])
-    whole = len(some) ** (0.5 if all_effects()[d.blocks[block].effect].size.vector else 1.0)
-    return abs(_scale(d, block, np.zeros(len(one)))) * unit * times * whole
+def shown_from(evidence: Evidence) -> dict[int, tuple[float, float]]:
+    """Sizes of each named block's cause from which 95 % of recordings like this one report it, and
+    from which it adds a gap of 1; all columns of the block have that size."""
+    d, widths, result = evidence.d, dict[int, list[int]](), dict[int, tuple[float, float]]()
+    for block, b in enumerate(d.blocks):
+        if not b.outside and d.size[d.sized(block)].any():
+            widths.setdefault(len(d.sized(block)), []).append(block)
+        elif not b.outside:  # no reversal, or nothing that warms
+            result[block] = np.inf, np.inf
+    for width, some in widths.items():
+        at = np.stack([d.sized(k) for k in some])
+        units = 1.0 / np.maximum(np.sqrt((d.size[at] ** 2).mean(axis=1)), 1e-12)  # a row's noise
+        odds = np.array([evidence.prior((k,)) - evidence.prior(()) for k in some])
+        ones = np.zeros((len(some), len(d.names)))
+        np.put_along_axis(ones, at, units[:, None], axis=1)
+        gaps = np.array([max(added(d, *pair), 1e-300) for pair in zip(ones, at, strict=True)])
+        information = units[:, None, None] ** 2 * evidence.information(at)
+        times = reported_from(information, np.full((len(some), 1), AMPLITUDE), odds, gaps)
+        for block, unit, *sizes in zip(some, units, times, gaps**-0.5, strict=True):
+            vector = all_effects()[d.blocks[block].effect].size.vector
+            one = abs(_scale(d, block, np.zeros(len(d.names)))) * unit
+            one *= width ** (0.5 if vector else 1.0)
+            result[block] = float(sizes[0] * one), float(sizes[1] * one)
+    return result
 
 
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:

@@ -200,7 +200,8 @@ def _sum(
 def listed(names: Iterable[str], last: str = "or") -> str:
     """Words for elements: ``joint 2``, ``joints 2, 3 or 4`` (in order), ``fx or fy``."""
     every = list(names)
-    if len(every) > 1 and all(n.startswith("joint ") for n in every):
-        return "joints " + listed(map(str, sorted(int(n.split()[1]) for n in every)), last)
+    kinds = {n.rpartition(" ")[0] for n in every}
+    if len(every) > 1 and (kinds == {"joint"} or kinds == {"link"}):
+        return f"{kinds.pop()}s " + listed(map(str, sorted(int(n.split()[1]) for n in every)), last)
     *most, end = every
     return f"{', '.join(most)} {last} {end}" if most else end

@@ -79,7 +79,7 @@ def locate(
 
 def entries(
     causes: Sequence[tuple[str, str, float, float]],
-    findings: Sequence[Finding],
+    findings: Sequence[Finding] = (),
     rows: Sequence[tuple[str, str, float, float]] = (),
 ) -> list[dict[str, Any]]:
     """Entries of ``where``: causes in their order, or hints by share, then effects between rows.
