@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 938,
     "cli": 2684,
     "data": 5395,
-    "diagnosis": 13103,
+    "diagnosis": 13089,
     "drives": 1618,
     "effects": 4975,
     "environments": 589,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78938,
-    "src/wrenchbed": 69438,
+    "src": 78924,
+    "src/wrenchbed": 69424,
     "src/robot_emulators": 9500,
     "tests": 39595,
     "scripts": 3481,

@@ -3,18 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.prepare.configuration import LOAD
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.files import checked
 
 KINDS = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia", "drive.constant",
          "servo.stiffness", "servo.delay")  # fmt: skip
-LOAD = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
 FIELD = "configured"
 """Field of the metadata: values by name, ``drive.coulomb.2``, or lists of one a joint."""
 
@@ -56,8 +55,8 @@ def stated_drives(recording: Recording, path: str | Path | None = None) -> Drive
     joints = len(recording.joints)
     value = {k: np.full(joints, np.nan) for k in KINDS}
     std = {k: np.zeros(joints) for k in KINDS}
-    where = f"{recording.name}: metadata {FIELD}"
-    _state(value, recording.metadata.extra.get(FIELD, {}), where)
+    where, raw = f"{recording.name}: metadata ", recording.metadata.extra.get(FIELD, {})
+    _state(value, checked.Fields(raw, where, DiagnosisError, FIELD))
     load = None if path is None else _from_fit(recording, Path(path), value, std)
     return Drives(value, std, load)
 
@@ -71,26 +70,14 @@ def with_tool(recording: Recording, drives: Drives) -> Recording:
     return replace(recording, metadata=replace(recording.metadata, tool=tool))
 
 
-def _state(value: Mapping[str, np.ndarray], raw: Any, where: str) -> None:
+def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
     """Write stated values, by name or as lists over joints, into ``value``."""
-    if not isinstance(raw, Mapping):
-        raise DiagnosisError(f"{where}: must be values by name, as drive.coulomb.2")
     for kind, values in value.items():
-        if kind in raw:
-            values[:] = _numbers(raw[kind], len(values), f"{where}.{kind}")
+        if (every := stated.numbers(kind, len(values))) is not None:
+            values[:] = every
         for j in range(len(values)):
-            if (name := f"{kind}.{j + 1}") in raw:
-                values[j] = _numbers([raw[name]], 1, f"{where}.{name}")[0]
-
-
-def _numbers(raw: Any, count: int, where: str) -> np.ndarray:
-    try:
-        numbers = np.asarray(raw, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.zeros(0)
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        raise DiagnosisError(f"{where}: must be {count} finite number{'s' * (count > 1)}")
-    return numbers
+            if (name := f"{kind}.{j + 1}") in stated.raw:
+                values[j] = stated.stated_number(name)
 
 
 def _from_fit(
@@ -100,16 +87,15 @@ def _from_fit(
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis
-        _state(value, fields.raw[FIELD], f"{path}: {FIELD}")
+        _state(value, fields.part(FIELD))
         return None
     channels = "command" if recording.only_commanded else "effort"
     if fields.raw.get("channels") != channels:
         raise fields.error("channels", f"must be {channels!r}: give a fit of such a recording")
     if fields.raw.get("robot") != recording.metadata.robot:
         raise fields.error("robot", f"must be {recording.metadata.robot!r}, as in the recording")
-    if "constants" in fields.raw:
-        many = len(value["drive.constant"])
-        value["drive.constant"][:] = _numbers(fields.raw["constants"], many, f"{path}: constants")
+    constants = value["drive.constant"]
+    constants[:] = fields.numbers("constants", len(constants)) or constants
     known = _parameters(fields.part("parameters"))
     for kind, values in value.items():
         for j in range(len(values)):
