@@ -248,6 +248,8 @@ def test_drift_and_jump_in_time():
     drifted = reading("sensor.drift", scene, y, rate_fx=0.01, rate_tz=-1e-3)
     assert np.allclose(drifted[:, 0], [0.0, 0.1, 0.3])
     assert np.allclose(drifted[:, 5], [0.0, -0.01, -0.03])
+    wave = reading("sensor.drift", scene, y, wave2_fx=0.1, duration=30.0)[:, 0]
+    assert wave == pytest.approx(3.0 / np.pi * np.sin(np.pi / 30.0 * np.array([0.0, 10.0, 30.0])))
     jumped = reading("sensor.jump", scene, y, step_fy=2.0, time=120.0)
     assert np.array_equal(jumped[:, 1], [0.0, 0.0, 2.0])
     assert np.array_equal(jumped[:, 0], y[:, 0])

@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78924,
     "src/wrenchbed": 69424,
     "src/robot_emulators": 9500,
-    "tests": 39595,
+    "tests": 39594,
     "scripts": 3481,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -36,10 +36,7 @@ ENDLESS = {
         lambda f: written(f, ARM.format('<flexcomp name="c" count="1000 1000 1" dim="2"/>')),
         "processor|GiB",
     ),
-    "many bodies": (
-        lambda f: written(f, ARM.format(f"<body>{BALL}</body>" * 40_000)),
-        "processor",
-    ),
+    "many bodies": (lambda f: written(f, ARM.format(f"<body>{BALL}</body>" * 40_000)), "processor"),
     "an endless height field": (
         lambda f: written(
             f, ARM.format("").replace("<worldbody>", f"<asset>{FIELD}</asset><worldbody>")
