@@ -117,8 +117,8 @@ class Hub:
         failed: Callable[[Exception], None] = lambda error: None,
     ) -> None:
         self.host, self.port, self.channel = host, port, channel
-        self.stalled: Callable[[], bool] = lambda: False
-        """Whether frames are lost now."""
+        self.loses: Callable[[Frame], bool] = lambda frame: False
+        """Whether a frame is lost now."""
         self.counters: Counter[str] = Counter()
         self._failed = failed
         self._devices: dict[int, Heard] = {}
@@ -225,7 +225,7 @@ class Hub:
         """Deliver queued frames, also those that devices send in answer."""
         while self._posted:
             sender, frame = self._posted.popleft()
-            if self.stalled():
+            if self.loses(frame):
                 self.counters["lost in stall"] += 1
             else:
                 self._deliver(sender, frame)

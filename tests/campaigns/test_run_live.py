@@ -156,6 +156,25 @@ def test_a_stopped_campaign_goes_on_where_it_stopped(tmp_path):
     assert done.drift.seconds > 0.0
 
 
+class Switched(Gauge):
+    """Someone chooses another calibration before a move."""
+
+    identity = property(lambda self: {"counts_per_force": 1 + self.arm.moves // self.move})
+
+
+@pytest.mark.parametrize("move, go_on", [(1, "`record …`,"), (3, "`record … --resume`")])
+def test_a_sensor_set_otherwise_ends_a_run_before_its_pose_is_whole(tmp_path, move, go_on):
+    arm, out = Arm(), tmp_path / "rec.parquet"
+    arm.transducer = Switched(arm)
+    arm.transducer.move = move
+    told = f"counts_per_force = 1, not 2: set the box as it was and go on: {go_on}"
+    with arm, pytest.raises(PlanError, match=told):
+        wb.record(arm, PLAN, out, samples=4)
+    assert out.exists() == (move > 1)
+    if move > 1:
+        assert sorted(wb.Recording.read(out).columns["pose"]) == [0] * 4 + [1] * 4
+
+
 def test_a_robot_in_fault_takes_no_target():
     with Arm() as arm:
         arm.state = Health("fault", "drive 3 is hot")

@@ -353,7 +353,12 @@ cli.run()
 """
 
 
-@pytest.mark.parametrize("code", [SWALLOWED, IN_AN_IMPORT])
+IN_CTYPES = IN_AN_IMPORT.replace("cause", "_").replace(
+    "raise ImportError", "pass\n    raise ValueError('argument 1: KeyboardInterrupt') #"
+)
+
+
+@pytest.mark.parametrize("code", [SWALLOWED, IN_AN_IMPORT, IN_CTYPES])
 def test_no_interrupt_is_lost_or_printed_as_an_error(code):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "wrenchbed: stopped\n")

@@ -214,15 +214,16 @@ def test_what_is_missing_is_named(tmp_path, leave, words):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ([], "give either --map MAP or --guess"),
-        (["--guess", "--map", "ur-rtde"], "give either --map MAP or --guess"),
-        (["--map", "ur-rtde", "--tool-mass", "1"], "--tool-mass belongs to --guess"),
+        ([NTNU / "static.toml"], "give files, and either --map MAP or --guess"),
+        ([NTNU, "--guess", "--map", "ur-rtde"], "give files, and either --map MAP or --guess"),
+        (["--guess"], "give files, and either"),
+        ([NTNU, "--map", "ur-rtde", "--tool-mass", "1"], "--tool-mass belongs to --guess"),
     ],
     ids=str,
 )
 def test_options_that_do_not_go_together_are_refused(tmp_path, capsys, more, words):
     out = tmp_path / "rec.parquet"
-    assert main(["import", str(NTNU / "static.toml"), "--out", str(out), *more]) == 1
+    assert main(["import", *map(str, more), "--out", str(out)]) == 1
     assert words in capsys.readouterr().err
 
 

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 
 import can
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from medrue_bench import until
 from robot_emulators import can_bus as text
@@ -50,18 +48,6 @@ def test_frames_as_the_protocol_writes_them():
 )  # fmt: skip
 def test_words_that_are_no_frame(words):
     assert text.frame_of(tuple(words.split())) is None
-
-
-@given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=8), st.data())
-def test_commands_survive_being_cut_anywhere(frames, data):
-    raw = b"".join(
-        f"< send {i:03X} {len(d):X} {' '.join(f'{b:x}' for b in d)} >".encode() for i, d in frames
-    )
-    cut = data.draw(st.integers(0, len(raw)))
-    first, rest, _ = text.split(raw[:cut])
-    second, rest, rubbish = text.split(rest + raw[cut:])
-    found = [text.frame_of(command.words) for command in first + second]
-    assert found == [Frame(i, d) for i, d in frames] and rest == b"" and rubbish == 0
 
 
 @pytest.mark.wire

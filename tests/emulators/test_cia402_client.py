@@ -90,17 +90,21 @@ def wait(holds, seconds=5.0):
     assert holds()
 
 
-def powered(node):
-    """With an RPDO of controlword and mode, a TPDO of statusword and mode, both event-driven."""
+def mapped(node, received, sent, kind, timer):
+    """With an RPDO and a TPDO of objects, of a transmission type; the TPDO also by its timer."""
     node.nmt.state = "PRE-OPERATIONAL"
     node.pdo.read()
-    for pdo, names in ((node.rpdo[1], (0x6040, 0x6060)), (node.tpdo[1], (0x6041, 0x6061))):
+    for pdo, names in ((node.rpdo[1], received), (node.tpdo[1], sent)):
         pdo.clear()
         for index in names:
             pdo.add_variable(index)
-        pdo.trans_type, pdo.event_timer, pdo.enabled = 255, 0, True
-    node.tpdo[1].event_timer = 20
+        pdo.trans_type, pdo.event_timer, pdo.enabled = kind, 0, True
+    node.tpdo[1].event_timer = timer
     node.pdo.save()
+
+
+def powered(node):
+    mapped(node, (0x6040, 0x6060), (0x6041, 0x6061), 255, 20)
     node.nmt.state = "OPERATIONAL"
     node.setup_402_state_machine(read_pdos=False)
     node.op_mode = "PROFILED POSITION"
@@ -161,15 +165,7 @@ def test_it_moves_as_it_comes(node):
 
 
 def test_it_follows_cyclic_targets(node):
-    node.nmt.state = "PRE-OPERATIONAL"
-    node.pdo.read()
-    for pdo, names in ((node.rpdo[1], (0x6040, 0x607A)), (node.tpdo[1], (0x6041, 0x6064))):
-        pdo.clear()
-        for index in names:
-            pdo.add_variable(index)
-        pdo.trans_type, pdo.enabled = 1, True
-    node.rpdo[1].event_timer = 0
-    node.pdo.save()
+    mapped(node, (0x6040, 0x607A), (0x6041, 0x6064), 1, 0)
     node.sdo[0x6060].raw = 8
     node.sdo[0x60C2][1].raw = 10
     node.nmt.state = "OPERATIONAL"

@@ -1,8 +1,8 @@
 """The Net F/T box: requests, streams, settings; pages elsewhere in a browser change nothing."""
 
 import socket
-import urllib.error
-import urllib.request
+import struct
+import threading
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
@@ -15,17 +15,8 @@ from robot_emulators.errors import SettingError
 from robot_emulators.netft_box.pages import Pages, Web
 from robot_emulators.netft_box.rdt import Pace
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
+from wrenchbed.hardware.device import wait_until
 from wrenchbed.hardware.transducers.netft import transducer as configuration
-
-
-def page(scene, path="/netftapi2.xml", data=None):
-    address = f"http://{scene.addresses['http']}{path}"
-    with urllib.request.urlopen(address, data, timeout=2.0) as answer:
-        return answer.read().decode()
-
-
-def field(text, name):
-    return text.split(f"<{name}>")[1].split("</")[0]
 
 
 @pytest.mark.wire
@@ -77,31 +68,6 @@ def test_what_the_body_does_not_know_yet_is_sent_later_as_it_was():
         assert np.abs(off - np.median(off)).max() < 0.03
         scene.body.late = 0.5  # one that stands
         assert len({r[1] for r in one.records(100)}) == 100
-
-
-@pytest.mark.wire
-def test_pages_report_and_take_settings():
-    with boxed("127.0.3.31", rate=2000, force_unit="lbf", counts_per_force=4e5) as scene:
-        text = page(scene)
-        assert field(text, "comrdtrate") == "2334" and field(text, "runrate") == "7000"
-        assert (field(text, "scfgfu"), field(text, "cfgcpf")) == ("lbf", "400000")
-        assert field(page(scene, "/netftapi2.xml?index=3"), "cfgid") == "3"
-        page(scene, "/comm.cgi?comrdtrate=500&comrdtbsiz=7")
-        assert field(page(scene), "comrdtrate") == "500"
-        page(scene, "/comm.cgi", b"comrdtrate=125")
-        assert field(page(scene), "comrdtrate") == "125"
-        page(scene, "/comm.cgi?comrdtrate=nan&comrdtbsiz=-1&nonsense")
-        assert field(page(scene), "comrdtrate") == "125"
-        page(scene, "/setting.cgi?setbias2=77")
-        assert field(page(scene), "setbias") == "0;0;77;0;0;0"
-        page(scene, "/comm.cgi?comrdte=0")
-        assert field(page(scene), "comrdte") == "Disabled"
-        with plain(scene) as one:
-            one.ask(2)
-            assert one.silent()
-        with pytest.raises(urllib.error.HTTPError) as refused:
-            page(scene, "/other")
-        refused.value.close()
 
 
 @pytest.mark.parametrize(
@@ -164,6 +130,23 @@ def test_the_pages_have_what_clients_and_the_driver_scale_with():
     assert {"serial", "firmware", "calibration", "filter"} <= found.identity.keys()
 
 
+def test_pages_take_settings_and_show_what_is_so():
+    desk = Desk(rate=2000)
+    assert desk.fields()["comrdtrate"] == "2334"
+    for target, name, value in (
+        ("/comm.cgi?comrdtrate=500&comrdtbsiz=7", "comrdtrate", "500"),
+        ("/comm.cgi?comrdtrate=nan&comrdtbsiz=-1&nonsense", "comrdtrate", "500"),
+        ("/setting.cgi?setbias2=77", "setbias", "0;0;77;0;0;0"),
+        ("/comm.cgi?comrdte=0", "comrdte", "Disabled"),
+    ):
+        desk.ask(target)
+        assert desk.fields()[name] == value
+    desk.sensing.rescale(1.25)
+    shown = desk.fields("/netftapi2.xml?index=3")
+    assert (shown["cfgid"], shown["cfgcpf"], shown["setbias"]) == ("3", "1250000", "0;0;96;0;0;0")
+    assert desk.ask("/other")[0].startswith("404")
+
+
 @pytest.fixture
 def box():
     """Address of the pages, and what they were asked."""
@@ -199,6 +182,17 @@ def test_programs_change_settings_and_odd_targets_do_not(box):
         assert ask(address, f"Host: {PAGES}", line=f"GET {target} HTTP/1.1") == 400
     assert ask(address, f"Host: {PAGES}", line="PUT /comm.cgi HTTP/1.1") == 501
     assert len(asked) == 4
+
+
+def test_a_client_that_hangs_up_within_its_request_is_no_error(box, capfd):
+    before = threading.active_count()
+    for _ in range(5):
+        with socket.create_connection(box[0], 5.0) as link:
+            link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            link.sendall(b"GET /comm.cgi")
+    assert ask(box[0]) == 200
+    assert wait_until(lambda: threading.active_count() == before, 5.0)
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

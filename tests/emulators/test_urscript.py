@@ -3,8 +3,6 @@
 import math
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from robot_emulators.ur.urscript.functions import Table
 from robot_emulators.ur.urscript.machine import Machine, compiled
@@ -163,24 +161,3 @@ def test_what_is_wrong_has_a_place(text, line, column, why):
 )  # fmt: skip
 def test_texts_without_measure_are_refused(text):
     assert fault(text + "\n").text
-
-
-WORDS = st.sampled_from(
-    """def f(): end if elif else: while True: return 1 x = [1,2] p[ ( ) + - * and or not run
-    join kill thread t(): sync() break continue halt say(x) x[0] global local \n \n""".split(" ")
-)
-
-
-@settings(max_examples=300, deadline=None)
-@given(st.lists(WORDS, max_size=40))
-def test_words_in_any_order_end_a_program_at_most(words):
-    said: list = []
-    try:
-        machine = Machine(compiled(" ".join(words) + "\n", TABLE), said)
-        for _ in range(5):
-            if not machine.cycle():
-                break
-    except ScriptFaultError as found:
-        assert found.line >= 1 and found.column >= 1
-    except ProgramEndsError:
-        pass

@@ -125,7 +125,7 @@ def test_a_gap_stops_the_arm():
         arm.transducer._at = gap
         with pytest.raises(LinkError, match="have a gap"):
             list(rows)
-        assert arm.stops == ["soft"]
+        assert arm.stops == ["hard"]
 
 
 def test_a_stop_that_fails_stands_beside_its_cause():

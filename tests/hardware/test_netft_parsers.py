@@ -67,18 +67,6 @@ def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
     assert both[1].tolist()[:2] == ((first + 1) % 2**32, (ft + 7) % 2**32)
 
 
-@given(st.sampled_from(["scfgfu", "cfgcpf", "cfgcpt", "comrdtrate", "cfgmr"]),
-       st.text("0123456789.-+eE naNinfx;lbfkNm", max_size=12))  # fmt: skip
-def test_any_field_is_read_or_refused(name, value):
-    try:
-        said = parse(swapped(name, value))
-    except DriverError as error:
-        assert name in str(error)
-    else:
-        assert np.isfinite(said.per_si).all() and (said.per_si > 0).all() and said.rate > 0
-        assert said.rating is None or (np.isfinite(said.rating).all() and (said.rating > 0).all())
-
-
 @pytest.mark.parametrize(
     ("name", "unit", "si"),
     [("scfgfu", "N", 1), ("scfgfu", "klbf", 4448.22161526), ("scfgfu", "kgf", 9.80665),

@@ -9,7 +9,7 @@ WRENCHBED = {
     ".": 535,
     "benchmark": 7766,
     "calibration": 5167,
-    "campaigns": 1148,
+    "campaigns": 1147,
     "channels": 938,
     "cli": 2684,
     "data": 5395,
@@ -36,11 +36,11 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78924,
-    "src/wrenchbed": 69424,
-    "src/robot_emulators": 9500,
-    "tests": 39594,
-    "scripts": 3481,
+    "src": 78922,
+    "src/wrenchbed": 69423,
+    "src/robot_emulators": 9499,
+    "tests": 39597,
+    "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
 MOST_FILES = 478

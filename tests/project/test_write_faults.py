@@ -1,6 +1,7 @@
-"""Every verb on a disk that fails at each operation in turn: nothing is lost, nothing is half.
+"""Every verb on a disk that fails at each operation in turn, under signals, and without a reader:
+nothing is lost, nothing is half.
 
-A verb without a case fails a test. What is costly is computed once: here the writing counts.
+A verb without a case fails a test. On disks the writing counts: what is costly is computed once.
 """
 
 import errno
@@ -8,6 +9,11 @@ import io
 import json
 import os
 import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
 import tomllib
 import warnings
 from concurrent.futures import Future
@@ -16,6 +22,7 @@ from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
+import psutil
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -63,7 +70,11 @@ CASES = {
     "blind score": "blind score made claimed made-answers --out scored",
 }
 """A line for each verb; further lines stand behind what is special in them."""
-NOTHING = {"list", "compare", "live", "doctor", "twin"}
+NOTHING = {
+    "list": "list robots", "compare": "compare twin.json twin.json",
+    "live": "live twin.json --host 127.0.1.90", "doctor": "doctor --host 127.0.1.90",
+    "twin": "twin netft --host 127.0.1.91 --set http_port=0",
+}  # fmt: skip
 """Verbs that write no file."""
 TOGETHER = {"diagnose": "found", "export": "model"}
 """Folders whose files appear together."""
@@ -149,7 +160,7 @@ def failing(folder: Path, fails: int = -1):
 
 def test_every_verb_has_a_case():
     verbs = set(cli._VERBS) - set(cli._GROUPS) | {f"blind {v}" for v in blind.VERBS}
-    assert verbs == {case.split(" --")[0] for case in CASES} | NOTHING
+    assert verbs == {case.split(" --")[0] for case in CASES} | set(NOTHING)
 
 
 class Inline:
@@ -351,3 +362,70 @@ def test_a_failing_disk_loses_nothing(name, again, start, tmp_path, monkeypatch,
         for file, data in after.items():
             assert case.before.get(file) == data or whole(file, data), f"{where}: {file} is half"
         assert name not in TOGETHER or together(name, case.before, good, after), where
+
+
+# ---- every verb as a process: a signal after some work, a pipe that nobody reads -----------------
+
+PROCESSES = CASES | NOTHING
+MOMENTS = (0.2, 0.6, 1.0, 1.3, 1.7, 2.5, 4.0)
+"""Processor time before a signal [s]; at 1 s the libraries are loaded."""
+ENDS_S, HANGS_S = 1.0, 600.0
+"""Processor time that a process may use after a signal [s], and when it counts as hung."""
+STOPPED = 130
+"""Exit code of what was stopped; outside of the verb CPython ends by the signal itself."""
+
+
+def used(process):
+    """Processor time of a process [s], also of one that ended and was not waited for."""
+    return sum(psutil.Process(process.pid).cpu_times()[:2])
+
+
+def process(line, folder, number=signal.SIGTERM, after=HANGS_S, unread=False):
+    """Exit code as a shell shows it, processor time since a signal [s], and what was printed."""
+    words = [sys.executable, "-m", "wrenchbed", *line.split()]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    out = subprocess.PIPE if unread else subprocess.DEVNULL
+    with (
+        tempfile.TemporaryFile("w+") as err,
+        subprocess.Popen(words, cwd=folder, env=environment, stdout=out, stderr=err) as one,
+    ):
+        if unread:
+            one.stdout.close()
+        until, since = time.monotonic() + HANGS_S, 0.0
+        while not os.waitid(os.P_PID, one.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG):
+            if not since and used(one) >= after:
+                since = used(one)
+                one.send_signal(number)
+            elif time.monotonic() > until:
+                one.kill()
+            time.sleep(0.002)
+        took = used(one) - since if since else 0.0
+        code = one.wait()
+        err.seek(0)
+        return code if code >= 0 else 128 - code, took, err.read()
+
+
+def check_files(before, folder, killed=False):
+    assert before.keys() <= files_in(folder).keys()
+    for file, data in files_in(folder).items():
+        left = ".part" in file or file.endswith((".lock", ".journal"))
+        good = before.get(file) == data or (not left and whole(file, data))
+        assert good or (killed and left), f"{file} is half, or left"
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("name", PROCESSES)
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL, signal.SIGPIPE])
+def test_a_signal_ends_a_verb_at_once_and_the_next_run_is_clean(number, name, start, tmp_path):
+    """SIGPIPE: nobody reads what it prints."""
+    line, unread = PROCESSES[name], number == signal.SIGPIPE
+    for moment in MOMENTS[-1:] if unread else MOMENTS:
+        folder = Path(shutil.copytree(start.of(line), tmp_path / f"{moment}"))
+        before, how = files_in(folder), signal.SIGTERM if unread else number
+        code, took, err = process(line, folder, how, moment, unread)
+        assert code in (STOPPED, 128 + how, 0, 4) or name in NOTHING or unread, err
+        assert took <= ENDS_S and "Traceback" not in err and "ignored" not in err, (moment, err)
+        check_files(before, folder, number == signal.SIGKILL)
+        if name not in NOTHING and code:
+            assert process(line, folder)[0] in (0, 4), moment
+            check_files(before, folder)

@@ -52,7 +52,7 @@ class BusFaults:
         self._drives = {drive.node: drive for drive in drives}
         self._random = random.Random(0)
         self._impostor = hub.attach(self._answer_as_sensor)
-        hub.stalled = lambda: faults.now("can", "stall") is not None
+        hub.loses = self._loses
         drive, order = self._drive, hub.order
         nodes = list(self._drives)
         node = {"node": Argument(nodes.__contains__, f"one of {nodes}", nodes[0])}
@@ -62,7 +62,8 @@ class BusFaults:
             "second_frame_lost": (None, {"share": rules.number(0.01, 1.0, 1.0)}),
             "swapped_pair": (None, {}), "mute_board": (None, {}), "id_clash": (None, {}),
             "saturated_gauge": (None, {"gauge": rules.integer(0, 5, 0)}),
-            "status": (None, {"bits": rules.integer(1, 0xFFFF, 1 << 4)}), "stall": (None, {}),
+            "status": (None, {"bits": rules.integer(1, 0xFFFF, 1 << 4)}),
+            "stall": (None, {"id": rules.integer(-1, 0x7FF, -1)}),
             "following_error": (lambda f: drive(f).axis.fault(FOLLOWING_ERROR), node),
             "emcy": (
                 lambda f: drive(f).axis.fault(int(f.values["code"])),
@@ -82,6 +83,10 @@ class BusFaults:
         """Whether a fault of a kind is under way that names a node."""
         values = self._faults.now("can", kind)
         return values is not None and values["node"] == node
+
+    def _loses(self, frame: Frame) -> bool:
+        stall = self._faults.now("can", "stall")
+        return stall is not None and stall["id"] in (-1, frame.can_id)
 
     def _drive(self, fault: TimedFault) -> DriveEmulator:
         return self._drives[int(fault.values["node"])]

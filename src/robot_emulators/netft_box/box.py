@@ -52,7 +52,8 @@ class Box:
                 faults.on(link, kind, None, more)
         faults.on("rdt", "restart", self._restart)
         self._pace = Pace(self.settings.rate)
-        self._sensing = Sensing(body, self.settings, faults)
+        sensing = self._sensing = Sensing(body, self.settings, faults)
+        faults.on("rdt", "recalibrate", lambda f: sensing.rescale(f.values["factor"]), _FACTOR)
         self._pages = Pages(self.settings, self._pace, self._sensing)
         self._thread = LoopThread("netft box", failed)
         self._socket: socket.socket | None = None

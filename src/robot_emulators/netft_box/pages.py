@@ -112,11 +112,11 @@ class Pages:
         """Units, counts and ratings as a configuration (``cfg``) or a calibration (``cal``)."""
         s = self._settings
         si = np.repeat([units.NEWTON[s.force_unit], units.NEWTON_METRE[s.torque_unit]], 3)
+        counts = self._sensing.per_si * si
         return {
             f"{kind}fu": str(_FORCE[s.force_unit]), f"s{kind}fu": s.force_unit,
             f"{kind}tu": str(_TORQUE[s.torque_unit]), f"s{kind}tu": s.torque_unit,
-            f"{kind}cpf": f"{s.counts_per_force:.12g}",
-            f"{kind}cpt": f"{s.counts_per_torque:.12g}",
+            f"{kind}cpf": f"{counts[0]:.12g}", f"{kind}cpt": f"{counts[3]:.12g}",
             f"{kind}mr": ";".join(f"{v:.9g}" for v in self._sensing.range / si),
         }  # fmt: skip
 
@@ -168,6 +168,10 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
     timeout = _DEADLINE_S
+
+    def handle(self) -> None:
+        with contextlib.suppress(ConnectionError):  # the client hung up
+            super().handle()
 
     def do_GET(self) -> None:
         """Serve a GET, or a POST of a form."""

@@ -163,6 +163,11 @@ class Sensing:
             self.bias = np.zeros(6)
             self._skew = (0.0, 0.0, 1.0)
 
+    def rescale(self, factor: float) -> None:
+        """Change the calibration: multiply counts per newton and newton metre."""
+        with self._lock:
+            self.per_si, self.bias = factor * self.per_si, factor * self.bias
+
     def stamps(self, ticks: np.ndarray) -> np.ndarray:
         """ft_sequence (n,) of samples: their number, unless the clock runs wrong."""
         since, stamp, last = self._skew

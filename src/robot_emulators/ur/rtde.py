@@ -253,13 +253,8 @@ class Rtde:
         recipes = [session.output for session in self._sessions.values() if session.started]
         return {name for recipe in recipes if recipe is not None for name in recipe.names}
 
-    def stream(self, values: Mapping[str, Values], send: bool) -> None:
-        """Send each client its packet if it is due.
-
-        Args:
-            values: all outputs by name.
-            send: False if the controller is so late that it leaves packets out.
-        """
+    def stream(self, values: Mapping[str, Values]) -> None:
+        """Send each client its packet, with values of all outputs by name, if it is due."""
         self._sessions = {p: s for p, s in self._sessions.items() if not p.closed}
         if self._offer.fault("freeze") is None:
             self._frozen = None
@@ -271,7 +266,7 @@ class Rtde:
             if session.burst and not held:
                 peer.send(bytes(session.burst), _MOST_HELD)
                 session.burst.clear()
-            if session.due() and send and not silent:
+            if session.due() and not silent:
                 data = session.data(values if self._frozen is None else self._frozen)
                 if not held:
                     peer.send_or_skip(data)

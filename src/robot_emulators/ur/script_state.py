@@ -145,14 +145,10 @@ def _as_list(read: Callable[[ScriptProgram], np.ndarray], program: ScriptProgram
     return [float(v) for v in read(program)]
 
 
-def _as_pose(read: Callable[[ScriptProgram], np.ndarray], program: ScriptProgram) -> Pose:
-    return made(read(program))
-
-
 for _name, _read in _LISTS.items():
     TABLE.add(_name)(partial(_as_list, _read))
 for _name, _read in _POSES.items():
-    TABLE.add(_name)(partial(_as_pose, _read))
+    TABLE.add(_name)(partial(lambda read, program: made(read(program)), _read))
 for _name, _act in _NUMBERS.items():
     TABLE.add(_name)(_act)
 

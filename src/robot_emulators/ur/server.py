@@ -37,9 +37,7 @@ _BROKEN = {
 _PORTS = {"rtde": 30004, "dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
 """Link → its TCP port; source: "Remote control via TCP/IP" of Universal Robots."""
 _LATE_S = 0.05
-"""Lag beyond which the loop leaves out packets to catch up [s]."""
-_SHARE = 4
-"""Cycles of which one sends a packet while the loop catches up."""
+"""Lag beyond which cycles that are made up for follow at once [s]."""
 _PAUSE = 0.25
 """Pause between two cycles that are made up for, in periods, until the lag is `_LATE_S`: without it
 a client that keeps the newest state alone misses the states between."""
@@ -58,7 +56,6 @@ class UREmulator(Emulator):
         settings, box = read(options.setting, ControllerSettings, BoxSettings)
         self._thread = LoopThread("ur5 emulator", self._break_down)
         self._clock: CycleClock
-        self._sent_at = 0.0
         self._settings: ControllerSettings = settings
         request = PlantRequest(
             settings.model, settings.cycle, drives=True, wrench_error=settings.wrench_error
@@ -190,7 +187,7 @@ class UREmulator(Emulator):
         behind = clock.advance()
         self.timestamp.jump(clock.lost - lost)
         self.controller.arm.due = clock.due - clock.period
-        self._cycle(behind)
+        self._cycle()
         self._wait(_PAUSE * clock.period if behind * clock.period < _LATE_S else 0.0)
 
     def _break_down(self, error: Exception) -> None:
@@ -198,18 +195,14 @@ class UREmulator(Emulator):
         self.fail(error)
         self._close_ports()
 
-    def _cycle(self, behind: int) -> None:
+    def _cycle(self) -> None:
         now = time.monotonic()
         self.controller.cycle(now)
         wanted = self.rtde.wanted | self.primary.wanted | self._realtime.wanted
         self._outputs.update(self.timestamp.now(), wanted)
-        cycle = self._settings.cycle
-        send = behind * cycle < _LATE_S or now - self._sent_at > _SHARE * cycle
-        self._sent_at = now if send else self._sent_at
-        self.rtde.stream(self.controller.values, send)
+        self.rtde.stream(self.controller.values)
         self.primary.cycle(now)
-        if send:
-            self._realtime.cycle()
+        self._realtime.cycle()
         for port in self.ports.values():
             port.tick()
 

@@ -5,7 +5,7 @@ import re
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import IntEnum
 from pathlib import Path
 
@@ -28,8 +28,11 @@ _HARMLESS = ("normal", "reduced", "quick stop")
 _NEAR = 0.05
 """Farthest from its pose that a recorded row may be [rad or m]: more than any compliance or
 tracking error, less than the distance of two poses of a plan."""
-_SAME = {"rate_hz": "--rate", "sensor": "--sensor", "wrench": "--sensor"}
-"""What must not change within a recording, and the flag that sets it."""
+_SAME = {
+    "rate_hz": "give --rate", "sensor": "give --sensor", "sensor_box": "set the box",
+    "wrench": "set the payload and give --sensor",
+}  # fmt: skip
+"""What must not change within a recording, and what sets it."""
 
 
 class Retries(IntEnum):
@@ -135,7 +138,7 @@ def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Be
             f"{path}: row {row} is not at pose {pose[row]} of {plan.name}: "
             "give the plan it was made with"
         )
-    _check_same(path, old.metadata, metadata)
+    check_same(path, old.metadata, metadata)
     segment = old.columns["segment"]
     regular, second = segment == plan.segment[pose], segment == second_visit(plan)
     _check_samples(path, plan, pose[regular], needed)
@@ -147,18 +150,19 @@ def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Be
     return Before(columns, frozenset(int(k) for k in complete), elapsed, old.metadata, revisited)
 
 
-def _check_same(path: Path, old: Metadata, new: Metadata) -> None:
+def check_same(path: Path, old: Metadata, new: Metadata, kept: bool = True) -> None:
+    """Raise a `PlanError` where rows of a recording that states ``old`` would state ``new``; zeros
+    may differ, as they are watched. ``kept``: there are such rows."""
     was, asked = (json.loads(json.dumps(m.to_json())) for m in (old, new))
-    for field, flag in _SAME.items():
+    for field, remedy in _SAME.items():
         a, b = was.get(field), asked.get(field)
         if isinstance(a, dict) and isinstance(b, dict):
-            differ = [k for k in a | b if a.get(k) != b.get(k)]
-            if differ:
-                field, a, b = f"{field}.{differ[0]}", a.get(differ[0]), b.get(differ[0])
+            part = next((k for k in a | b if k != "bias" and a.get(k) != b.get(k)), "")
+            field, a, b = f"{field}.{part}", a.get(part), b.get(part)
         if a != b:
             raise PlanError(
-                f"{path}: was recorded with {field} = {a!r}, not {b!r}: give {flag} as it was, "
-                "or record anew"
+                f"{path}: was recorded with {field} = {a!r}, not {b!r}: {remedy} as it was "
+                f"and go on: `record …{' --resume' * kept}`, or record anew"
             )
 
 
@@ -174,8 +178,3 @@ def _check_samples(path: Path, plan: Plan, pose: np.ndarray, needed: np.ndarray)
             f"{path}: was recorded with {count[k]} samples at pose {k}, not {needed[k]}: "
             f"give {was}, or record anew"
         )
-
-
-def now() -> str:
-    """Present time in ISO 8601, UTC."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds")

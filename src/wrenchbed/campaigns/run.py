@@ -11,6 +11,7 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -150,7 +151,8 @@ class _Run:
         self.needed = np.where(plan.dwell > 0, dwell, settings.samples)
         self.metadata = driver.metadata(plan.mode, self.rate)
         if limits is not None:
-            extra = {**self.metadata.extra, STARTED: resume.now(), LIMITS: limits.to_json()}
+            started = datetime.now(UTC).isoformat(timespec="milliseconds")
+            extra = {**self.metadata.extra, STARTED: started, LIMITS: limits.to_json()}
             self.metadata = replace(self.metadata, extra=extra)
         self.tried_again = self.done = 0
         self.shift = self.t = 0.0
@@ -288,6 +290,9 @@ class _Run:
             block = dict(self.driver.sample(min(at_once, missing), self.rate))
             self._watch_zero(f"pose {row}")
             n = len(block["t"])
+            if self.driver.live and n >= missing:  # before the visit is complete
+                stated = self.driver.metadata(self.plan.mode, self.rate)
+                resume.check_same(self.path, self.metadata, stated, writer.rows > 0)
             block["t"] = block["t"] + self.shift
             block["segment"] = np.full(n, segment)
             if self.driver.live:

@@ -159,6 +159,7 @@ def schema(fleet: Fleet) -> pa.Schema:
     return pa.schema(columns)
 
 
+@lru_cache(1)  # robots that share their poses share it
 def course(fleet: Fleet, k: int) -> Recording:
     """Recording of robot k before it is measured: its times and poses, with readings of 0."""
     robot = fleet.model_robot()
@@ -214,17 +215,11 @@ def robot_row(fleet: Fleet, k: int) -> Row:
 def recorded(fleet: Fleet, k: int) -> tuple[Recording, np.ndarray]:
     """Simulate the recording of robot k; also return its true parameters (P,)."""
     model = Model.of(fleet.model_robot())
-    path = course(fleet, k) if "poses" in fleet.vary else _shared_course(fleet)
+    path = course(fleet, k if "poses" in fleet.vary else 0)
     first = np.r_[True, np.diff(path.columns["segment"]) != 0]  # row of each rest
     visited = path.q if path.metadata.mode == "dynamic" else path.q[first]
     twin, seed = Twin(model, draw(fleet, k, model, visited)), fleet.rng(k, "noise").integers(2**31)
     return simulate(twin, path, noise="real", seed=int(seed)), twin.theta
-
-
-@lru_cache(1)
-def _shared_course(fleet: Fleet) -> Recording:
-    """The course that all robots of a fleet follow, where they share their poses."""
-    return course(fleet, 0)
 
 
 def _of_fit(fleet: Fleet, theta: np.ndarray, fit: Fit) -> Row:

@@ -206,7 +206,7 @@ def _run(words: Sequence[str]) -> int:
     except WrenchbedError as error:
         stderr.print(f"wrenchbed: error: {error}", style="red", markup=False)
         return 1
-    except (OSError, MemoryError, ImportError) as error:
+    except Exception as error:
         _check_interrupt(error)
         what = _in_words(error)
         if not what:
@@ -216,15 +216,15 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _check_interrupt(error: BaseException | None) -> None:
-    """Raise the interrupt that a library's import turned into another error, if one is among the
-    error's causes."""
+    """Raise the interrupt that a library turned into another error: one of its causes, or, by
+    ctypes, words in it."""
     while error is not None:
-        if isinstance(error, KeyboardInterrupt):
-            raise error
+        if isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error):
+            raise error if isinstance(error, KeyboardInterrupt) else KeyboardInterrupt()
         error = error.__cause__ or error.__context__
 
 
-def _in_words(error: OSError | MemoryError | ImportError) -> str:
+def _in_words(error: Exception) -> str:
     """Text on the file or resource that was missing; empty where a library is broken."""
     if isinstance(error, OSError):
         short = shortage(error, error.filename or "")

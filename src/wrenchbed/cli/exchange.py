@@ -57,8 +57,8 @@ def import_(
     if any(wb.is_lerobot(file) for file in files):
         _import_lerobot(files, map, rows_read, out, force, as_json)
         return
-    if guess == (map is not None):
-        raise ParameterError("give either --map MAP or --guess")
+    if guess == (map is not None) or not files:
+        raise ParameterError("give files, and either --map MAP or --guess")
     guessed: dict[str, list[str]] = {}
     inputs = (*files, map, stated.fit, stated.rest)
     whole, map_file = out.with_suffix(".motion.parquet"), out.with_suffix(".map.toml")

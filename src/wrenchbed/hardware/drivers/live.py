@@ -59,8 +59,9 @@ CALM_SPEED = 2e-3
 TOLERANCE = 5e-4
 """Farthest from its goal that a joint may come to rest [rad or m]: with less an arm that stands a
 little beside its goal never arrives."""
-BLIND_S = 0.3
-"""Longest that a robot may move while its state or its sensor is stale [s]: short stalls pass."""
+BLIND_S = 0.2
+"""Longest that a robot may move while its state or sensor is stale [s]; tuned on
+`scripts/reactions`: short stalls pass, and it rests 0.4 s after the last news."""
 STUCK_S = 3.0
 """A move beyond its time is given up when it comes no nearer for so long [s]: speed sliders and
 safety limits may make it slow."""
@@ -70,9 +71,9 @@ _WAIT_POLL_S = 0.005
 
 
 def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
-    """Stop the robot after an error, hard after a limit, else soft; note a failed stop in it."""
+    """Stop the robot after an error, hard if unseen or beyond a limit; note a failed stop in it."""
     try:
-        stop("hard" if isinstance(error, LimitError) else "soft")
+        stop("hard" if isinstance(error, LimitError | LinkError) else "soft")
     except DriverError as failed:
         error.add_note(f"the stop failed, too: {failed}")
 
@@ -256,8 +257,7 @@ class LiveDriver(Driver):
             return Applied(None, f"{health.state}: {health.detail}")
         then, last = self._last_target or (at, self._read().q)
         since = float(np.clip(at - then, *_STREAM_S))
-        why = self.limits.check_step(self.robot, last, q, since)
-        if why:
+        if why := self.limits.check_step(self.robot, last, q, since):
             return Applied(None, why)
         self.guard()
         with self._ordering:

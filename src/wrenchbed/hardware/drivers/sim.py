@@ -62,7 +62,6 @@ _PUSH = 3.0
 """Largest contact force of a touch along each axis [N], that of a light push by hand."""
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Times (n,), joint values and speeds (n, J), loads or readings (n, 6)."""
-__all__ = ["DRIVER", "SimDriver", "SimOptions"]
 
 
 class SimMove(Move):
@@ -254,8 +253,7 @@ class SimDriver(Driver):
 
     def _write(self, q: np.ndarray) -> Applied:
         """Drive the joints towards a target for one control period; return what was applied."""
-        why = self.limits.check_step(self.robot, self._plant.target, q, CONTROL_S)
-        if why:
+        if why := self.limits.check_step(self.robot, self._plant.target, q, CONTROL_S):
             return Applied(None, why)
         self._contact = np.zeros(6)
         self._plant.advance(q, CONTROL_S)
@@ -322,8 +320,7 @@ class SimDriver(Driver):
         else:
             reading = self._playback.rest(t, q, self._contact)
         still = np.repeat(q[None], n, axis=0)
-        columns = dict(self._columns(t, still, reading))
-        columns |= self._beside.columns(q, n)
+        columns = {**self._columns(t, still, reading), **self._beside.columns(q, n)}
         if self._efforts is not None:
             targets = np.repeat(self._plant.target[None], n, axis=0)
             columns |= self._efforts.columns(t, Jet(still, 0.0 * still, 0.0 * still), targets, rate)

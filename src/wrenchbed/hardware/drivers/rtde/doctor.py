@@ -66,7 +66,8 @@ def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
         raise ParameterError(
             f"give --host ROBOT, --sensor SENSOR or both, and 0.1 … {_LONGEST_S:g} --seconds"
         )
-    box = _transducer(sensor)
+    address = sensor if "://" in sensor else f"netft://{sensor}"
+    box = None if sensor in ("", *own_wrench.OWN) else at_address(address)
     lines = [*_controller(robot, host, seconds)] if host else []
     return lines if box is None else [*lines, *_box(box, seconds)]
 
@@ -168,12 +169,6 @@ def _stream(
         return
     if not rate or not np.isfinite(clock).all() or clock[-1] <= clock[0]:
         yield Line("clock", "fails", "the device's clock stands still", "restart the device")
-
-
-def _transducer(sensor: str) -> Transducer | None:
-    if not sensor or sensor in own_wrench.OWN:
-        return None
-    return at_address(sensor if "://" in sensor else f"netft://{sensor}")
 
 
 def _box(box: Transducer, seconds: float) -> Iterator[Line]:

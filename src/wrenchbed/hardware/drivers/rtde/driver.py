@@ -136,6 +136,8 @@ class RtdeDriver(LiveDriver):
         stated = super().metadata(mode, rate)
         if not self._own:
             return stated
+        if self._links:  # someone may have set another payload
+            self._controller |= identity.settings(self._options.host)
         facts = own_wrench.facts(self._look(), self._controller) if self._links else {}
         sensor = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
         return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})

@@ -4,6 +4,7 @@ The box's web page netftapi2.xml states counts per newton, the rate of RDT, full
 Source of its fields: ATI 9620-05 Net F/T manual (CGI variables, netftapi2.xml).
 """
 
+import contextlib
 import math
 import socket
 import time
@@ -249,6 +250,7 @@ class NetftTransducer(Transducer):
                 f"http://{host}:{port}: RDT is off: switch it on on the communications page"
             )
         self._page, self._range = page, page.rating
+        self._web = (host, port, "/netftapi2.xml")
         self._past.clear()
         box = (host, options.port)
         self._receiver = receiver = Receiver(box, page.rate, page.internal_rate, self._keep)
@@ -269,6 +271,10 @@ class NetftTransducer(Transducer):
 
     @property
     def identity(self) -> Mapping[str, Any]:
+        """What the page states now: someone may have chosen another calibration."""
+        with contextlib.suppress(DriverError):  # it stated itself before
+            if self._connected:
+                self._page = replace(self._page, identity=parse(get(*self._web)).identity)
         return self._page.identity if self._connected else {}
 
     def _close(self) -> None:
