@@ -170,7 +170,6 @@ def test_a_sensor_set_otherwise_ends_a_run_before_its_pose_is_whole(tmp_path, mo
     told = f"counts_per_force = 1, not 2: set the box as it was and go on: {go_on}"
     with arm, pytest.raises(PlanError, match=told):
         wb.record(arm, PLAN, out, samples=4)
-    assert out.exists() == (move > 1)
     if move > 1:
         assert sorted(wb.Recording.read(out).columns["pose"]) == [0] * 4 + [1] * 4
 

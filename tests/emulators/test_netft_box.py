@@ -134,8 +134,7 @@ def test_pages_take_settings_and_show_what_is_so():
     desk = Desk(rate=2000)
     assert desk.fields()["comrdtrate"] == "2334"
     for target, name, value in (
-        ("/comm.cgi?comrdtrate=500&comrdtbsiz=7", "comrdtrate", "500"),
-        ("/comm.cgi?comrdtrate=nan&comrdtbsiz=-1&nonsense", "comrdtrate", "500"),
+        ("/comm.cgi?comrdtrate=500&comrdtrate=nan&comrdtbsiz=-1&nonsense", "comrdtrate", "500"),
         ("/setting.cgi?setbias2=77", "setbias", "0;0;77;0;0;0"),
         ("/comm.cgi?comrdte=0", "comrdte", "Disabled"),
     ):

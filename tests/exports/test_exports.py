@@ -4,6 +4,7 @@ import ast
 import json
 import re
 from functools import partial
+from pathlib import Path
 from xml.etree import ElementTree
 
 import mujoco
@@ -325,6 +326,7 @@ def test_contract(fit, tmp_path, name):
     assert form.name == name and form.title and form.source
     numbers = load_numbers(fit)
     files, notes = wb.export_to(name, numbers, tmp_path / "out", wb.ExportOptions(urdf=URDF))
+    assert output_files(name, Path())  # as `--out ""` gives
     assert files == output_files(name, tmp_path / "out") and all(f.is_file() for f in files)
     text = "".join(f.read_text() for f in files)
     for line in notes:  # ± and what is left out, whatever the form of its comments

@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78922,
     "src/wrenchbed": 69423,
     "src/robot_emulators": 9499,
-    "tests": 39597,
+    "tests": 39587,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

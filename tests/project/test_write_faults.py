@@ -367,12 +367,10 @@ def test_a_failing_disk_loses_nothing(name, again, start, tmp_path, monkeypatch,
 # ---- every verb as a process: a signal after some work, a pipe that nobody reads -----------------
 
 PROCESSES = CASES | NOTHING
-MOMENTS = (0.2, 0.6, 1.0, 1.3, 1.7, 2.5, 4.0)
-"""Processor time before a signal [s]; at 1 s the libraries are loaded."""
+MOMENTS = (0.2, 0.6, 1.0, 1.3, 1.7, 2.5, 4.0)  # processor time before a signal [s]
 ENDS_S, HANGS_S = 1.0, 600.0
 """Processor time that a process may use after a signal [s], and when it counts as hung."""
-STOPPED = 130
-"""Exit code of what was stopped; outside of the verb CPython ends by the signal itself."""
+STOPPED = 130  # exit code; outside of the verb CPython ends by the signal itself
 
 
 def used(process):

@@ -109,7 +109,7 @@ def output_files(format_name: str, out: str | Path) -> list[Path]:
         NotFoundError: no such format.
     """
     form, out = registry.load("exports", format_name), Path(out)
-    notes = [] if form.comment else [out.with_name(out.name + ".notes.txt")]
+    notes = [] if form.comment else [out.parent / f"{out.name}.notes.txt"]
     return [out, *notes]
 
 
