@@ -27,9 +27,6 @@ def setting_of(number: int) -> world.EffortSetting:
     return world.draw_setting(UR5, np.random.default_rng([77, number]))
 
 
-# ---- physics -------------------------------------------------------------------------------------
-
-
 def test_lugre_settles_on_the_published_curve_and_agrees_with_a_general_integrator():
     """Canudas de Wit 1995, Table I and Eq. 6: Fc 1 N, Fs 1.5 N, vs 0.001 m/s, σ₀ 1e5, σ₁ √1e5."""
     speeds = np.array([1e-4, 5e-4, 1e-3, 2e-3, 5e-3, -1e-3])
@@ -102,15 +99,13 @@ def test_motions_stay_within_limits(number):
     assert 30.0 <= path.t[-1] + path.step <= 60.1
 
 
-# ---- faults --------------------------------------------------------------------------------------
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("name", [*FAMILIES, *OUTSIDE])
 def test_every_family_changes_the_effort_of_its_joint(name):
     setting = setting_of(3)
     if name == "drive.temperature":
-        setting = world.warmed(setting, 12.0, np.random.default_rng(0))
+        warmth = world.warming(setting.path, np.random.default_rng(0), 12.0)
+        setting = replace(setting, temperature=warmth)
     fault = (FAMILIES | OUTSIDE)[name](setting, 2, np.random.default_rng(4))
     added = world.simulate(setting, fault) - setting.healthy
     sizes = np.sqrt((added**2).mean(axis=0))
@@ -128,16 +123,12 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
     rest = case.remaining(setting, fault, added)
     assert rest["drive.coulomb.2"] < 0.1 * rest["drive.offset.2"]
     path = setting.path
-    one = np.abs(path.qd[:, 1]) + 0.05
     q = path.q.copy()
-    q[:, 1] = q[0, 1] + np.cumsum(one) * path.step * 0.05
+    q[:, 1] = q[0, 1] + np.cumsum(np.abs(path.qd[:, 1]) + 0.05) * path.step * 0.05
     oneway = replace(setting, path=of_values(path.rate, path.t, q))
     added = world.simulate(oneway, fault) - oneway.healthy
     size, rest = case.gap_of(oneway, added), case.remaining(oneway, fault, added)
     assert "drive.offset.2" in case.classed(fault, size, rest)
-
-
-# ---- cases ---------------------------------------------------------------------------------------
 
 
 def family(seed, cases, **options):
@@ -147,8 +138,7 @@ def family(seed, cases, **options):
 @pytest.mark.slow
 def test_a_seed_makes_the_same_case_again():
     (first, one), (second, two), (other, _) = (family(5, 4).found(n) for n in (2, 2, 3))
-    assert first == second
-    assert first.causes != other.causes
+    assert first == second and first.causes != other.causes
     for name, column in one.columns.items():
         assert np.array_equal(column, two.columns[name]), name
 

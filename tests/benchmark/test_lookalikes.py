@@ -1,7 +1,10 @@
 """Look-alike cases: faults that show, a background that does not, and physics of their own."""
 
+from functools import cache
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
@@ -17,31 +20,15 @@ from wrenchbed.robots.oriented import ROBOT as ORIENTED
 MOTION_ONLY = {"tool.inertia", "timing.delay", "timing.lowpass", "timing.stale", "timing.skew"}
 
 
-def _static(name, holds=60):
+def made(kind):
+    name, mode = kind.split()
     robot = registry.load("robots", name)
-    return ExperimentDesign.of_plan(poses(robot, holds, 3), robot)
+    plan = multisine(robot, 12.0, 125.0, 1) if mode == "dynamic" else poses(robot, 60, 3)
+    return ExperimentDesign.of_plan(plan, robot)
 
 
-def _dynamic():
-    robot = registry.load("robots", "ur5")
-    return ExperimentDesign.of_plan(multisine(robot, 12.0, 125.0, 1), robot)
-
-
-DESIGNS = {
-    "ur5 static": lambda: _static("ur5"),
-    "ur5 dynamic": _dynamic,
-    "medrue static": lambda: _static("medrue"),
-}
-CACHE = {}
-
-
-def design_of(kind):
-    if kind not in CACHE:
-        CACHE[kind] = DESIGNS[kind]()
-    return CACHE[kind]
-
-
-each_design = pytest.mark.parametrize("kind", DESIGNS)
+design_of = cache(made)
+each_design = pytest.mark.parametrize("kind", ["ur5 static", "ur5 dynamic", "medrue static"])
 
 
 def shows(case, effect, needed=1.0, rows=0.5):
@@ -73,7 +60,7 @@ def test_five_bars_have_clearance_and_links_that_show():
 @pytest.mark.sampled
 @each_design
 def test_the_same_seed_gives_the_same_case_bit_for_bit(kind):
-    one, two = design_of(kind), DESIGNS[kind]()
+    one, two = design_of(kind), made(kind)
     for case_kind in ("single", "pair", "outside"):
         a, b = draw(one, 4, case_kind), draw(two, 4, case_kind)
         assert a.causes == b.causes and a.outside == b.outside and a.gaps == b.gaps
@@ -119,7 +106,7 @@ def test_families_outside_the_library_show(kind):
 
 @pytest.mark.parametrize("name", ["ur5", "medrue"])
 def test_at_rest_the_nominal_case_is_the_closed_form(name):
-    design = _static(name, 20)
+    design = design_of(f"{name} static")
     rotation, position = design.robot.sensor_pose(design.q, design.theta)
     tool = design.robot.tool(design.theta)
     expected = wrench(rotation, position, tool, design.gravity)
@@ -130,8 +117,6 @@ def test_in_motion_the_nominal_case_is_newton_and_euler():
     design = design_of("ur5 dynamic")
     step = 1.0 / 125.0
     speed = np.gradient(design.q, step, axis=0, edge_order=2)
-    from scipy.interpolate import CubicSpline
-
     way = CubicSpline(design.t, design.q)
     jet = Jet(design.q, way(design.t, 1), way(design.t, 2))
     assert np.abs(speed - jet.d).max() < 0.05

@@ -8,17 +8,15 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import elapsed, named
+from wrenchbed.benchmark.referee import machine
 from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
-from wrenchbed.benchmark.referee.fault import BEND, LOOP, ZERO, RefereeFault, touched
 from wrenchbed.benchmark.referee.laws import dahl
-from wrenchbed.benchmark.referee.machine import Backlash, Hose, LoosePart, Mechanics, Pad, ride
+from wrenchbed.benchmark.referee.machine import Mechanics, RefereeFault, ride, touched
 from wrenchbed.benchmark.referee.scenario import through
 from wrenchbed.diagnosis.diagnose import diagnose
 
-POSES = 6
 
-
-def scene(name, n=POSES):
+def scene(name, n=6):
     robot = registry.load("robots", name)
     poses = robot.sample(n, np.random.default_rng(4))
     path = through(robot, poses, 5, 100.0, np.zeros(n))
@@ -62,7 +60,7 @@ def test_a_soft_joint_turns_by_its_torque_over_its_stiffness():
 def test_a_gear_with_play_rests_where_the_weight_pulls():
     robot, poses, path, truth = scene("ur5")
     width = np.deg2rad(0.5)
-    loose = replace(truth, backlash={1: Backlash(width, 0.1)})
+    loose = replace(truth, backlash={1: machine.Backlash(width, 0.1)})
     found = held(path, ride(robot, loose, path).load)
     side = np.sign(robot.gravity_torque(poses, truth.theta, truth.gravity)[:, 1])
     turned = poses.copy()
@@ -79,7 +77,7 @@ def test_hoses_and_pads_push_and_pull_with_their_stiffness():
     line = hook - (position + rotation @ point)
     length = np.linalg.norm(line, axis=1)
     slack = float(np.median(length))
-    rope = replace(truth, devices=(Hose(hook, point, slack, 4.0),))
+    rope = replace(truth, devices=(machine.Hose(hook, point, slack, 4.0),))
     difference = held(path, ride(robot, rope, path).load - ride(robot, truth, path).load)
     pull = (4.0 * np.maximum(length - slack, 0.0) / length)[:, None] * line
     force = np.einsum("nij,ni->nj", rotation, pull)
@@ -89,7 +87,9 @@ def test_hoses_and_pads_push_and_pull_with_their_stiffness():
     tip, radius, k = np.array([0.0, 0.0, 0.14]), 0.01, 400.0
     height = (position + rotation @ tip)[:, 2]
     level = float(np.sort(height)[2])
-    pad = Pad(np.array([0.0, 0.0, level - radius]), np.array([0.0, 0.0, 1.0]), k, 0.0, tip, radius)
+    pad = machine.Pad(
+        np.array([0.0, 0.0, level - radius]), np.array([0.0, 0.0, 1.0]), k, 0.0, tip, radius
+    )
     difference = held(
         path, ride(robot, replace(truth, devices=(pad,)), path).load - ride(robot, truth, path).load
     )
@@ -102,7 +102,7 @@ def test_hoses_and_pads_push_and_pull_with_their_stiffness():
 def test_a_loose_part_lies_at_the_stop_that_is_below():
     robot, poses, path, truth = scene("ur5")
     axis, share, stop = np.array([1.0, 0.0, 0.0]), 0.1, 5e-3
-    part = replace(truth, devices=(LoosePart(share, axis, stop, 0.05),))
+    part = replace(truth, devices=(machine.LoosePart(share, axis, stop, 0.05),))
     difference = held(path, ride(robot, part, path).load - ride(robot, truth, path).load)
     rotation, _ = robot.sensor_pose(poses, truth.theta)
     felt = np.einsum("nij,i->nj", rotation, truth.gravity)
@@ -118,7 +118,7 @@ def daily_wave(setting, rng, size):
     """A zero that follows a part of a sine."""
     curve = np.sin(2.0 * np.pi * (rng.uniform(0.4, 2.0) * elapsed(setting.path.t) + rng.uniform()))
     shift = np.outer(curve, 3e-3 * size * setting.full_scale * touched(rng))
-    return RefereeFault(change=lambda ride, y: y + shift, stage=ZERO)
+    return RefereeFault(change=lambda ride, y: y + shift, stage=machine.ZERO)
 
 
 def dahl_friction(setting, rng, size):
@@ -130,7 +130,7 @@ def dahl_friction(setting, rng, size):
         loops = np.stack([dahl(c, reach) for c in (y / setting.swing).T], axis=1)
         return y - width * loops
 
-    return RefereeFault(change=gauge, stage=LOOP)
+    return RefereeFault(change=gauge, stage=machine.LOOP)
 
 
 def wave(setting, rng, size):
@@ -144,7 +144,7 @@ def wave(setting, rng, size):
         u = y / setting.swing
         return y + bend * (np.sin(turns * u + phase) - lines[:, 0] * u - lines[:, 1])
 
-    return RefereeFault(change=gauge, stage=BEND)
+    return RefereeFault(change=gauge, stage=machine.BEND)
 
 
 FORMS = {

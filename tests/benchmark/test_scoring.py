@@ -9,16 +9,8 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
-from wrenchbed.benchmark.scoring.metrics import (
-    METRICS,
-    effect_cells,
-    figure,
-    figures,
-    matched,
-    probability,
-    right,
-    size_cells,
-)
+from wrenchbed.benchmark.scoring import metrics
+from wrenchbed.benchmark.scoring.metrics import METRICS, figure, probability, right
 from wrenchbed.benchmark.scoring.truth_and_claims import OURS, Answer, CaseRow, Claim, Fact, Oracle
 from wrenchbed.benchmark.sealed.run import BASELINES
 from wrenchbed.data.plan import Plan
@@ -97,7 +89,7 @@ def test_probabilities_and_sets_name_effects_without_their_joints(joint, expecte
 
 
 def test_two_effects_coverage_and_closure_by_hand():
-    assert matched(ROWS[-1].truth, TWO) == (1, 1, 1)
+    assert metrics.matched(ROWS[-1].truth, TWO) == (1, 1, 1)
     assert value("pairs") == pytest.approx(0.5)
     both = row("pair", named(("x.y", "base.tilt"), ("tool.mass",)), "base.tilt", "tool.mass")
     assert value("pairs", [ROWS[-1], both]) == pytest.approx(2 * 3 / (2 * 3 + 1 + 1))
@@ -125,13 +117,13 @@ def test_intervals_hold_the_value_and_shrink():
 
 
 def test_tables_say_what_was_scored():
-    isolation = figures(ROWS, [OURS])[OURS]["isolation"]
+    isolation = metrics.figures(ROWS, [OURS])[OURS]["isolation"]
     assert METRICS["isolation"].text(isolation) == "67 % (9–99)" and isolation.counted == "2 of 3"
     joint = row("single", named(("drive.viscous.3",)), "drive.coulomb.2")
-    lines = effect_cells([*ROWS, joint])[1]
+    lines = metrics.effect_cells([*ROWS, joint])[1]
     assert ["base.tilt", "2", "4", "2", "0", "0", "–"] in lines
     assert ["drive.coulomb", "1", "4", "0", "0", "0", "drive.viscous 1"] in lines
-    assert ["4–8", "3", "67 %", "67 %"] in size_cells(ROWS)[1]
+    assert ["4–8", "3", "67 %", "67 %"] in metrics.size_cells(ROWS)[1]
 
 
 @pytest.mark.parametrize("effect", ["base.tilt", "mount.rotation", "joint.offset", "sensor.gain"])
@@ -150,9 +142,6 @@ def test_true_parameters_have_the_published_names_and_signs(effect):
     there = ImperfectRobot(design).reading(items) - design.nominal
     scale = np.abs(there).max(axis=0)
     np.testing.assert_allclose(here[scene.held], there, atol=0.04 * scale.max(), rtol=0.05)
-
-
-# ---- simple methods beside the diagnosis
 
 
 @pytest.fixture(scope="module")

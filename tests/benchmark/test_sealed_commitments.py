@@ -2,10 +2,8 @@
 
 import json
 import os
-import sys
-from importlib.machinery import SourceFileLoader
-from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from runpy import run_path
 
 import pytest
 
@@ -18,12 +16,7 @@ from wrenchbed.errors import BenchmarkError, ParameterError
 @pytest.fixture(scope="module")
 def attack():
     """The attack of `scripts/attack_sealed`."""
-    script = Path(__file__).parents[2] / "scripts" / "attack_sealed"
-    loader = SourceFileLoader("attack_sealed", str(script))
-    module = module_from_spec(spec_from_loader(loader.name, loader))
-    sys.modules[loader.name] = module  # its dataclass looks itself up there
-    loader.exec_module(module)
-    return module.attack
+    return run_path(str(Path(__file__).parents[2] / "scripts" / "attack_sealed"))["attack"]
 
 
 def test_shares_of_kinds_are_as_promised():

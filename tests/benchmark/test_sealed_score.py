@@ -84,13 +84,8 @@ def test_a_made_family_goes_on_where_it_was_stopped(family, tmp_path):
     assert making.resumed(answers) == SEED
     assert making.resumed(tmp_path) is None
     told = []
-    again = making.make(
-        making.Family("ur5", "static", COUNT, SEED),
-        cases,
-        answers,
-        report=lambda n, *_: told.append(n),
-    )
-    assert again == root
+    same = making.Family("ur5", "static", COUNT, SEED)
+    assert making.make(same, cases, answers, report=lambda n, *_: told.append(n)) == root
     assert told == [COUNT]
 
 
@@ -108,9 +103,8 @@ def test_probabilities_and_targets_stand_on_the_first_screen(family, tmp_path):
     text = re.sub(r"<script.*?</script>|<svg.*?</svg>", "", html, flags=re.DOTALL)
     assert "`" not in text and "<code>unknown</code>" in text
     assert "<p>None.</p>" in text and "<tbody>\n</tbody>" not in text
-    page = report.page(score.score(cases, tmp_path / "claims", answers))
-    (targets,) = page.cards
-    marks = [row[1] for row in page.sections[0].parts[0].rows]
+    (targets,) = found.cards
+    marks = [row[1] for row in tables[0].rows]
     met = sum("✓" in m for m in marks)
     assert targets.figure == f"{met} of {met + sum('✗' in m for m in marks)} met"
     assert f"For {sum('(' in m for m in marks)} of them" in targets.text
@@ -172,6 +166,10 @@ def test_what_fails_is_a_wrong_answer(family, tmp_path, body, said):
     assert all(r.claims["wrenchbed"].verdict == "error" for r in rows)
 
 
+TWICE = {"verdict": "identified", "probabilities": {"tool.mass": 1.0}}
+TWICE["which"] = [{"effect": "tool.mass", "probability": 1.0}] * 2
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -182,14 +180,7 @@ def test_what_fails_is_a_wrong_answer(family, tmp_path, body, said):
         ({"which": None}, "breaks the contract"),
         ({"probabilities": {"none": 10**400}}, "breaks the contract"),
         ({"probabilities": {"a|b|c|d|e|f": 1.0}}, "more than 5 members"),
-        (
-            {
-                "verdict": "identified",
-                "which": [{"effect": "tool.mass", "probability": 1.0}] * 2,
-                "probabilities": {"tool.mass": 1.0},
-            },
-            "named twice",
-        ),
+        (TWICE, "named twice"),
     ],
 )
 def test_a_claim_that_breaks_the_contract_is_wrong(tmp_path, change, said):
@@ -203,14 +194,7 @@ def test_a_claim_that_breaks_the_contract_is_wrong(tmp_path, change, said):
 def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
     odd = {"stiffness": {"value": 0.0, "std": 1.0}, "x": {"value": "wide"}, "y": 3, "z": {}}
     odd |= {"fine": {"value": 1.0, "std": float("inf")}}
-    names = [
-        "joint.compliance",
-        "tool.mass",
-        "tool.cog",
-        "sensor.gain",
-        "sensor.drift",
-        "base.tilt",
-    ]
+    names = "joint.compliance tool.mass tool.cog sensor.gain sensor.drift base.tilt".split()
     which = [{"effect": n, "probability": 0.5, "parameters": odd} for n in names]
     told = {
         "verdict": "identified", "which": which, "probabilities": {"none": 1.0},
@@ -218,8 +202,7 @@ def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
     }  # fmt: skip
     (tmp_path / CLAIM).write_text(json.dumps(told))
     found = claims.read(tmp_path)
-    assert found.error == ""
-    assert len(found.causes) == claims.COUNTED
+    assert found.error == "" and len(found.causes) == claims.COUNTED
     assert found.gap == {"calibrated": 2.0}
     assert set(found.parameters["tool.mass"]) == {"stiffness", "fine"}
     assert found.parameters["tool.mass"]["fine"]["std"] is None

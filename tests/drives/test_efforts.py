@@ -247,12 +247,14 @@ def test_known_constants_make_currents_torques(clean, tmp_path):
     for a, b in zip(known.identified, plain.identified, strict=True):
         assert a.name == b.name and a.value == pytest.approx(b.value, rel=1e-9, abs=1e-12)
     assert known["tool.mass"].std < found["tool.mass"].std
-    known.write(tmp_path / "fit.json")
+    calibrate_efforts(currents, ("drive",), constants=CONSTANT).write(tmp_path / "fit.json")
     drives = stated_drives(currents, tmp_path / "fit.json")
     assert drives.of("drive.constant") == pytest.approx(CONSTANT)
     for constants, words in ((CONSTANT[:5], "give 6 numbers"), (-CONSTANT, "above 0")):
         with pytest.raises(ParameterError, match=words):
             calibrate_efforts(currents, constants=constants)
+    with pytest.raises(ParameterError, match="leave one of both out"):
+        calibrate_efforts(currents, ("drive.constant",), constants=CONSTANT)
     with pytest.raises(ParameterError, match="which need none"):
         calibrate_efforts(clean.recording(seen), constants=CONSTANT)
 

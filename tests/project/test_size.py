@@ -7,7 +7,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 535,
-    "benchmark": 7766,
+    "benchmark": 7762,
     "calibration": 5167,
     "campaigns": 1147,
     "channels": 938,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78922,
-    "src/wrenchbed": 69423,
+    "src": 78918,
+    "src/wrenchbed": 69419,
     "src/robot_emulators": 9499,
-    "tests": 39587,
+    "tests": 39580,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -40,23 +40,15 @@ _CHANNEL = "[ft][xyz]"
 class CaseEffect:
     """Effect of the library that a case may have as a cause; both physics draw it in their own way.
 
-    Attributes:
-        needs: what shows it: ``motion``, ``joints``, ``loops`` of them, recorded ``warmth``, or
-            ``repeats``, of which only the scatter of rows shows it.
-        adds: its numbers add up with those of minor imperfections of the same name.
-        compared: pattern of the names of its numbers that mean the same in both physics and in the
-            library. The moment of a jump is not compared: any moment between two poses is as true
-            as another.
+    ``needs`` are what shows it: ``motion``, ``joints``, ``loops`` of them, recorded ``warmth``, or
+    ``repeats``, of which only the scatter of rows shows it. If it ``adds``, its numbers add up with
+    those of minor imperfections of the same name; ``compared`` is a pattern of those that mean the
+    same in both physics and in the library, which the moment of a jump does not.
     """
 
     needs: tuple[str, ...] = ()
     adds: bool = True
     compared: str = ""
-
-    @property
-    def between(self) -> bool:
-        """Whether the effect shows between rows only."""
-        return "repeats" in self.needs
 
 
 EFFECTS: Mapping[str, CaseEffect] = {
@@ -140,7 +132,7 @@ def of_another_subsystem(names: Iterable[str], name: str) -> list[str]:
 
 def between(name: str) -> bool:
     """Whether a fault of this name shows between rows only."""
-    return name in EFFECTS and EFFECTS[name].between
+    return name in EFFECTS and "repeats" in EFFECTS[name].needs
 
 
 def possible(shown: Iterable[str]) -> list[str]:
@@ -253,12 +245,9 @@ def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """How large a cause is in the data beside all other faults.
-
-    Attributes:
-        gap: that the cause adds; of a cause between rows the mean rise of a row's variance.
-        rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
-    """
+    """How large a cause is in the data beside all other faults: the gap that it adds (of a cause
+    between rows the mean rise of a row's variance), and the largest rise of a channel's row
+    variance, 0 for a cause that shows in means."""
 
     gap: float
     rows: float
@@ -275,15 +264,9 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class RowChange(Generic[Shake]):
-    """Change of single rows that leaves the mean of a hold unchanged.
-
-    Attributes:
-        gain: factor on the noise per channel (6,).
-        step: of the rounding per channel (6,), 0 does not round [N, N·m].
-        shake: what shakes the robot, None if nothing does.
-        stale: chance that a row starts a repeat of the one before, and mean number of repeats.
-        limit: range that is read per channel (6,) [N, N·m].
-    """
+    """Change of single rows (6,) that leaves the mean of a hold unchanged: factor on the noise,
+    step of rounding (0: none), what shakes the robot, chance that a row starts a repeat of the one
+    before with the mean number of repeats, and the range that is read [N, N·m]."""
 
     gain: np.ndarray = field(default_factory=lambda: np.ones(6))
     step: np.ndarray = field(default_factory=lambda: np.zeros(6))
@@ -298,16 +281,9 @@ class RowChange(Generic[Shake]):
         shaken: Callable[[Shake], np.ndarray],
         held: Callable[[int, tuple[float, float], Rng], np.ndarray],
     ) -> np.ndarray:
-        """Rise of a row's variance (6,) over the noise (6,) [N, N·m].
-
-        Rounding adds the variance of a uniform distribution, by definition step²/12.
-
-        Args:
-            noise: standard deviation of a row (6,) [N, N·m].
-            y: readings (N, 6) that may become stale [N, N·m].
-            shaken: wrench (N, 6) that shakes the sensor [N, N·m].
-            held: index of the row that is shown in the place of each of N.
-        """
+        """Rise of a row's variance (6,) over the noise of a row (6,) [N, N·m], of readings y (N, 6)
+        that may become stale: ``held`` is the row that is shown in the place of each. Rounding adds
+        the variance of a uniform distribution, by definition step²/12."""
         rise = self.gain**2 - 1.0 + (self.step / noise) ** 2 / 12.0
         if self.shake is not None:
             rise = rise + ((shaken(self.shake) / noise) ** 2).mean(axis=0)

@@ -20,13 +20,8 @@ def wrench_at(lever: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 class RigidBodies:
-    """Bodies without constraints, rotors, friction, damping, servos and gravity compensation.
-
-    Args:
-        theta: the robot's parameters (P,).
-        gravity: world axes (3,) [m/s²]; the robot's own if None.
-        edits: of the compiled model.
-    """
+    """Bodies of a robot with parameters (P,), without constraints, rotors, friction, damping,
+    servos and gravity compensation, under gravity in world axes (3,) [m/s²], or the robot's own."""
 
     def __init__(
         self,

@@ -58,14 +58,11 @@ def calibrate_efforts(
     constants: Sequence[float] | None = None,
     force: bool = False,
 ) -> DriveFit:
-    """Fit the joint torques or currents of a motion, or of poses at rest.
+    """Fit the joint torques ``tau1…`` or currents ``i1…`` of a motion, or of poses at rest.
 
     Args:
-        recording: of an arm, with ``tau1…`` or ``i1…``.
-        free: names of `GROUPS`; by default friction and tool, and the constants where currents are
-            measured and nobody states them.
-        constants: known drive constants (J,) [N·m/A, of slides N/A], gear included: currents
-            become torques.
+        free: names of `GROUPS`; by default friction, tool, and constants that nobody states.
+        constants: known (J,) [N·m/A, of slides N/A], gear included: currents become torques.
         force: return values that held-out rows refute, instead of raising.
 
     Raises:
@@ -95,7 +92,7 @@ def _calibrate_in_motion(
     if constants is not None:
         effort, prefix = as_torques(effort, prefix, constants, recording.name), "tau"
     signals = signals_of_pieces(recording, effort, prefix)
-    problem, starts = problem_of(recording, signals, _groups(free, prefix))
+    problem, starts = problem_of(recording, signals, _groups(free, prefix, constants is not None))
     check_moves(recording.name, problem)
     if column:
         raise CalibrationError(f"{recording.name}: column {column!r} never changes")
@@ -110,11 +107,14 @@ def _calibrate_in_motion(
     )  # fmt: skip
 
 
-def _groups(free: Sequence[str], prefix: str) -> tuple[str, ...]:
+def _groups(free: Sequence[str], prefix: str, stated: bool) -> tuple[str, ...]:
     for name in free:
         if name not in (*GROUPS, "drive"):
             raise ParameterError(f"--free {name}: is none of drive, {', '.join(GROUPS)}")
-    named = {g for f in free for g in ((*FRICTION, CONSTANT) if f == "drive" else (f,))}
+    if stated and CONSTANT in free:
+        raise ParameterError(f"--free {CONSTANT}: --constants states them; leave one of both out")
+    drive = FRICTION if stated else (*FRICTION, CONSTANT)
+    named = {g for f in free for g in (drive if f == "drive" else (f,))}
     currents = prefix == "i"
     wanted = named or {*FRICTION, "tool", *((CONSTANT,) if currents else ())}
     if currents and CONSTANT not in wanted:

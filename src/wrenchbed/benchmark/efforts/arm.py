@@ -13,7 +13,7 @@ from scipy.interpolate import make_interp_spline
 
 from wrenchbed.benchmark.frame import Rng
 from wrenchbed.benchmark.rigid import Edit, RigidBodies
-from wrenchbed.robots.base import Joint, SimulatedRobot
+from wrenchbed.robots.base import SimulatedRobot
 
 LINK_MASS, LINK_COG, LINK_INERTIA = 0.01, 0.01, 0.03
 """Standard deviations of links over stated: mass, centre of gravity, inertia."""
@@ -36,13 +36,8 @@ _Room = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A motion on a grid finer than the recording's.
-
-    Attributes:
-        rate: rows a second [Hz].
-        t: instants (T,) [s].
-        q, qd, qdd: joint values, speeds, accelerations (T, J) [rad, rad/s, rad/s²].
-    """
+    """A motion on a grid finer than the recording's: rows a second [Hz], instants (T,) [s], joint
+    values, speeds and accelerations (T, J) [rad, rad/s, rad/s²]."""
 
     rate: float
     t: np.ndarray
@@ -74,17 +69,13 @@ def draw(robot: SimulatedRobot, rng: Rng) -> Path:
     rate = float(rng.choice(RATES))
     t = np.arange(round(rng.uniform(*SECONDS) * rate) * FINE) / (rate * FINE)
     joints = robot.joints
-    room = _middle(joints, robot.sample(1, rng)[0])
-    top = np.array([min(j.speed, _MOST_SPEED) for j in joints]) * rng.uniform(*_SPEED)
-    return of_values(rate, t, move(rng, t, room, top))
-
-
-def _middle(joints: Sequence[Joint], pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A pose around which every joint can move, and how far."""
     half = np.array([(j.upper - j.lower) / 2.0 for j in joints])
     centre = np.array([(j.upper + j.lower) / 2.0 for j in joints])
     reach = np.minimum(_REACH, 0.45 * half)
-    return np.clip(pose, centre - half + reach, centre + half - reach), reach
+    low, high = centre - half + reach, centre + half - reach
+    room = np.clip(robot.sample(1, rng)[0], low, high), reach
+    top = np.array([min(j.speed, _MOST_SPEED) for j in joints]) * rng.uniform(*_SPEED)
+    return of_values(rate, t, move(rng, t, room, top))
 
 
 def _sines(

@@ -193,16 +193,9 @@ def whole_columns(setting: EffortSetting) -> Iterator[tuple[str, np.ndarray]]:
 
 @dataclass(frozen=True, eq=False)
 class EffortCase:
-    """A case of efforts: a recording, and the truth that is kept apart.
-
-    Attributes:
-        kind: of `SHARES`.
-        recording: what an entrant gets.
-        fault: the cause; `HEALTHY` of a healthy robot.
-        gap: mean square that the cause adds at the joint where it is largest, in units of one row's
-            noise.
-        alike: names of effects with joints that imitate the cause on this motion, itself first.
-    """
+    """A case of efforts: a recording, and the truth that is kept apart: the cause, its gap at the
+    joint where it is largest, in units of one row's noise, and the effects with joints that imitate
+    it on this motion, itself first."""
 
     kind: str
     recording: Recording
@@ -231,7 +224,8 @@ def make(
         names = tuple(n for n in names if not n.startswith(("drive.", "link.")))
     family = names[(number // 2 if wrench else number) % len(names)]  # they take turns
     if family == "drive.temperature":
-        setting = world.warmed(setting, rng.uniform(*WARMING), rng)
+        warmth = world.warming(setting.path, rng, rise=rng.uniform(*WARMING))
+        setting = replace(setting, temperature=warmth)
     if kind == "none":
         return EffortCase(kind, _recorded(setting, HEALTHY, rng, wrench))
     for _ in range(_SIZES):

@@ -4,7 +4,7 @@ Ranges of friction, rotors and noise follow data sheets of collaborative arms ro
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -32,17 +32,11 @@ _SIDE_FILTER = 0.3
 def lugre(
     speed: np.ndarray, step: float, level: np.ndarray, stiffness: np.ndarray, damping: np.ndarray
 ) -> np.ndarray:
-    """Friction (T, J) [N·m] of LuGre bristles, without the viscous part.
+    """Friction (T, J) [N·m] of LuGre bristles, without the viscous part, every ``step`` [s].
 
-    ż = v − σ₀ |v| z / g(v), F = σ₀ z + σ₁ ż. Each step is exact for a speed that stays.
+    ż = v − σ₀ |v| z / g(v), F = σ₀ z + σ₁ ż, with ``level`` g(v) (T, J) [N·m] in steady motion,
+    ``stiffness`` σ₀ [N·m/rad] and ``damping`` σ₁ [N·m·s/rad] (J,); exact for a speed that stays.
     Canudas de Wit et al. 1995, doi 10.1109/9.376053, Eqs. 2 to 6.
-
-    Args:
-        speed: v (T, J) [rad/s].
-        step: from one instant to the next [s].
-        level: g(v) (T, J) [N·m], friction in steady motion.
-        stiffness: σ₀ (J,) [N·m/rad].
-        damping: σ₁ (J,) [N·m·s/rad].
     """
     rate = stiffness * np.abs(speed) / level
     fraction = -np.expm1(-rate * step)
@@ -97,14 +91,9 @@ class TrueDrives:
 class State:
     """State of the robot on which a fault may depend, on the fine grid.
 
-    Attributes:
-        path: the motion.
-        temperature: of the drives (T,) [°C].
-        rigid: the links' torque (T, J) [N·m].
-        q, qd: values and speeds of the fault's joint (T,) [rad, rad/s], of the first for a fault
-            without a joint.
-        load: the links' torque there (T,) [N·m].
-        coulomb, viscous: friction there [N·m, N·m·s/rad].
+    ``rigid`` is the links' torque (T, J) [N·m], ``temperature`` of the drives (T,) [°C]; of the
+    fault's joint, of the first for a fault without one, come values, speeds and the links' torque
+    (T,) [rad, rad/s, N·m], and friction [N·m, N·m·s/rad].
     """
 
     path: Path
@@ -150,19 +139,11 @@ Hook = Callable[[State], np.ndarray]
 class EffortFault(Fault):
     """A fault as changes at stages of the simulation; None changes nothing there.
 
-    ``level``, ``torque`` and ``reading`` concern the column (T,) of the fault's joint, and all
-    columns (T, J) of a fault without a joint.
-
-    Attributes:
-        joint: 0-based joint or link; None of faults of tool and base.
-        theta: changes the true parameters (P,).
-        edit: changes the compiled true model.
-        drives: changes the drives.
-        level: further Coulomb friction [N·m].
-        torque: further torque of the drives [N·m].
-        reading: changes the effort [effort's unit].
-        rows: changes recorded rows (N, J).
-        motion: changes the true motion against the one that encoders report.
+    ``joint`` is 0-based, None of faults of tool and base. ``theta`` changes the true parameters
+    (P,), ``edit`` the compiled model, ``motion`` the true motion against the one that encoders
+    report, ``rows`` recorded rows (N, J). ``level`` adds Coulomb friction and ``torque`` torque of
+    the drives [N·m], ``reading`` changes the effort: each the column (T,) of the fault's joint, and
+    all columns (T, J) of a fault without a joint.
     """
 
     joint: int | None = None
@@ -197,19 +178,11 @@ HEALTHY = EffortFault(name="none")
 class EffortSetting:
     """A robot with its imperfections, its motion and its instruments.
 
-    Attributes:
-        robot: the arm.
-        stated, theta: parameters as stated and as they are (P,).
-        edits: of the true links.
-        path: the motion that encoders report.
-        drives: the true ones.
-        configured: known values of the drives by name, as the recording states them.
-        rated: torques (J,) [N·m] that sizes are shares of.
-        noise: standard deviation of a row's torque (J,) [N·m].
-        temperature: of the drives (T,) [°C].
-        prefix: of `UNITS`.
-        gear: motor turns a joint turn.
-        jitter: [s] standard deviation of sampling instants.
+    ``stated`` and ``theta`` are parameters as stated and as they are (P,), ``path`` what encoders
+    report, ``configured`` values of the drives by name as the recording states them, ``rated``
+    torques (J,) [N·m] that sizes are shares of, ``noise`` the standard deviation of a row's torque
+    (J,) [N·m], ``temperature`` of the drives (T,) [°C], ``gear`` motor turns a joint turn,
+    ``jitter`` the standard deviation of sampling instants [s].
     """
 
     robot: SimulatedRobot
@@ -344,7 +317,7 @@ def draw_setting(robot: SimulatedRobot, rng: Rng) -> EffortSetting:
         cogging=0.3 * noise * rng.random(joints),
         per_kelvin=rng.uniform(0.003, 0.008, joints),
     )
-    temperature = _temperature(path, rng, rise=rng.uniform(0.0, 2.0))
+    temperature = warming(path, rng, rise=rng.uniform(0.0, 2.0))
     prefix = str(rng.choice(UNITS))
     return EffortSetting(
         robot, stated, theta, (manufactured(rng),), path, drives, configured, rated, noise,
@@ -353,12 +326,7 @@ def draw_setting(robot: SimulatedRobot, rng: Rng) -> EffortSetting:
     )  # fmt: skip
 
 
-def warmed(setting: EffortSetting, rise: float, rng: Rng) -> EffortSetting:
-    """Setting with drives that warm up by ``rise`` [K]."""
-    return replace(setting, temperature=_temperature(setting.path, rng, rise))
-
-
-def _temperature(path: Path, rng: Rng, rise: float) -> np.ndarray:
+def warming(path: Path, rng: Rng, rise: float) -> np.ndarray:
     """A start-up's warming (T,) [°C] with two time constants [s]."""
     fast, slow = rng.uniform(12.0, 40.0), rng.uniform(100.0, 400.0)
     warmth = 0.7 * -np.expm1(-path.t / fast) + 0.3 * -np.expm1(-path.t / slow)

@@ -164,16 +164,10 @@ def families(design: ExperimentDesign) -> tuple[str, ...]:
 class LookalikeCase:
     """A look-alike: a robot with known faults, and how much each shows.
 
-    Attributes:
-        seed: that it was drawn with.
-        kind: ``none``, ``single``, ``pair`` or ``outside``.
-        clean: noise-free reading of each hold or sample (N, 6) [N, N·m], with all causes.
-        gaps: what each cause adds to the gap, by the contract's name of its effect, or by the
-            family outside the library; of a cause between rows, the mean rise of a row's variance
-            over the channels.
-        rows: largest rise of a channel's row variance, of the causes that show between rows.
-        background: gap of all small imperfections together.
-        items: everything that is wrong, and how much of it.
+    ``clean`` is the noise-free reading of each hold or sample (N, 6) with all causes; ``gaps`` what
+    each adds to the gap, by effect or family outside the library (of a cause between rows, the mean
+    rise of a row's variance), ``rows`` the largest rise of a channel's row variance of those,
+    ``background`` the gap of all small imperfections, ``items`` all that is wrong and how much.
     """
 
     seed: int
@@ -207,14 +201,11 @@ def draw(
     effect: str | None = None,
     size: float | None = None,
 ) -> LookalikeCase:
-    """A case that depends on design and seed alone.
+    """A case that depends on design and seed alone; a `ParameterError` for an unknown kind or
+    effect, or one that this design cannot show.
 
-    Args:
-        effect: name of the (first) cause, or of the outside family; random if None.
-        size: of the cause in multiples of typical; random if None, and grown until it shows.
-
-    Raises:
-        ParameterError: an unknown kind or effect, or one that this design cannot show.
+    ``effect`` is the name of the (first) cause or of the outside family, ``size`` that of the cause
+    in multiples of typical: random if None, the size then grown until it shows.
     """
     if kind not in frame.KINDS:
         raise ParameterError(f"there is no kind of case {kind!r}. Known: {', '.join(frame.KINDS)}")

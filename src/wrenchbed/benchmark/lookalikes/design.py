@@ -38,16 +38,10 @@ _STRIDE = 8
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """The nominal robot at T instants of a path that passes every pose.
-
-    Attributes:
-        t: (T,) [s].
-        q: (T, J) joint values.
-        wrench: nominal (T, 6) [N, N·m].
-        specific_force: in sensor axes (T, 3) [m/s²].
-        torque: that the joints carry (T, J) [N·m or N], empty without joints.
-        at: index of the instant of each hold or sample (N,).
-    """
+    """The nominal robot at T instants [s] of a path that passes every pose: joint values (T, J),
+    wrench (T, 6) [N, N·m], specific force in sensor axes (T, 3) [m/s²], torque that the joints
+    carry (T, J) [N·m or N], empty without joints, and the instant of each hold or sample, ``at``
+    (N,)."""
 
     t: np.ndarray
     q: np.ndarray
@@ -88,19 +82,11 @@ def path_of_holds(design: "ExperimentDesign") -> JointPath:
 class ExperimentDesign:
     """Poses, times and stated numbers of a recording, which all cases drawn at it share.
 
-    Attributes:
-        robot: the robot, as its nominal model.
-        mode: ``static`` or ``dynamic``.
-        q: joint values of the holds (H, J) or of the samples (N, J) [rad or m]; orientations w, x,
-            y, z (H, 4) for a robot without joints.
-        t: mean time of each hold (H,) or of each sample (N,) [s].
-        samples: rows of each hold, 1 in motion.
-        rate: rows per second [Hz].
-        metadata: what is stated about tool, sensor and tolerances.
-        noise_std: of one row (6,) [N, N·m].
-        temperature: per hold or sample (H or N,) [°C], None if it was not recorded.
-        measured: wrenches of the holds or samples (N, 6), from which a tool follows that nobody
-            states; None where there are none.
+    ``q`` are joint values of the holds (H, J) or of the samples (N, J) [rad or m]; orientations w,
+    x, y, z (H, 4) for a robot without joints; ``t`` mean times of holds or samples [s], ``samples``
+    rows of each hold, 1 in motion, ``rate`` rows per second [Hz], ``noise_std`` of one row (6,) [N,
+    N·m], ``temperature`` per hold or sample [°C]. From the wrenches ``measured`` (N, 6) a tool
+    follows that nobody states.
     """
 
     robot: Robot

@@ -89,16 +89,10 @@ RowImperfection = RowChange[Shaking]
 class Imperfection(Fault):
     """One departure from the robot as stated; unused stages are None.
 
-    Attributes:
-        joint: change of the joint values (N, J) [rad or m].
-        link: change of the robot's parameters (P,) or (N, P).
-        base: rotation vector of the whole robot in the world (3,) or (N, 3) [rad].
-        mount: rotation vector of the sensor on the flange (3,) [rad].
-        tool: changes the rigid load of a motion.
-        load: a further load on the sensor (N, 6) for a motion.
-        sensor: changes the wrench as the gauges do.
-        clock: changes the wrench as timing does.
-        rows: what happens between rows.
+    ``joint`` changes the joint values (N, J) [rad or m], ``link`` the parameters (P,) or (N, P);
+    ``base`` turns the robot in the world by rotation vectors (3,) or (N, 3), ``mount`` the sensor
+    on its flange (3,) [rad]; ``tool`` changes the rigid load, ``load`` adds a wrench (N, 6),
+    ``sensor`` changes it as gauges do, ``clock`` as timing does, ``rows`` between rows.
     """
 
     joint: np.ndarray | None = None

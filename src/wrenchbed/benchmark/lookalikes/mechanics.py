@@ -24,16 +24,9 @@ below 1e-9 of it."""
 
 @dataclass(frozen=True, eq=False)
 class SensorMotion:
-    """Pose and motion of the sensor.
-
-    Attributes:
-        rotation: R_world_sensor (N, 3, 3).
-        position: the sensor's origin in the world (N, 3) [m].
-        acceleration: of the origin, world axes (N, 3) [m/s²].
-        gravity: world axes (3,) [m/s²].
-        spin: angular velocity in sensor axes (N, 3) [rad/s], None at rest.
-        spin_rate: angular acceleration in sensor axes (N, 3) [rad/s²], None at rest.
-    """
+    """Pose and motion of the sensor: R_world_sensor (N, 3, 3), its origin and that origin's
+    acceleration in world axes (N, 3) [m, m/s²], gravity (3,), angular velocity and acceleration in
+    sensor axes (N, 3) [rad/s, rad/s²], None at rest."""
 
     rotation: np.ndarray
     position: np.ndarray

@@ -9,10 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark.frame import Rng, by_axis, by_moment, elapsed, sign
-from wrenchbed.benchmark.referee import fault, machine
-from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, about, direction
+from wrenchbed.benchmark.referee import machine
 from wrenchbed.benchmark.referee.laws import dahl
-from wrenchbed.benchmark.referee.machine import Mechanics, Ride
+from wrenchbed.benchmark.referee.machine import Mechanics, RefereeFault, Ride, direction
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.benchmark.rigid import wrench_at
 from wrenchbed.physics.wrench import symmetric
@@ -29,7 +28,7 @@ def mount_rotation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
     axis = direction(rng)
     if rng.uniform() < 0.35:
         axis = np.array([0.0, 0.0, sign(rng)]) + 0.2 * axis
-    vector = about(rng, np.deg2rad(0.4) * size) * axis / np.linalg.norm(axis)
+    vector = machine.about(rng, np.deg2rad(0.4) * size) * axis / np.linalg.norm(axis)
 
     def body(m: Mechanics) -> Mechanics:
         both = Rotation.from_rotvec(m.mount) * Rotation.from_rotvec(vector)
@@ -44,7 +43,7 @@ def joint_offset(
     """Draw a fault: the zero of a joint, about 0.2° or 1 mm off."""
     k = _joint(setting, rng) if j is None else j
     unit = np.deg2rad(0.2) if setting.robot.joints[k].unit == "rad" else 1e-3
-    value = sign(rng) * about(rng, unit * size)
+    value = sign(rng) * machine.about(rng, unit * size)
     row = value * np.eye(len(setting.robot.joints))[k]
     return RefereeFault(
         {f"offset.q{k + 1}": value},
@@ -58,7 +57,7 @@ def joint_compliance(
     """Draw a fault: a compliant gear: a hinge behind the drive, about 15,000 or 5,000 N·m/rad."""
     k = _rotating(setting, rng) if j is None else j
     strong = k < setting.robot.large_gears
-    compliance = about(rng, size / (1.5e4 if strong else 5e3))
+    compliance = machine.about(rng, size / (1.5e4 if strong else 5e3))
     more = compliance * np.eye(len(setting.robot.joints))[k]
     return RefereeFault(
         {f"compliance.q{k + 1}": compliance},
@@ -69,7 +68,7 @@ def joint_compliance(
 def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: backlash of about 0.08° between drive and link; the weight decides the side."""
     k = _rotating(setting, rng)
-    width = about(rng, np.deg2rad(0.08) * size)
+    width = machine.about(rng, np.deg2rad(0.08) * size)
     strong = k < setting.robot.large_gears
     friction = rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08)
     gap = machine.Backlash(width, float(friction))
@@ -83,7 +82,7 @@ def joint_gear_error(
     """Draw a fault: a gear error of about 4′ with an overtone; lowest order 1 to 4 a turn."""
     k = _rotating(setting, rng) if j is None else j
     order = int(rng.choice([1, 2, 3, 4], p=[0.4, 0.4, 0.1, 0.1]))
-    wave = about(rng, np.deg2rad(4.0 / 60.0) * size)
+    wave = machine.about(rng, np.deg2rad(4.0 / 60.0) * size)
     phase, over = rng.uniform(-np.pi, np.pi, 2), rng.uniform(0.0, 0.2)
     unit = np.eye(len(setting.robot.joints))[k]
 
@@ -100,22 +99,24 @@ def joint_clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
     pins = setting.loops
     count = int(rng.integers(1, len(pins) + 1))
     chosen = rng.choice(len(pins), count, replace=False)
-    radius = {pins[int(k)]: about(rng, 4e-5 * size) for k in chosen}
+    radius = {pins[int(k)]: machine.about(rng, 4e-5 * size) for k in chosen}
     return RefereeFault(radius, body=lambda m: replace(m, clearance={**m.clearance, **radius}))
 
 
 def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: a link of a closed chain, about 0.7 mm too long or too short."""
     names = [n for n in setting.robot.parameters.names if n[0] == "L" and n[1:].isdigit()]
-    return fault.not_as_drawn(
-        setting, {str(rng.choice(names)): sign(rng) * about(rng, 7e-4 * size)}
+    return machine.not_as_drawn(
+        setting, {str(rng.choice(names)): sign(rng) * machine.about(rng, 7e-4 * size)}
     )
 
 
 def base_tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: a base about 0.4° out of level: gravity rotates in its axes."""
     heading = rng.uniform(-np.pi, np.pi)
-    vector = about(rng, np.deg2rad(0.4) * size) * np.array([np.cos(heading), np.sin(heading), 0.0])
+    vector = machine.about(rng, np.deg2rad(0.4) * size) * np.array(
+        [np.cos(heading), np.sin(heading), 0.0]
+    )
     rotation = Rotation.from_rotvec(vector)
     return RefereeFault(
         {"x": float(vector[0]), "y": float(vector[1])},
@@ -125,7 +126,7 @@ def base_tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: a floor with a compliance of 2e-5 rad/(N·m) about one axis, less across."""
-    most = about(rng, 2e-5 * size)
+    most = machine.about(rng, 2e-5 * size)
     lean = np.array([most, most * rng.uniform(0.3, 0.9)])
     heading = float(rng.uniform(-np.pi, np.pi))
     return RefereeFault(
@@ -135,7 +136,7 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
 
 def base_vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: a machine nearby: a varying tone of 7 to 40 Hz with overtone, or a rumble."""
-    level = about(rng, 1.3 * float(setting.noise[:3].min()) / setting.mass * size)
+    level = machine.about(rng, 1.3 * float(setting.noise[:3].min()) / setting.mass * size)
     axis = direction(rng) * [1.0, 1.0, 0.7]
     axis /= np.linalg.norm(axis)
     top = 0.4 * float(setting.metadata.rate_hz or 100.0)
@@ -153,7 +154,7 @@ def base_vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
             wave = swell * tone * np.sqrt(2.0 / (1.061 * (_TONE**2 + (1 - _TONE) ** 2)))
         return np.outer(level * wave, axis)
 
-    return RefereeFault({"acceleration": level}, rows=RowFault(shake=shake))
+    return RefereeFault({"acceleration": level}, rows=machine.RowFault(shake=shake))
 
 
 def _joint(setting: RefereeSetting, rng: Rng) -> int:
@@ -169,14 +170,14 @@ def _rotating(setting: RefereeSetting, rng: Rng) -> int:
 def tool_mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: the tool is about 2 % heavier or lighter than stated."""
     least = 2.0 * setting.tolerance[0]
-    error = sign(rng) * max(least, about(rng, 0.02 * size * setting.mass))
-    return fault.heavier(setting, error)
+    error = sign(rng) * max(least, machine.about(rng, 0.02 * size * setting.mass))
+    return machine.heavier(setting, error)
 
 
 def tool_cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: the tool's centre of gravity is about 1.5 mm away from where it is stated."""
-    away = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size))
-    return fault.off(setting, away * direction(rng))
+    away = max(2.0 * setting.tolerance[1], machine.about(rng, 1.5e-3 * size))
+    return machine.off(setting, away * direction(rng))
 
 
 def tool_inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -188,12 +189,12 @@ def tool_inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
     askew = Rotation.from_rotvec(0.15 * size * direction(rng)).as_matrix()
     new = askew @ np.sqrt(grown) @ old @ np.sqrt(grown) @ askew.T
     change = by_moment(new - old)
-    return fault.misshapen(setting, change, {f"tool.{n}": v for n, v in change.items()})
+    return machine.misshapen(setting, change, {f"tool.{n}": v for n, v in change.items()})
 
 
 def tool_loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: a part that slides to and fro in the tool; the CoG shifts by about 1.5 mm."""
-    travel = about(rng, 1.5e-3 * size)
+    travel = machine.about(rng, 1.5e-3 * size)
     mass_fraction = float(rng.uniform(0.08, 0.2))
     part = machine.LoosePart(
         mass_fraction, direction(rng), 0.5 * travel / mass_fraction, float(rng.uniform(0.05, 0.3))
@@ -214,7 +215,7 @@ def tool_leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     else:  # drops
         gaps = rng.uniform(0.5, 1.5, int(rng.integers(15, 60)))
         gone = np.searchsorted(np.cumsum(gaps) / gaps.sum(), progress, "right").astype(float)
-    lost = about(rng, 0.015 * size * setting.mass) * gone / gone[-1]
+    lost = machine.about(rng, 0.015 * size * setting.mass) * gone / gone[-1]
     lost = lost * float(rng.choice([1.0, 1.0, 1.0, -1.0]))  # or it fills up
     place = setting.cog + 0.02 * rng.standard_normal(3)
 
@@ -232,7 +233,7 @@ def tool_slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     else:
         waits = rng.gamma(4.0, 1.0, int(rng.integers(12, 40)))
         law = np.searchsorted(np.cumsum(waits) / waits.sum(), progress, "right").astype(float)
-    way = about(rng, 2e-3 * size) * direction(rng)
+    way = machine.about(rng, 2e-3 * size) * direction(rng)
     moved = np.outer(law / law[-1], way)
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
@@ -246,7 +247,7 @@ def tool_flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
     """Draw a fault: a tool whose root bends by about 5e-5 m/N, unequally across."""
     root = float(rng.uniform(0.0, 0.3)) * float(setting.cog[2])
     lever = max(float(np.linalg.norm(setting.cog - [0.0, 0.0, root])), 0.02)
-    bend = about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
+    bend = machine.about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
     bend = bend if rng.uniform() < 0.5 else bend[::-1]
     return RefereeFault(
         {"compliance": float(bend.mean() * lever**2)},
@@ -264,7 +265,7 @@ def cable_pull(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     far = np.linalg.norm(place - hook, axis=1)
     slack = float(np.quantile(far, rng.uniform(0.0, 0.6)))
     pull = float(np.mean(np.maximum(far - slack, 0.0))) + 1e-3
-    stiffness = about(rng, 0.02 * setting.mass * _G * size) / pull
+    stiffness = machine.about(rng, 0.02 * setting.mass * _G * size) / pull
     rope = machine.Hose(hook, point, slack, stiffness)
     true = {"stiffness": stiffness, "slack": slack}
     return RefereeFault(true, body=lambda m: replace(m, devices=(*m.devices, rope)))
@@ -281,7 +282,7 @@ def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> Refer
     radius = 0.01
     level = float(np.quantile(height, rng.uniform(0.06, 0.2)))
     deep = level - height[height < level]
-    force = about(rng, 0.03 * setting.mass * _G * size)
+    force = machine.about(rng, 0.03 * setting.mass * _G * size)
     k = force / max(float(deep.mean()), 1e-4)
     point = ends.mean(axis=0) + (level - radius - float(ends.mean(axis=0) @ normal)) * normal
     block = machine.Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
@@ -293,7 +294,7 @@ def cable_torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFaul
     last = setting.path.q.shape[1] - 1
     angle = setting.path.q[:, last]
     spread = max(float(np.std(angle[setting.path.rows])), 0.05)
-    k = sign(rng) * about(rng, 6.0 * setting.noise[5] * size) / spread
+    k = sign(rng) * machine.about(rng, 6.0 * setting.noise[5] * size) / spread
     middle = float(np.median(angle)) + rng.normal(0.0, 0.3)
     grip, reach = abs(k) * spread * rng.uniform(0.0, 0.15), rng.uniform(0.05, 0.3)
     lean = rng.normal(0.0, 0.06, 2)

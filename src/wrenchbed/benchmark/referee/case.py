@@ -14,19 +14,21 @@ from wrenchbed import registry
 from wrenchbed.benchmark import frame
 from wrenchbed.benchmark.frame import Rng, by_channel
 from wrenchbed.benchmark.referee import body, outside, sensor
-from wrenchbed.benchmark.referee.fault import (
+from wrenchbed.benchmark.referee.laws import held, rows, shaken
+from wrenchbed.benchmark.referee.machine import (
+    Mechanics,
     RefereeFault,
+    Ride,
     RowFault,
     direction,
     heavier,
     misshapen,
     not_as_drawn,
     off,
+    ride,
     shifted,
     signal,
 )
-from wrenchbed.benchmark.referee.laws import held, rows, shaken
-from wrenchbed.benchmark.referee.machine import Mechanics, Ride, ride
 from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
 from wrenchbed.benchmark.referee.signatures import Bench, bench
 from wrenchbed.data.recording import Recording
@@ -145,13 +147,8 @@ def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
 
 @dataclass(frozen=True, eq=False)
 class TrueCause(frame.Shown):
-    """A fault of a case, measured on the robot that has it.
-
-    Attributes:
-        fault: the fault.
-        signature: what it adds to a clean reading where readings are compared (n, 6).
-        world: the robot with it.
-    """
+    """A fault of a case, measured on the robot that has it: what it adds to a clean reading where
+    readings are compared (n, 6), and that robot."""
 
     fault: RefereeFault
     signature: np.ndarray
@@ -160,13 +157,8 @@ class TrueCause(frame.Shown):
 
 @dataclass(frozen=True, eq=False)
 class FaultyRobot:
-    """A simulated robot with faults, run along its path; further faults can be added.
-
-    Attributes:
-        setting: what is stated and commanded.
-        around: faults that it has.
-        way: motion and load with these faults.
-    """
+    """A simulated robot with faults (``around``), run along its path: motion and load with them.
+    Further faults can be added."""
 
     setting: RefereeSetting
     around: tuple[RefereeFault, ...]
@@ -210,11 +202,7 @@ class FaultyRobot:
 
     def measured(self, fault: RefereeFault, together: "FaultyRobot | None" = None) -> TrueCause:
         """Readings and gap that a fault adds to this robot; ``together`` is the robot with it, if
-        it was made before.
-
-        Raises:
-            ParameterError: the simulation diverged.
-        """
+        it was made before. A `ParameterError` if the simulation diverged."""
         other = together or self.with_(fault)
         if frame.between(fault.name) and fault.rows is not None:
             t, rows = self.setting.path.t, self.setting.path.rows
@@ -288,14 +276,9 @@ class FaultyRobot:
 class RefereeCase:
     """A case of the referee: a recording, and the truth that is kept apart.
 
-    Attributes:
-        kind: one of `KINDS`.
-        recording: what an entrant gets.
-        causes: of an outside case the fault outside the library.
-        faults: causes and background.
-        minor: gap of the background.
-        measured: minus what is stated, where readings are compared (n, 6).
-        world: the robot without the causes.
+    ``causes`` are of an outside case the fault outside the library, ``faults`` causes and
+    background, ``minor`` is the background's gap, ``measured`` minus what is stated, where readings
+    are compared (n, 6), ``world`` the robot without the causes.
     """
 
     kind: str
@@ -367,11 +350,8 @@ def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase
 def robot_with_minor(
     robot: str, mode: str, seed: tuple[int, ...], rng: Rng
 ) -> tuple[FaultyRobot, float]:
-    """Draw a setting and a robot with minor imperfections only; return the robot and their gap.
-
-    Raises:
-        ParameterError: the robot exists in no simulator.
-    """
+    """Draw a setting and a robot with minor imperfections only; return the robot and their gap. A
+    `ParameterError` if the robot exists in no simulator."""
     arm = registry.load("robots", robot)
     if not isinstance(arm, SimulatedRobot):
         raise ParameterError(f"robot {robot!r} has no model to make cases with")

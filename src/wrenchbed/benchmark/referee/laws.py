@@ -13,8 +13,7 @@ from scipy.signal import lfilter
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import Rng, converted
-from wrenchbed.benchmark.referee.fault import RefereeFault
-from wrenchbed.benchmark.referee.machine import Ride
+from wrenchbed.benchmark.referee.machine import RefereeFault, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.benchmark.rigid import wrench_at
 
@@ -61,10 +60,7 @@ def bouc_wen(x: np.ndarray, shape: float) -> np.ndarray:
 
 def _loop(pieces: np.ndarray, a: float) -> list[float]:
     """Integrate one column of `bouc_wen`; pieces (4, T − 1) hold side, length and the exponentials
-    of both rates.
-
-    Until the loop is 0 it unloads, at another rate.
-    """
+    of both rates. Until the loop is 0 it unloads, at another rate."""
     out, now = [], 0.0
     for side, d, loads, unloads in zip(*pieces.tolist(), strict=True):
         w = side * now

@@ -1,20 +1,22 @@
-"""The true machine in MuJoCo, by forward dynamics: hidden hinges, stops, hoses and pads that push.
+"""The true machine in MuJoCo, by forward dynamics: hidden hinges, stops, hoses and pads that push;
+and one fault of it: where it acts, its true numbers, how a list of faults makes a reading.
 
 Drives are prescribed: each has an armature so large that only the commanded acceleration moves it.
 Everything else follows from the equations of motion, by MuJoCo's implicit integrator. Dampings and
 armatures are estimates: large enough for a stable simulation at its step. Steps are estimates, too:
-small against every time constant of the machine.
+small against every time constant of the machine. So are ranges of draws that faults share.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.referee.scenario import DrivePath
+from wrenchbed.benchmark.frame import Fault, Rng, RowChange, by_axis
+from wrenchbed.benchmark.referee.scenario import DrivePath, RefereeSetting
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot
 
@@ -42,6 +44,8 @@ _LEAST_COMPLIANCE = 1e-9
 _BEND_RATIO = 0.3
 """Damping ratio of a tool's root."""
 _HINGE, _SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+LOAD, GAIN, MIX, BEND, LOOP, CREEP, ZERO, CLOCK = range(8)
+"""Order in which faults act: on the load, in the sensor, and on the time of its readings."""
 
 
 class Backlash(NamedTuple):
@@ -52,14 +56,8 @@ class Backlash(NamedTuple):
 
 
 class LoosePart(NamedTuple):
-    """A part of the tool that slides between two stops.
-
-    Attributes:
-        share: of the tool's mass.
-        axis: it slides along, sensor axes (3,).
-        stop: half its travel [m].
-        stick: friction as a share of its weight.
-    """
+    """A part of the tool, a share of its mass, that slides along an axis in sensor axes (3,)
+    between stops at ±``stop`` [m]; its friction is the share ``stick`` of its weight."""
 
     share: float
     axis: np.ndarray
@@ -98,17 +96,9 @@ class Hose(NamedTuple):
 
 
 class Pad(NamedTuple):
-    """A light plate on a spring that the tool's end can touch; the contact is as hard as MuJoCo
-    makes it.
-
-    Attributes:
-        point: on its face at rest (3,) [m].
-        normal: towards the robot (3,).
-        stiffness: [N/m].
-        friction: coefficient.
-        tip: the tool's end in sensor axes (3,) [m].
-        radius: of that end [m].
-    """
+    """A light plate on a spring [N/m] that the tool's end can touch: ``point`` on its face at rest
+    and its normal towards the robot, in the world; ``tip`` of the tool in sensor axes (3,) [m], a
+    ball of ``radius`` [m]. The contact is as hard as MuJoCo makes it."""
 
     point: np.ndarray
     normal: np.ndarray
@@ -136,20 +126,13 @@ class Pad(NamedTuple):
 class Mechanics:
     """Errors, compliances and backlashes of the true machine.
 
-    Attributes:
-        theta: its geometry and load, the robot's own parameters (P,).
-        gravity: in the axes of the nominal world (3,) [m/s²].
-        compliance: of each driven joint (J,) [rad/(N·m)], 0 for sliding ones.
-        mass: factor on the mass of each body by name.
-        drive: errors between reported joint values and where the drives are.
-        backlash: of driven joints, by index.
-        clearance: radial, of a pin that closes a loop, by its name [m].
-        lean: compliance of the base about two axes (2,) [rad/(N·m)].
-        heading: of the first of these axes in the base's plane [rad].
-        bend: compliance of the tool's root about x and y (2,) [rad/(N·m)].
-        root: height of that root above the sensor's origin [m].
-        mount: rotation vector of the sensor on its flange (3,) [rad].
-        devices: what hangs on the tool or stands in its way.
+    ``theta`` are its geometry and load (P,), ``gravity`` is in the axes of the nominal world (3,)
+    [m/s²], ``compliance`` of each driven joint (J,) [rad/(N·m)], 0 for sliding ones; ``mass`` are
+    factors on bodies by name, ``drive`` errors between reported joint values and where the drives
+    are, ``backlash`` by index of joint, ``clearance`` radial by name of pin [m]. The base leans
+    about two axes by ``lean`` (2,) [rad/(N·m)], the first at ``heading`` [rad] in its plane; the
+    tool's root, ``root`` [m] above the sensor, bends about x and y by ``bend`` (2,) [rad/(N·m)];
+    ``mount`` is the sensor's rotation vector on its flange (3,) [rad].
     """
 
     theta: np.ndarray
@@ -284,15 +267,9 @@ def _tool(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Ride:
-    """Motion and load of the robot at each of T instants.
-
-    Attributes:
-        path: that was commanded.
-        load: on the sensor, its true axes (T, 6) [N, N·m].
-        rotation: R_world_sensor (T, 3, 3).
-        position: of the sensor in the world (T, 3) [m].
-        gravity: true gravity in the nominal world's axes (3,) [m/s²].
-    """
+    """Motion and load of the robot at each of T instants of a commanded path: load on the sensor in
+    its true axes (T, 6) [N, N·m], R_world_sensor (T, 3, 3), the sensor's place (T, 3) [m], and true
+    gravity in the nominal world's axes (3,) [m/s²]."""
 
     path: DrivePath
     load: np.ndarray
@@ -307,11 +284,8 @@ class Ride:
 
 
 def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
-    """Simulate a machine along a path; return its motion and load at each instant.
-
-    Raises:
-        ParameterError: the simulation diverged.
-    """
+    """Simulate a machine along a path; return its motion and load at each instant, a
+    `ParameterError` if the simulation diverged."""
     h = STEP_S["dynamic" if path.moving else "static"]
     model = build(robot, truth, h)
     data, drives = mujoco.MjData(model), [model.joint(joint.name) for joint in robot.joints]
@@ -361,3 +335,97 @@ def _driven(truth: Mechanics, path: DrivePath) -> tuple[np.ndarray, np.ndarray, 
     curvature = (ahead - 2 * q0 + behind) / eps**2
     slope = np.where(np.abs(path.qd) > 1e-6, qd / np.where(path.qd == 0, 1, path.qd), 1.0)
     return q0, qd, slope * path.qdd + curvature
+
+
+Change = Callable[[Ride, np.ndarray], np.ndarray]
+"""Makes another signal (T, 6) [N, N·m] of one, over the instants of a ride."""
+RowFault = RowChange[Callable[[np.ndarray], np.ndarray]]
+"""Change of single rows; it shakes the base by accelerations (n, 3) at times (n,) [s], world axes
+[m/s²]."""
+
+
+def about(rng: Rng, value: float, spread: float = 0.2) -> float:
+    """Draw a log-normal value around ``value`` with a relative spread."""
+    return float(value * np.exp(spread * np.clip(rng.standard_normal(), -2.0, 2.0)))
+
+
+def direction(rng: Rng) -> np.ndarray:
+    """Draw a unit vector (3,)."""
+    v = rng.standard_normal(3)
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def touched(rng: Rng) -> np.ndarray:
+    """Draw weights (6,) of channels: one, two, three of a kind or all; the largest is ±1."""
+    few = int(rng.choice([1, 2, 3, 6], p=[0.45, 0.2, 0.15, 0.2]))
+    chosen = np.zeros(6, dtype=bool)
+    if few == 3:
+        chosen[:3] = rng.uniform() < 0.5
+        chosen[3:] = not chosen[0]
+    else:
+        chosen[rng.choice(6, few, replace=False)] = True
+    weight = chosen * rng.uniform(0.4, 1.0, 6) * rng.choice([-1.0, 1.0], 6)
+    return np.asarray(weight / np.abs(weight).max())
+
+
+@dataclass(frozen=True, eq=False)
+class RefereeFault(Fault):
+    """Fault of the referee's robot; ``true`` has its numbers as a diagnosis publishes them, SI.
+
+    ``body`` changes the mechanics, which are then simulated anew; ``change`` acts at a ``stage`` on
+    the load, what the gauges make of it, or when it is read; ``rows`` acts between rows. ``size``
+    is in multiples of typical.
+    """
+
+    body: Callable[[Mechanics], Mechanics] | None = None
+    change: Change | None = None
+    stage: int = 0
+    rows: RowFault | None = None
+    size: float = 0.0
+
+
+def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
+    """Fault of a sensor's zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
+    return RefereeFault(true, change=lambda ride, y: y + shift, stage=ZERO)
+
+
+def misshapen(
+    setting: RefereeSetting, true: dict[str, float], errors: dict[str, float]
+) -> RefereeFault:
+    """Fault of the mechanics: errors of its parameters by name."""
+    shift = np.zeros(len(setting.theta))
+    for name, value in errors.items():
+        shift[setting.robot.parameters.index(name)] = value
+    return RefereeFault(true, lambda m: replace(m, theta=m.theta + shift))
+
+
+def not_as_drawn(setting: RefereeSetting, errors: dict[str, float]) -> RefereeFault:
+    """Fault of links whose parameters are off by name; no diagnosis publishes such numbers."""
+    return misshapen(setting, {f"length.{k}": v for k, v in errors.items()}, errors)
+
+
+def heavier(setting: RefereeSetting, error: float) -> RefereeFault:
+    """Fault of a tool that is heavier than stated by ``error`` [kg]."""
+    return RefereeFault({"mass": error}, lambda m: _loaded(setting, m, error, np.zeros(3)))
+
+
+def off(setting: RefereeSetting, error: np.ndarray) -> RefereeFault:
+    """Fault of a tool whose centre of gravity is off by (3,) [m]."""
+    return RefereeFault(by_axis(error, "cog."), lambda m: _loaded(setting, m, 0.0, error))
+
+
+def _loaded(setting: RefereeSetting, m: Mechanics, mass: float, cog: np.ndarray) -> Mechanics:
+    """The machine with another mass [kg] and CoG (3,) [m] of its tool."""
+    tool = setting.robot.tool(m.theta)
+    centre = (np.asarray(tool.cog) + cog).tolist()
+    theta = setting.robot.theta_of_tool(m.theta, float(tool.mass) + mass, centre)
+    return replace(m, theta=theta)
+
+
+def signal(ride: Ride, faults: Sequence[RefereeFault]) -> np.ndarray:
+    """Sensor's reading at every instant (T, 6) [N, N·m], without noise and range."""
+    y = ride.load
+    for fault in sorted(faults, key=lambda f: f.stage):
+        if fault.change is not None:
+            y = fault.change(ride, y)
+    return y

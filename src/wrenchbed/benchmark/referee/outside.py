@@ -7,9 +7,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark.frame import Rng, elapsed, sign
-from wrenchbed.benchmark.referee.fault import BEND, ZERO, RefereeFault, direction, shifted, touched
 from wrenchbed.benchmark.referee.laws import dahl, ornstein
-from wrenchbed.benchmark.referee.machine import Ride
+from wrenchbed.benchmark.referee.machine import (
+    BEND,
+    ZERO,
+    RefereeFault,
+    Ride,
+    direction,
+    shifted,
+    touched,
+)
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.benchmark.rigid import wrench_at
 

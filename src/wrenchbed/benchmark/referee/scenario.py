@@ -48,14 +48,10 @@ _CHECKS = 25
 
 @dataclass(frozen=True, eq=False)
 class DrivePath:
-    """Motion of a robot at T instants, with the rows that are recorded.
+    """Motion of a robot at T instants [s] as it reports it, without noise (T, J).
 
-    Attributes:
-        t: of each instant (T,) [s].
-        q, qd, qdd: as the robot reports them, without noise (T, J).
-        rows: instants whose reading is recorded (N,).
-        hold: which pose each row belongs to (N,), all 0 in motion.
-        placed: instants at which the robot is placed at a pose, without a move.
+    ``rows`` are the instants that are recorded (N,), ``hold`` the pose of each row (N,), all 0 in
+    motion, ``placed`` the instants at which the robot is placed at a pose without a move.
     """
 
     t: np.ndarray
@@ -147,15 +143,9 @@ def _move(
 
 @dataclass(frozen=True, eq=False)
 class RefereeSetting:
-    """Stated and commanded values of a recording, which its faults do not change.
-
-    Attributes:
-        robot: a robot that exists in MuJoCo.
-        path: commanded.
-        metadata: as stated.
-        theta: the stated robot's parameters (P,).
-        temperature: beside the robot at each instant (T,) [°C], None if it is not recorded.
-    """
+    """Stated and commanded values of a recording, which its faults do not change: path, metadata
+    and parameters (P,) of the stated robot, which exists in MuJoCo, and the temperature beside it
+    at each instant (T,) [°C], None if it is not recorded."""
 
     robot: SimulatedRobot
     path: DrivePath
@@ -275,15 +265,14 @@ def draw(robot: SimulatedRobot, mode: str, rng: Rng) -> RefereeSetting:
     six = dict(zip(names, metadata.tool.inertia or (), strict=True))
     theta = robot.theta_of_tool(robot.parameters.nominal, mass, cog.tolist())
     theta = robot.parameters.vector(six, start=theta)
-    path = _poses(robot, rng) if mode == "static" else _motion(robot, rng)
+    if mode == "static":
+        n = int(rng.integers(POSES[0], POSES[1] + 1))
+        pause = rng.gamma(1.0, 0.4, n)  # somebody presses a key
+        path = through(robot, robot.sample(n, rng), SAMPLES, RATE_HZ, pause)
+    else:
+        path = _motion(robot, rng)
     warm = _weather(path.t, rng) if rng.uniform() < 0.4 else None
     return RefereeSetting(robot, path, metadata, theta, warm)
-
-
-def _poses(robot: SimulatedRobot, rng: Rng) -> DrivePath:
-    n = int(rng.integers(POSES[0], POSES[1] + 1))
-    pause = rng.gamma(1.0, 0.4, n)  # somebody presses a key
-    return through(robot, robot.sample(n, rng), SAMPLES, RATE_HZ, pause)
 
 
 def _motion(robot: SimulatedRobot, rng: Rng) -> DrivePath:

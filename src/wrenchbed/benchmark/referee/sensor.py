@@ -8,10 +8,9 @@ saturation and quantization have the same formula there; here only their sizes a
 import numpy as np
 
 from wrenchbed.benchmark.frame import Rng, at_times, by_channel, by_pair, elapsed, log_uniform, sign
-from wrenchbed.benchmark.referee import fault
-from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, about, shifted, touched
+from wrenchbed.benchmark.referee import machine
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
-from wrenchbed.benchmark.referee.machine import Ride
+from wrenchbed.benchmark.referee.machine import RefereeFault, RowFault, about, shifted, touched
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
 _ARM = 0.05
@@ -24,7 +23,7 @@ def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
     return RefereeFault(
         {"delay": lag},
         change=lambda ride, y: at_times(y, ride.path.t, ride.path.t - lag),
-        stage=fault.CLOCK,
+        stage=machine.CLOCK,
     )
 
 
@@ -34,7 +33,7 @@ def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 
     step = float(setting.path.t[1] - setting.path.t[0])
     return RefereeFault(
-        {"time": time}, change=lambda ride, y: lowpass(y, step, time, stages), stage=fault.CLOCK
+        {"time": time}, change=lambda ride, y: lowpass(y, step, time, stages), stage=machine.CLOCK
     )
 
 
@@ -55,7 +54,7 @@ def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(
         {"skew": -rate},
         change=lambda ride, y: at_times(y, ride.path.t, ride.path.t + shift),
-        stage=fault.CLOCK,
+        stage=machine.CLOCK,
     )
 
 
@@ -79,7 +78,7 @@ def sensor_gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Draw a fault: sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
     return RefereeFault(
-        by_channel(error, "gain."), change=lambda ride, y: y * (1.0 + error), stage=fault.GAIN
+        by_channel(error, "gain."), change=lambda ride, y: y * (1.0 + error), stage=machine.GAIN
     )
 
 
@@ -101,7 +100,7 @@ def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeF
         shape = 0.7 * rng.standard_normal((6, 6))
     np.fill_diagonal(shape, 0.0)
     matrix = typical * shape
-    return RefereeFault(by_pair(matrix), change=lambda ride, y: y + y @ matrix.T, stage=fault.MIX)
+    return RefereeFault(by_pair(matrix), change=lambda ride, y: y + y @ matrix.T, stage=machine.MIX)
 
 
 def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -111,12 +110,12 @@ def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> Referee
     shape = float(rng.uniform(0.5, 0.9))
     used = np.flatnonzero(width)
 
-    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
+    def gauge(ride: machine.Ride, y: np.ndarray) -> np.ndarray:
         lag = np.zeros_like(y)
         lag[:, used] = width[used] * bouc_wen(y[:, used] / reach[used], shape)
         return y - lag
 
-    return RefereeFault(by_channel(width, "width."), change=gauge, stage=fault.LOOP)
+    return RefereeFault(by_channel(width, "width."), change=gauge, stage=machine.LOOP)
 
 
 def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -160,7 +159,7 @@ def sensor_temperature(setting: RefereeSetting, rng: Rng, size: float) -> Refere
 
     return RefereeFault(
         change=lambda ride, y: y * (1.0 + np.outer(level, gain)) + np.outer(level, zero),
-        stage=fault.ZERO,
+        stage=machine.ZERO,
     )
 
 
@@ -171,13 +170,13 @@ def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> Refer
     even = bool(rng.uniform() < 0.5)
     sharp = rng.uniform(0.6, 1.4)
 
-    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
+    def gauge(ride: machine.Ride, y: np.ndarray) -> np.ndarray:
         u = y / swing
         if even:
             return y + bend * (np.cosh(sharp * u) - 1.0) / (np.cosh(sharp) - 1.0)
         return y + bend * (np.sinh(sharp * u) / np.sinh(sharp) - u) * 2.6
 
-    return RefereeFault(change=gauge, stage=fault.BEND)
+    return RefereeFault(change=gauge, stage=machine.BEND)
 
 
 def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -187,11 +186,11 @@ def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
     times = first * np.array([1.0, 3.0, 9.0])
     part = rng.dirichlet([2.0, 2.0, 1.0])
 
-    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
+    def gauge(ride: machine.Ride, y: np.ndarray) -> np.ndarray:
         late = sum(p * after(ride.path.t, y, s) for p, s in zip(part, times, strict=True))
         return y + share * (late - y)
 
-    return RefereeFault(change=gauge, stage=fault.CREEP)
+    return RefereeFault(change=gauge, stage=machine.CREEP)
 
 
 def sensor_jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:

@@ -257,12 +257,8 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Signatures of the library on one robot.
-
-    Attributes:
-        usual: what every fit takes out.
-        columns: variants by effect (6 n, k), of typical size in noises of a row.
-    """
+    """Signatures of the library on one robot: variants by effect (6 n, k), of typical size in
+    noises of a row, and what every fit takes out."""
 
     usual: Usual
     columns: Mapping[str, list[np.ndarray]]

@@ -29,8 +29,7 @@ from wrenchbed.jobs.workers import Progress, in_workers, silent
 TEN_KINDS = ("single",) * 6 + ("none",) * 2 + ("outside",) * 1 + ("pair",) * 1
 """Kinds of ten successive cases."""
 LEAST = 20
-"""Fewest cases that anything can be learnt from: a frequency is then known to 0.11 (1 σ at one
-half)."""
+"""Fewest cases that anything can be learnt from: one half is then known to 0.11 (1 σ)."""
 
 
 def reliability_at_design(

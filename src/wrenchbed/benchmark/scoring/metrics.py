@@ -63,17 +63,9 @@ class ScoredMetric:
 
 @dataclass(frozen=True)
 class Metric:
-    """One figure of a score: the numbers that each case adds, and the figure made of their sums
-    (…, k).
-
-    Attributes:
-        title: for a table.
-        target: what it should be; empty where nobody stated a figure.
-        parts: sums of one case, None where it does not count.
-        combine: sums (…, k) → figure (…).
-        ours: only the diagnosis states it.
-        percent: a share.
-    """
+    """One figure of a score, made of sums over cases (…, k): ``parts`` are what a case adds, None
+    where it does not count, ``combine`` makes the figure of the sums (…), ``ours`` only the
+    diagnosis states. ``target`` is empty where nobody stated one."""
 
     title: str
     target: str
@@ -229,10 +221,8 @@ def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 
 def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Coverage: published numbers of true effects named first, and whether they hold the true ones.
-
-    Of the referee's robots every number is known, 0 where none is listed.
-    """
+    """Coverage: published numbers of true effects named first, and whether they hold the true ones;
+    of the referee's robots every number is known, 0 where none is listed."""
     inside = [
         abs(n.value - n.truth) <= NORMAL_90 * n.std
         for cause in (truth.causes if truth.effects else ())
@@ -244,11 +234,9 @@ def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 def _closed(truth: Answer, claim: Claim) -> Sequence[float] | None:
     """Sums for the closed share of the gap on held-out rows, as the claim states it (0 if it does
-    not) and as the oracle does.
-
-    None where a cause shows between rows: then the floor itself rose. Of causes that are only wrong
-    stated numbers from the configured simulator on, else from the calibrated one.
-    """
+    not) and as the oracle does; None where a cause shows between rows: then the floor itself rose.
+    Of causes that are only wrong stated numbers it counts from the configured simulator on, else
+    from the calibrated one."""
     oracle = None if truth.oracle is None else truth.oracle.closed
     if oracle is None or not truth.effects or any(c.rows for c in truth.causes):
         return None

@@ -17,16 +17,11 @@ OURS = "wrenchbed"
 
 @dataclass(frozen=True)
 class Fact:
-    """A true cause of a case.
-
-    Attributes:
-        effect: the contract's name, or of an outside case the family's.
-        size: in multiples of typical, None in worlds that draw none.
-        gap: that it adds; between rows the mean rise of a row's variance.
-        rows: largest rise of a channel's row variance, 0 where means show it.
-        true: its numbers as a diagnosis publishes them, SI, with what minor imperfections add.
-        alike: effects that this very data cannot tell from it.
-    """
+    """A true cause of a case: the contract's name, of an outside case the family's, its size in
+    multiples of typical if the world draws one, the gap that it adds (between rows the mean rise of
+    a row's variance), the largest rise of a channel's row variance, 0 where means show it, its
+    numbers as a diagnosis publishes them, SI, with what minor imperfections add, and the effects
+    that this very data cannot tell from it."""
 
     effect: str
     size: float | None
@@ -38,13 +33,8 @@ class Fact:
 
 @dataclass(frozen=True)
 class Oracle:
-    """Answer of an oracle that knows the form and size of all possible causes.
-
-    Attributes:
-        verdict: as the contract's.
-        causes: its classes.
-        closed: share of the gap that the true effects close.
-    """
+    """Answer of an oracle that knows the form and size of all possible causes: verdict, classes,
+    and the share of the gap that the true effects close."""
 
     verdict: str
     causes: tuple[tuple[str, ...], ...]
@@ -53,11 +43,8 @@ class Oracle:
 
 @dataclass(frozen=True)
 class Answer:
-    """The truth of a case; its salt keeps the file's hash from being guessed.
-
-    ``oracle`` is known for the referee's cases only; cases of efforts have no gap of minor
-    imperfections.
-    """
+    """The truth of a case; its salt keeps the file's hash from being guessed. The referee's cases
+    alone have an oracle, and cases of efforts no gap of minor imperfections."""
 
     case: str
     robot: str
@@ -87,20 +74,13 @@ class Answer:
 
 @dataclass(frozen=True)
 class Claim:
-    """Claim of a method about a recording.
+    """Claim of a method about a recording; the verdict is ``error`` where there is no readable one.
 
-    Attributes:
-        verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``; ``error``
-            where there is no readable one.
-        causes: claimed classes, largest first, each its first choice and then its rivals.
-        probabilities: over the leading answer; a class's key is its members joined by ``|``.
-        presence: probability of each class to be there, where that is not its share as leading.
-        set90: names that are said to hold the truth in 90 % of cases, none of who does not say.
-        subsystem: the first one that it names apart from its causes.
-        parameters: published finite numbers by effect and name: value and std, which may be None.
-        gap: the contract's finite numbers.
-        seconds: that it took.
-        error: what went wrong, empty if nothing did.
+    ``causes`` are classes, largest first, each its first choice and then its rivals;
+    ``probabilities`` are over the leading answer, a class's key its members joined by ``|``;
+    ``presence`` of each class to be there, where that is not its share as leading; ``set90`` names
+    said to hold the truth in 90 % of cases; ``subsystem`` the first one named apart from causes;
+    ``parameters`` and ``gap`` finite numbers as published, by effect and name.
     """
 
     verdict: str = "error"
@@ -148,10 +128,7 @@ def numbers(
     effect: str, published: Mapping[str, Mapping[str, Any]], true: Mapping[str, float]
 ) -> list[Number]:
     """Published parameters of an effect with an uncertainty, beside the true ones [SI], 0 if
-    unlisted, by name.
-
-    Only those that mean the same in the library and in the physics of the cases.
-    """
+    unlisted: those that mean the same in the library and in the physics of the cases."""
     pattern = EFFECTS[effect].compared if effect in EFFECTS else ""
     given = effects()[effect].amplitudes(published) if pattern else None
     return [

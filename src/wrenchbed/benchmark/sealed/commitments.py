@@ -127,14 +127,11 @@ def read(cases: Path) -> dict[str, Commitment]:
 
 
 def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str, Commitment]:
-    """Check that every case and every answer is what was committed to; return the commitments.
+    """Check that every case and every answer is what was committed to; return the commitments. A
+    `BenchmarkError` names the first file that is missing or was changed.
 
-    Args:
-        published: SHA-256 of ``commitments.json`` as entrants know it; who holds the answers could
-            change all files together, but not that.
-
-    Raises:
-        BenchmarkError: names the first file that is missing or was changed.
+    ``published`` is the SHA-256 of ``commitments.json`` as entrants know it: who holds the answers
+    could change all files together, but not that.
     """
     sealed = read(cases)
     of_family, listed = answers / FAMILY, cases / COMMITMENTS

@@ -44,16 +44,11 @@ _SEEDED = ("single", "none", "outside", "pair")
 
 @dataclass(frozen=True)
 class Family:
-    """Cases of the referee; base of families of other worlds.
+    """Cases of the referee, and base of families of other worlds.
 
-    Attributes:
-        robot: registry name.
-        mode: ``static`` or ``dynamic``.
-        cases: how many.
-        seed: not negative; who knows it knows the answers.
-        tries: draws of a case before giving up: an estimate.
-        world: its name in ``family.json``, none of the referee's.
-        several: whether the names of several robots may be joined by commas.
+    ``robot`` is a registry name, or several joined by commas where ``several``; who knows ``seed``,
+    which is not negative, knows the answers; ``tries`` are draws of a case before giving up: an
+    estimate; ``world`` is its name in ``family.json``, none of the referee's.
     """
 
     robot: str
@@ -190,11 +185,9 @@ def make(
 ) -> str:
     """Make a family, or its missing cases; return the SHA-256 of its ``commitments.json``.
 
-    Recordings and commitments in ``out`` are for entrants, the answers are to keep secret.
-
-    Raises:
-        BenchmarkError: the folders are the same, hold each other or another family.
-        ParameterError: the robot or mode cannot be simulated.
+    Recordings and commitments in ``out`` are for entrants, the answers are to keep secret. A
+    `BenchmarkError` if the folders are the same, hold each other or another family; a
+    `ParameterError` if the robot or mode cannot be simulated.
     """
     family.robots()
     a, b = out.resolve(), answers.resolve()

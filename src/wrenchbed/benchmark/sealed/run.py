@@ -252,13 +252,8 @@ def run(
     report: Progress = silent,
 ) -> dict[str, int]:
     """Let entrants answer the cases that they have not answered, within a limit [s] of one entrant
-    on one case; return how often each one failed.
-
-    Answers are written to ``CLAIMS/ENTRANT/CASE/diagnosis.json``.
-
-    Raises:
-        BenchmarkError: a case is missing or was changed, or two entrants bear one name.
-    """
+    on one case, in ``CLAIMS/ENTRANT/CASE/diagnosis.json``; return how often each one failed. A
+    `BenchmarkError` if a case is missing or was changed, or two entrants bear one name."""
     sealed = commitments.read(cases)
     names = [e.name for e in entrants]
     if len(set(names)) != len(names):

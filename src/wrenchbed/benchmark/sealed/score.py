@@ -139,15 +139,9 @@ def entrants(claims: Path, main: str | None = None) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Answers and claims of all sealed cases.
-
-    Attributes:
-        main: the entrant that is judged.
-        others: beside it, as their names are in ``rows``.
-        rows: one a case; the main entrant's claim is under `OURS`.
-        root: SHA-256 of the commitments.
-        unclaimed: cases that the main entrant has no claim for.
-    """
+    """Answers and claims of all sealed cases: the entrant that is judged, whose claim is under
+    `OURS`, the others by name, one row a case, the SHA-256 of the commitments, and how many cases
+    the main entrant has no claim for."""
 
     main: str
     others: tuple[str, ...]
@@ -167,11 +161,7 @@ def score(
 ) -> Score:
     """Check what was committed to, also against a published SHA-256, and compare claims (one folder
     an entrant) with answers; wrenchbed's diagnosis is judged if no other one is named, else the
-    first entrant.
-
-    Raises:
-        BenchmarkError: a case or an answer was changed, or claims are missing.
-    """
+    first entrant. A `BenchmarkError` if a case or an answer was changed, or claims are missing."""
     sealed = commitments.verify(cases, answers, published)
     names = entrants(claims, main)
     truths = {n: commitments.read_answer(commitments.answer_of(answers, n)) for n in sealed}
