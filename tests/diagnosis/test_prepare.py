@@ -15,6 +15,7 @@ from wrenchbed.calibration.observations import Observations, observe, scatter
 from wrenchbed.data.holds import gather, parts
 from wrenchbed.diagnosis.prepare import prepare_recording as module
 from wrenchbed.diagnosis.prepare import scenes
+from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.diagnosis.prepare.noise import correlation_time
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared, inner_stride, split
@@ -338,3 +339,11 @@ def test_single_rows_scatter_by_what_coarse_counts_round_too():
     coarse = with_added(rec, np.outer(counts - rec.columns["fx"], np.eye(6)[0]))
     expected = np.square(WHITE) + 0.2**2 / 12.0 * np.eye(6)[0]
     assert np.diagonal(prepare(coarse).covariance) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_a_negative_mass_of_a_linear_fit_gives_the_lightest_tool(robot):
+    configuration = configured(static(robot, {}, poses=8))
+    lightest = configuration.with_nearest_load(-0.1, configuration.cog, None)
+    assert 0.0 < lightest.mass < 0.002
+    np.testing.assert_allclose(lightest.cog, configuration.cog, atol=1e-12)

@@ -7,13 +7,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 535,
-    "benchmark": 7762,
+    "benchmark": 7760,
     "calibration": 5167,
     "campaigns": 1147,
     "channels": 938,
     "cli": 2684,
     "data": 5395,
-    "diagnosis": 13089,
+    "diagnosis": 13091,
     "drives": 1618,
     "effects": 4975,
     "environments": 589,
@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1029,
     "planning": 1035,
     "plant": 762,
-    "reports": 2148,
+    "reports": 2160,
     "robots": 4405,
     "sensors": 314,
     "simulation": 1305,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78918,
-    "src/wrenchbed": 69419,
+    "src": 78930,
+    "src/wrenchbed": 69431,
     "src/robot_emulators": 9499,
-    "tests": 39580,
+    "tests": 39596,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -185,7 +185,8 @@ def verdict(a: Answer) -> Rules:
     """The verdict is that of the gaps, of the claims and of the probabilities."""
     g, p, d = a.gap, a.probabilities, a.found.diagnosis
     yield (a.verdict in CLAIMS) == bool(a.which), a.verdict, "with", len(a.which), "causes"
-    yield a.verdict != "ambiguous" or any(w["rivals"] for w in a.which), "ambiguous, no rival"
+    several = any(w["rivals"] or w["combination"] for w in a.which)
+    yield a.verdict != "ambiguous" or several, "ambiguous, no rival"
     if a.verdict == "none":
         yield g["calibrated_ci95"][0] <= 1.0, "none with a gap of", g
         small = g["calibrated"] - max(g["floor"], 0) <= 1.0
@@ -273,6 +274,10 @@ def causes_in_words(a: Answer) -> Rules:
         for name in named_by(w)[1:]:
             yield title(name).lower() in a.headline.lower(), name, "not in:", a.headline
         yield w["effect"].split(".")[0] in a.place, w["effect"], "not in:", a.place
+    varies = re.search(r"varies with (?:the sensor's )?(.+)\.$", a.headline)
+    best = max(a.where, key=lambda w: w["share"], default={"detail": "", "sentence": ""})
+    said = not varies or "channel" in best["sentence"] or varies[1] in best["sentence"]
+    yield said or varies[1].startswith(best["detail"]), a.headline, "but:", best
     silent = not a.which and a.verdict in ("none", "unknown")
     for text in a.places:
         yield not (silent and "of the gap lies in the" in text), a.verdict, text
@@ -294,7 +299,8 @@ def names(a: Answer, face: str, text: str) -> Rules:
     said = flat(a.headline)
     yield said in text and a.verdict in text, a.verdict, said
     for w in a.which:
-        for key, value in list(w["parameters"].items())[:3]:
+        values = {"sum": w["combination"]} if w["combination"] else w["parameters"]
+        for key, value in list(values.items())[:3]:
             shown = flat(numbers.quantity(key, value, signed=w["effect"] in SIGNED))
             yield shown in text, w["effect"], key, shown
     claims = "No cause is" not in text and not _NO_CAUSE.search(said)
@@ -337,8 +343,9 @@ def places(a: Answer, face: str, text: str) -> Rules:
         yield flat(place) in text, "lacks", place
     denied = ("none differs" in text and a.seen) or (a.where and "No place" in text)
     yield not denied, "where holds", len(a.where), "but:", text[:200]
-    hints = {w["subsystem"] for w in a.where if w["share"] > 0.0} - {None}
-    yield a.which or hints <= set(re.findall(r"\w+", a.place)), hints, "not in:", a.place
+    hint = max(a.where, key=lambda w: w["share"], default={"subsystem": None, "share": 0.0})
+    seen = a.which or hint["share"] == 0.0 or hint["subsystem"] in re.findall(r"\w+", a.place)
+    yield seen, hint, "not in:", a.place
     for part in a.painted:
         word, _, number = part.partition(" ")
         yield not number or number in re.findall(r"\d+", a.place), part, "is painted, but", a.place

@@ -79,7 +79,7 @@ class WrenchAnswer(Answer):
             return f"{text}{_BLIND}{names}." if names else f"{text}."
         if self._crowd:
             return "Too many effects explain the gap equally well."
-        follows = self._unexplained == _GAP and self._follows
+        follows = self._unexplained == _GAP and self._follows and self._agrees
         varies = f": it varies with {self.variable}" if follows else ""
         return f"No known effect explains {self._unexplained}{varies}."
 
@@ -120,12 +120,24 @@ class WrenchAnswer(Answer):
     @property
     def hint(self) -> str:
         """Part that ``where`` hints at most, a joint by its number; empty if none is."""
-        shares = (w for w in self.d.where if float(w["share"]) > 0.0)
-        most = max(shares, key=lambda w: float(w["share"]), default=None)
-        if most is None or self.d.which:
+        if self._most is None or self.d.which:
             return ""
-        detail = str(most["detail"])
-        return detail if detail[-1:].isdigit() else str(most["subsystem"])
+        detail = str(self._most["detail"])
+        return detail if detail[-1:].isdigit() else str(self._most["subsystem"])
+
+    @property
+    def _most(self) -> Mapping[str, Any] | None:
+        """Entry of ``where`` with the largest share, None if none has one."""
+        shares = (w for w in self.d.where if float(w["share"]) > 0.0)
+        return max(shares, key=lambda w: float(w["share"]), default=None)
+
+    @property
+    def _agrees(self) -> bool:
+        """Whether the variable that the residual follows is none but the one that leads
+        ``where``."""
+        leading = "" if self._most is None else str(self._most["detail"])
+        others = {f.variable for f in self.findings.places} - {self._kernel}
+        return leading not in others or self._kernel.startswith(f"{leading} ")
 
     @property
     def where(self) -> Sequence[str]:
@@ -134,7 +146,7 @@ class WrenchAnswer(Answer):
             seen = [f.sentence for f in self.findings.places if f.seen and f.share > LEAST_SHARE]
             return phrases if self.only_rows else phrases + seen[:2]
         phrases = phrases[:2]
-        if self.d.verdict == UNKNOWN:
+        if self.d.verdict == UNKNOWN and self._agrees:
             text = f"Of all recorded variables, the residual follows {self.variable} best"
             phrases.insert(0, f"{text}{'' if self._follows else ', but not significantly'}.")
         if self._seen and not phrases:

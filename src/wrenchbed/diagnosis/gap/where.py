@@ -171,10 +171,11 @@ def of_channels(gap: Closure, places: Sequence[tuple[str, str]]) -> list[dict[st
     """Hints at the two channels with most of a gap, from each channel's (subsystem, name)."""
     before = [max(gaps["before"], 0.0) for gaps in gap.per_channel.values()]
     result = []
-    for j in sorted(range(len(before)), key=lambda j: -before[j])[: 2 * (sum(before) > 0.0)]:
+    for j in sorted(filter(before.__getitem__, range(len(before))), key=lambda j: -before[j])[:2]:
         (subsystem, detail), share = places[j], before[j] / sum(before)
         of = "the effort of" if subsystem == "drive" else "channel"
-        text = f"{100 * share:.0f} % of the gap lies in {of} {detail}; this is only a hint"
+        much = "Less than 1" if share < 0.005 else f"{100 * share:.0f}"
+        text = f"{much} % of the gap lies in {of} {detail}; this is only a hint"
         result.append(located(subsystem, detail, share, 1.0, f"{text}: no cause is claimed."))
     return result
 

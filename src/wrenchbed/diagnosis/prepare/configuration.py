@@ -71,11 +71,12 @@ class Configuration:
 
         Beside a cause that takes the weight over, a linear fit may make the mass negative.
         """
-        load = np.array([mass, *cog])
-        parameters = self.model.robot.parameters
-        if set(LOAD) <= set(parameters.names):
-            bounds = [parameters[parameters.index(name)] for name in LOAD]
-            load = np.clip(load, [p.lower for p in bounds], [p.upper for p in bounds])
+        robot = self.model.robot
+        of_load = [p for p in robot.parameters.items if p.name in robot.load]
+        weight = next(p for p in of_load if p.unit == "kg" and p.name != "sensor.mass")
+        lever = next(p for p in of_load if p.unit == "m")
+        bounds = [weight, lever, lever, lever]
+        load = np.clip([mass, *cog], [p.lower for p in bounds], [p.upper for p in bounds])
         return self.with_load(load[0], load[1:], bias)
 
 
