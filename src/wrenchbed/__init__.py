@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.learn_sensor import learn_sensor as learn_sensor
     from wrenchbed.calibration.touches import Touches as Touches
     from wrenchbed.calibration.tracker import calibrate_tracker as calibrate_tracker
-    from wrenchbed.calibration.tracker_fit import TrackerFit as TrackerFit
+    from wrenchbed.calibration.tracker_result import TrackerFit as TrackerFit
     from wrenchbed.campaigns.run import record as record
     from wrenchbed.campaigns.simulated_robots import Fleet as Fleet
     from wrenchbed.campaigns.simulated_robots import campaign as campaign
@@ -83,7 +83,7 @@ if TYPE_CHECKING:
     from wrenchbed.twin.servos import export_servos as export_servos
     from wrenchbed.twin.servos import is_of_servos as is_of_servos
     from wrenchbed.twin.twin import Twin as Twin
-    from wrenchbed.viewer.show import view as view
+    from wrenchbed.viewer.rerun_window import view as view
 
     Options = _Options
     blind_make, blind_run, blind_score = _blind_make, _blind_run, _blind_score

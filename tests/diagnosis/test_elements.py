@@ -17,10 +17,10 @@ from wrenchbed.diagnosis.beside_claims import minor
 from wrenchbed.diagnosis.decision.decide import withdrawn
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain.elements import _sum, element, listed
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.baseline import tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.effects.base import Variant
 from wrenchbed.physics.wrench import CHANNELS
 

@@ -14,7 +14,6 @@ from wrenchbed.diagnosis.evidence.dictionary import LARGEST, build
 from wrenchbed.diagnosis.evidence.likelihood import row_variance
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
 from wrenchbed.diagnosis.explain.structures import case
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions
 from wrenchbed.diagnosis.next.blind import (
     DETECTED,
@@ -30,6 +29,7 @@ from wrenchbed.diagnosis.next.dry_run import RUNG, dry_run, of_plan
 from wrenchbed.diagnosis.next.experiments import Comparison, explore, jensen_shannon, separate
 from wrenchbed.diagnosis.prepare.baseline import calibrate, tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import multisine

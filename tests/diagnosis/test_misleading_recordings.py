@@ -12,7 +12,7 @@ from simulated import UR5_TRUTH, WHITE, driven, recording, static, with_tool
 from wrenchbed import registry
 from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.gap.result import named_by
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning import choose
 from wrenchbed.simulation.closed_form import Model

@@ -20,10 +20,10 @@ from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.gap import where
 from wrenchbed.diagnosis.gap.held_out import HeldOut
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.noise import noise_in_motion
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import multisine

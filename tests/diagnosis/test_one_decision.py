@@ -58,7 +58,7 @@ ABOVE = {
     "explain": {"prepare", "evidence"},
     "gap": {"prepare", "evidence", "explain", "next"},
     "decision": {"prepare", "evidence", "explain", "gap"},
-    "efforts": {"prepare", "evidence", "explain", "gap", "decision", "next", "answer"},
+    "efforts": {"prepare", "evidence", "explain", "gap", "decision", "next", "answer", "result"},
     "between_rows": {"prepare"},
     "next": {"prepare", "evidence", "explain"},
 }

@@ -18,8 +18,8 @@ from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE, shipped
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.constancy import CHANGES, changing, grown
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.result import named_by
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.explain.refit import together
 from wrenchbed.diagnosis.explain.shared_numbers import Structure
-from wrenchbed.diagnosis.gap.result import named_by
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.diagnosis.several import check, settles
 from wrenchbed.errors import DiagnosisError
 

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from wrenchbed.viewer import show
+from wrenchbed.viewer import rerun_window
 
 VULKAN = Path("/usr/share/vulkan/icd.d").is_dir()
 """Whether there is what the viewer draws with."""
@@ -22,7 +22,7 @@ _LOADS_S = 60.0
 def free_port() -> int:
     """A port of this machine that nobody listens at."""
     with socket.socket() as probe:
-        probe.bind((show.HOST, 0))
+        probe.bind((rerun_window.HOST, 0))
         return int(probe.getsockname()[1])
 
 
@@ -61,9 +61,9 @@ class Seen:
 @contextmanager
 def seen(file: Path, port: int) -> Iterator[Seen]:
     """The viewer showing a file, on this machine alone."""
-    told = show.command(file, port=port)
+    told = rerun_window.command(file, port=port)
     told[1:1] = ["--headless", "--window-size", "1600x900", "--hide-welcome-screen"]
-    with show.quiet() as environment:
+    with rerun_window.quiet() as environment:
         process = subprocess.Popen(
             told, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         )

@@ -17,7 +17,7 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits
 from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import show
+from wrenchbed.viewer import rerun_window
 from wrenchbed.viewer.plans import STAY_S, along, plan_view
 
 UR5 = wb.load("robots", "ur5")
@@ -108,10 +108,10 @@ def folder(tmp_path_factory):
 
 
 def test_the_viewer_listens_to_this_machine_alone_and_tells_nobody(tmp_path, monkeypatch):
-    told = show.command("x.rrd")
+    told = rerun_window.command("x.rrd")
     assert told[told.index("--bind") + 1] == "127.0.0.1" and told[-1] == "x.rrd"
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    with show.quiet() as environment:
+    with rerun_window.quiet() as environment:
         written = list(Path(environment["XDG_CONFIG_HOME"]).rglob("*.json"))
         assert written and json.loads(written[0].read_text())["analytics_enabled"] is False
     assert not list(tmp_path.iterdir())
@@ -119,10 +119,10 @@ def test_the_viewer_listens_to_this_machine_alone_and_tells_nobody(tmp_path, mon
 
 def test_a_port_that_is_taken_is_named(monkeypatch):
     monkeypatch.setenv("DISPLAY", ":0")
-    with socket.create_server((show.HOST, 0)) as taken:
+    with socket.create_server((rerun_window.HOST, 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(DriverError, match=f"port {port} is taken"):
-            show.show("x.rrd", port=port)
+            rerun_window.show("x.rrd", port=port)
 
 
 def refused(capsys, *words):

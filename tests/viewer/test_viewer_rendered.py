@@ -12,7 +12,7 @@ from pictures import unless
 from simulated import driven
 from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import show
+from wrenchbed.viewer import rerun_window
 from wrenchbed.viewer.elements import MEASURED, SIMULATED
 from wrenchbed.viewer.plans import plan_view
 from wrenchbed.viewer.recordings import recording_view
@@ -51,7 +51,7 @@ def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_
 def test_what_the_viewer_asks_of_others_goes_nowhere(tmp_path, monkeypatch):
     plan_view(wb.poses(wb.load("robots", "ur5"), 2, seed=1), tmp_path / "v.rrd")
     with socket.create_server(("127.0.0.1", 0)) as nowhere:
-        monkeypatch.setattr(show, "NOWHERE", f"http://127.0.0.1:{nowhere.getsockname()[1]}")
+        monkeypatch.setattr(rerun_window, "NOWHERE", f"http://127.0.0.1:{nowhere.getsockname()[1]}")
         nowhere.settimeout(30.0)
         with seen(tmp_path / "v.rrd", free_port()):
             asking, _ = nowhere.accept()

@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any
 
 from robot_emulators.ur.packets import BIT_REGISTERS
+from robot_emulators.ur.program_sockets import Link
 from robot_emulators.ur.script_program import ScriptProgram, dialled
-from robot_emulators.ur.sockets import Link
 from robot_emulators.ur.urscript.functions import Steps, Table
 from robot_emulators.ur.urscript.values import ScriptFaultError, real, shown, truth
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.motions import ArmMotion
-from robot_emulators.ur.sockets import Link, Links
+from robot_emulators.ur.program_sockets import Link, Links
 from robot_emulators.ur.urscript.machine import LONGEST, Machine
 from robot_emulators.ur.urscript.translation import Code
 from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError

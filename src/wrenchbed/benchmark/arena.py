@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from wrenchbed.diagnosis.gap.result import named_by
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.errors import BenchmarkError
 from wrenchbed.files import remove, write_json, write_text
 from wrenchbed.files.checked import load, parsed, text_of

@@ -13,7 +13,6 @@ import numpy as np
 from scipy import special
 
 from wrenchbed import registry
-from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.calibration.checks.examine import REFUTED
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.mistakes import best_turn
@@ -26,6 +25,7 @@ from wrenchbed.calibration.least_squares import BLIND, Solution
 from wrenchbed.calibration.misfit import Fault, allowed_for
 from wrenchbed.calibration.observability import Observability, analyse
 from wrenchbed.calibration.observations import FALLBACK_COVARIANCE, Observations, observe
+from wrenchbed.calibration.position_error import Goal, tip_jacobian
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.calibration.trust import GENERAL, OUTLIERS, of_observations
 from wrenchbed.calibration.weighting import fit

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from wrenchbed.calibration.accuracy import tip_jacobian
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observability import RANK_TOLERANCE
+from wrenchbed.calibration.position_error import tip_jacobian
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import POINT, TOUCH_STD, Recording
 from wrenchbed.errors import CalibrationError

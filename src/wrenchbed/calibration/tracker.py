@@ -19,7 +19,7 @@ from wrenchbed.calibration.checks.rows import usable
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.calibration.least_squares import Solution, solve
 from wrenchbed.calibration.observability import analyse
-from wrenchbed.calibration.tracker_fit import COMPLIANCE, TrackerFit
+from wrenchbed.calibration.tracker_result import COMPLIANCE, TrackerFit
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import TARGET, Recording
 from wrenchbed.errors import CalibrationError

@@ -13,7 +13,7 @@ from rich.text import Text
 import wrenchbed as wb
 from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.calibration.fit_words import fit_words, parameter_words
-from wrenchbed.calibration.tracker_fit import TrackerFit
+from wrenchbed.calibration.tracker_result import TrackerFit
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.outputs import Kind

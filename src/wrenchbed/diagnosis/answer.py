@@ -20,10 +20,10 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE, Cause, Elements, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.gap.result import Diagnosis, Scale, cause, families, named_by, rival
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
+from wrenchbed.diagnosis.result import Diagnosis, Scale, cause, families, named_by, rival
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
 

@@ -20,9 +20,9 @@ from wrenchbed.diagnosis.explain.elements import RIVAL, elements
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap.result import cause, rival
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
+from wrenchbed.diagnosis.result import cause, rival
 
 
 def minor(

@@ -49,12 +49,12 @@ from wrenchbed.diagnosis.gap import constancy, where
 from wrenchbed.diagnosis.gap.closure import Claims
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.held_out import simulated
-from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.next import experiments
 from wrenchbed.diagnosis.next.blind import Design, blind_spots
 from wrenchbed.diagnosis.prepare.contact import CONTACT, contact_of
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material, Prepared, Touch
+from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.effects import sensor_jump, sensor_saturation
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin

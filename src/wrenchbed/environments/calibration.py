@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.accuracy import Goal, tip_jacobian
+from wrenchbed.calibration.position_error import Goal, tip_jacobian
 from wrenchbed.environments.rendering import Rendered, simulated
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model

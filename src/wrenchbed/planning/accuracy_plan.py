@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.calibration.fit_problem import Problem
 from wrenchbed.calibration.observations import Observations
+from wrenchbed.calibration.position_error import Goal, tip_jacobian
 from wrenchbed.calibration.touches import Touches
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import TOUCH_STD

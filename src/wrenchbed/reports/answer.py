@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.next.blind import sentences
+from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.pages import numbers
 from wrenchbed.reports.claim import MOST_SIZES, Claim
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.effects.base import Effect
 from wrenchbed.pages import numbers
 

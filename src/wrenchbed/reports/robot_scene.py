@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.diagnosis.gap.result import Diagnosis, named_by
+from wrenchbed.diagnosis.result import Diagnosis, named_by
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Role
 from wrenchbed.pages.scene import Arrows, Part, Scene, heat

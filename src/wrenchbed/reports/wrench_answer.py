@@ -7,8 +7,8 @@ from typing import Any
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.next.blind import unseen
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import MOST_HEADLINE, Answer
 from wrenchbed.reports.claim import Claim, capital, claim, listed

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.calibration.accuracy import statistics
 from wrenchbed.calibration.least_squares import solve
+from wrenchbed.calibration.position_error import statistics
 from wrenchbed.jobs.parts import Row
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.simulation.simulation import Simulation

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
+from wrenchbed.calibration.position_error import Goal, statistics, tip_jacobian
 from wrenchbed.planning.criteria import INDICES, Criterion, InverseTrace
 from wrenchbed.planning.exchange import Certificate, Pool, Selection, certify, exchange, rounded
 from wrenchbed.robots.medrue import workspace

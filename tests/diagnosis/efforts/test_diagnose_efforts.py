@@ -21,8 +21,8 @@ from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
 from wrenchbed.diagnosis.efforts.sizes import shown_from
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.effects.drives.base import Block
 from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError

@@ -14,7 +14,7 @@ from wrenchbed.benchmark.scoring.truth_and_claims import OURS, CaseRow, Claim
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
-from wrenchbed.diagnosis.gap.result import named_by
+from wrenchbed.diagnosis.result import named_by
 from wrenchbed.errors import BenchmarkError
 from wrenchbed.files.checked import is_number, load
 

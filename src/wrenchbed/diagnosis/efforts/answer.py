@@ -17,9 +17,9 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Option, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.gap.result import Scale, cause, families, rival
 from wrenchbed.diagnosis.gap.where import entries, located, of_channels
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
+from wrenchbed.diagnosis.result import Scale, cause, families, rival
 
 _OF_COMMANDS = (
     "efforts are tracking errors times stiffness; drive.constant is the servo's stiffness (a gain "

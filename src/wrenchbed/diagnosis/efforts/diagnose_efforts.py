@@ -22,9 +22,9 @@ from wrenchbed.diagnosis.efforts.signs import signs
 from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, fitted
 from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap.result import Diagnosis, plain
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.diagnosis.prepare.scenes import notes, stretch
+from wrenchbed.diagnosis.result import Diagnosis, plain
 from wrenchbed.drives.identify import arm_of
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.files import write_json

@@ -6,7 +6,7 @@ import pytest
 
 import wrenchbed as wb
 from simulated import as_driven, driven, static
-from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
+from wrenchbed.calibration.position_error import Goal, statistics, tip_jacobian
 from wrenchbed.data.recording import TOUCH_STD, Recording
 from wrenchbed.errors import CalibrationError, DriverError, NotFoundError, PlanError, WrenchbedError
 from wrenchbed.robots.medrue import workspace
