@@ -1,8 +1,9 @@
 """Servers that speak the protocols of robots and sensors, for clients that know no difference.
 
 An emulator asks a `Plant` for the robot behind it: a simulation, a model, or the small kinematic
-one that is built in. See README.md. This package imports nothing of wrenchbed.
-Read first: plant.py, base/emulator.py, then the folder of a device.
+one that is built in. Read first: README.md, plant.py, base/emulator.py, a device's folder.
+Free: the inside of each file (tests/emulators). Others rely on: the names here, members of `Plant`,
+which whoever has a simulation implements (a new one needs a default). Never: import wrenchbed.
 """
 
 from robot_emulators.base.emulator import Emulator, Options

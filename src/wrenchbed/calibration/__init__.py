@@ -1,6 +1,7 @@
 """Weighted least squares for a robot's parameters, and what the data can identify.
 Read first: `calibrate`; then `fit_problem` (what is fitted), `weighting` (with which weights).
-Free: search, weights, thresholds; tests/calibration and `scripts/corruptions` judge them.
+Free: the inside of each file (search, weights, thresholds); tests/calibration and
+`scripts/corruptions` judge them.
 Others rely on: fit.json, reasons of `checks`, and `Observations`, on which the learnt probabilities
 of a diagnosis rest.
 Never: MuJoCo, effects or a diagnosis; a fit to its own simulation proves nothing.

@@ -1,6 +1,6 @@
 """The run of one plan on one robot, resumable, and campaigns of many simulated robots.
 
-Free: order of checks and wording; tests/campaigns speak.
+Free: the inside of each file (order of checks and wording); tests/campaigns speak.
 Others rely on: metadata and segments of recordings (`resume`, monitoring), columns of
 robots.parquet (docs/how-to/campaigns.md); row k is a function of settings and k alone.
 Never: print, or move a robot along a way that was not checked first.

@@ -1,6 +1,7 @@
 """Channels, one file each: what a sensor reads of the placed robot, and what is fitted away of it.
 Read first: `base` (the contract), then `response` (how readings change with effects).
-Free: how readings are computed and cached; tests/channels runs the contract on every channel.
+Free: the inside of each file (how readings are computed and cached); tests/channels runs the
+contract on every channel.
 Others rely on: names of columns; floors and usual sizes, which are a gap's unit in diagnosis.
 Never: name a cause; what a channel fits away is nobody's fault.
 """

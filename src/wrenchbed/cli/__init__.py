@@ -1,5 +1,5 @@
 """The command line: every verb is a function of the library with files in and out.
-Free: tables and their layout; tests/cli speak.
+Free: the inside of each file (tables and their layout); tests/cli speak.
 Others rely on: verbs, options, exit codes and JSON (docs/contracts.md); from docstrings of verbs
 and comments of options `scripts/command_line` writes docs/reference/command-line.md.
 Never: compute; a verb calls the library and prints what it returns, and only this room prints.

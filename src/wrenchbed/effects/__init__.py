@@ -1,6 +1,7 @@
 """Unmodelled effects, one file each; the registry lists the folder.
 Read first: `base` (the contract), then `chain` (how effects act together).
-Free: numerics; tests/effects compares formulas with plain numpy, tests/twin with MuJoCo.
+Free: the inside of each file (numerics); tests/effects compares formulas with plain numpy,
+tests/twin with MuJoCo.
 Others rely on: names, docstrings (`scripts/effects`), sizes, weights (`scripts/learn_reliability`).
 Never: another effect, a recording or a diagnosis.
 """

@@ -1,5 +1,5 @@
 """Files that carry a calibration to robot controllers, ROS 2, URDF and others; one file each.
-Free: comments in files; tests/exports/test_exports.py speaks.
+Free: the inside of each file (comments in files); tests/exports/test_exports.py speaks.
 Others rely on: formats of other programs (each `Export.source`), names of formats (``--to``),
 `load_numbers` and `calibrated_twin` (cli, users).
 Never: fit; a number without its uncertainty is not written as known.

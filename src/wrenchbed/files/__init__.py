@@ -1,8 +1,8 @@
 """The one way to write: a file is complete under its name, or what was there before is.
 
-Free: speed; tests/project/test_files.py and test_write_faults.py speak.
+Free: the inside of each file (speed); tests/project/test_files.py and test_write_faults.py speak.
 Others rely on: atomicity, locks and names aside (NAME~, NAME~2), on which every room that writes
-builds.
+builds; of `checked.Fields` that an absent entry is None and that errors name file and field.
 Never: open an output in place; read JSON or TOML of others but by `checked`, with its limits.
 """
 

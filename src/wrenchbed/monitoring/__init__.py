@@ -1,5 +1,5 @@
 """A robot's numbers over time: what changed between two results or in a history, the wrench live.
-Free: wording, tables; tests/monitoring speak.
+Free: the inside of each file (wording, tables); tests/monitoring speak.
 Others rely on: columns of history.parquet and exit codes of `check` (docs/contracts.md); thresholds
 of `steps`: a change moves the rates of false alarms that tests/monitoring/test_check.py measures.
 Never: a diagnosis; this room says what changed, not why.

@@ -1,5 +1,6 @@
 """The robot behind the emulators: MuJoCo in real time, with effects, noise, drives and contact.
-Free: how a cycle is computed, if it keeps real time; tests/emulators/test_emulated_body.py speaks.
+Free: the inside of each file (how a cycle is computed, if it keeps real time);
+tests/emulators/test_emulated_body.py speaks.
 Others rely on: robot_emulators' door (`Plant`, `PlantRequest`), which only this room and `registry`
 enter.
 Never: a protocol; the emulators speak, this room moves.

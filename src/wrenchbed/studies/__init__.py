@@ -1,5 +1,5 @@
 """Published studies run again: their tables and figures on MuJoCo data, beside what they print.
-Free: layout of pages; tests/studies/test_studies.py speaks.
+Free: the inside of each file (layout of pages); tests/studies/test_studies.py speaks.
 Others rely on: docs/studies and docs/explanation/studies.md print these numbers (`scripts/studies`
 makes them anew after a change).
 Never: a number of a paper in the place of a measured one; they stand side by side.

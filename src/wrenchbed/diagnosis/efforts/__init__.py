@@ -1,7 +1,8 @@
 """Diagnosis of joint torques and motor currents: which joint, which effect, how far.
 Read first: `diagnose_efforts`, which walks `scene`, `columns`, `noise`, `dictionary`, `search`,
 `fitted_causes`, `options`, `signs`, `sizes` and `answer`.
-Free: how columns, commands and fits are computed; tests/diagnosis/efforts judges the answers.
+Free: the inside of each file (how columns, commands and fits are computed); tests/diagnosis/efforts
+judges the answers.
 Others rely on: diagnosis.json and drives.json (docs/contracts.md), and names of effects.
 Never: a decision of its own; `decision.decide` has the last word here too.
 """
