@@ -166,9 +166,10 @@ def test_a_form_without_a_formula_has_the_name_of_its_effect(effect):
         size *= float(np.sqrt(15.0 / cause.gap))
     assert cause.gap > 5.0
     found = diagnose(as_case("single", world, [cause], minor, rng).recording).diagnosis
-    assert found.which[0]["effect"] == effect
-    if effect == "sensor.hysteresis":  # a formula's loop comes near enough to dry friction's
+    if effect == "sensor.hysteresis":  # the forms' loops explain half of dry friction's: unknown
+        assert found.which[0]["effect"] == effect if found.which else found.verdict == "unknown"
         return
+    assert found.which[0]["effect"] == effect
     assert found.which[0].get("form") == "free"
     curve = found.which[0]["curve"]
     assert len(curve["x"]) == len(curve["y"]) == len(curve["std"])

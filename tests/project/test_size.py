@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78954,
     "src/wrenchbed": 69454,
     "src/robot_emulators": 9500,
-    "tests": 39596,
+    "tests": 39597,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
