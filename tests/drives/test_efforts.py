@@ -239,6 +239,26 @@ def test_groups_are_checked_and_odd_signs_and_inertias_refused_or_forced(clean):
     assert calibrate_efforts(bare, ("drive.coulomb", "tool"), force=True).refuted
 
 
+def test_an_empty_hand_on_links_that_are_a_little_lighter_is_no_refusal(clean):
+    nothing = UR5.theta_of_tool(UR5.parameters.nominal.copy(), 1e-3, arm.COG)
+    load = torques(clean.q, arm.LOADED) - torques(clean.q, nothing)
+
+    def fit_of(share):
+        def lighter(model):
+            links = [b for b in range(1, model.nbody) if model.body(b).name not in arm.TOOLS]
+            model.body_mass[links] *= 1.0 - share
+
+        links = torques(clean.q, edit=lighter) - torques(clean.q)
+        return calibrate_efforts(clean.recording(clean.noisy(6) - load + links))
+
+    fit = fit_of(0.02)
+    mass = fit["tool.mass"]
+    assert mass.value < 0.0 < mass.value + mass.interval95 < 1.0
+    assert "3 % of each link's mass" in fit.status and fit["tool.cog.z"].std is None
+    with pytest.raises(CalibrationError, match=r"tool\.mass comes out as -\d"):
+        fit_of(0.2)
+
+
 def test_known_constants_make_currents_torques(clean, tmp_path):
     seen = clean.noisy(12)
     currents = clean.recording(seen / CONSTANT, "i")

@@ -173,7 +173,7 @@ def http_server() -> tuple[Target, list[bytes]]:
     """Targets and bodies of web requests on their way to the box."""
     bias = np.zeros(6)
     sensing = SimpleNamespace(
-        rate=7000, status=0, newest=bias, bias=bias, range=bias + 65.0,
+        rate=7000, status=0, newest=bias, bias=bias, range=bias + 65.0, per_si=bias + 1e6,
         set_bias=lambda channel, counts: 0,
     )  # fmt: skip
     pace = Pace(7000.0, 10)

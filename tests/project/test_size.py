@@ -14,7 +14,7 @@ WRENCHBED = {
     "cli": 2684,
     "data": 5396,
     "diagnosis": 13097,
-    "drives": 1619,
+    "drives": 1679,
     "effects": 4977,
     "environments": 589,
     "exports": 833,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78954,
-    "src/wrenchbed": 69454,
+    "src": 79014,
+    "src/wrenchbed": 69514,
     "src/robot_emulators": 9500,
-    "tests": 39597,
+    "tests": 39617,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -80,6 +80,7 @@ class DriveFit(WrittenFit):
         constants: of the drives, where they were stated (J,) [N·m/A, of slides N/A].
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
         cannot_tell: sentences on what the data do not tell, of commands.
+        link_errors: whether uncertainties hold ordinary errors of the stated links too.
     """
 
     recording: str
@@ -96,6 +97,7 @@ class DriveFit(WrittenFit):
     rest: AtRest | None = None
     channels: str = EFFORT_FIT
     cannot_tell: tuple[str, ...] = ()
+    link_errors: bool = False
 
     @property
     def about(self) -> str:
@@ -138,6 +140,11 @@ class DriveFit(WrittenFit):
             text += (
                 "; what is in N·m and kg holds as far as the model's link masses do; drive.viscous "
                 "is the damping of servo and joint together"
+            )
+        elif self.link_errors:
+            text += (
+                "; without the errors that links ordinarily have a value would be impossible, so "
+                "uncertainties hold 3 % of each link's mass and 3 mm of its centre"
             )
         elif "link" not in names and "tool" in names:
             text += "; the tool and drive constants hold as far as the model's link masses do"

@@ -13,19 +13,29 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
+from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.data.recording import Recording
 from wrenchbed.drives.at_rest import calibrate_at_rest
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.fit import DriveFit, JointError, impossible, joint_errors
 from wrenchbed.drives.signals import DriveSignals, as_torques, efforts_of, signals_of_pieces
-from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual, solve, start
+from wrenchbed.drives.solution import (
+    FOLDS,
+    Problem,
+    Solution,
+    moved_by,
+    parts,
+    residual,
+    solve,
+    start,
+)
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import about_centre, six_of, symmetric
 from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
-from wrenchbed.robots.mjcf import at_home, link_inertias
+from wrenchbed.robots.mjcf import LinkInertias, at_home, link_inertias
 from wrenchbed.simulation.closed_form import Model, robot_of
 
 FRICTION = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia")
@@ -100,11 +110,43 @@ def _calibrate_in_motion(
     covariance = jackknife(np.array([published(problem, x, starts) for x in solution.folds]))
     identified = values_of(problem, solution, starts, joints, covariance)
     errors = errors_of(problem, solution, [joint.own(signals[0].unit) for joint in joints])
+    linked = problem.changes == LOAD and impossible(identified) is not None
+    if linked:
+        torques = np.concatenate([_of_link_errors(recording, s) for s in signals])
+        moved = [published(problem, x, starts) for x in moved_by(problem, solution, torques)]
+        away = np.array(moved) - published(problem, solution.x, starts)
+        covariance = covariance + away.T @ away
+        identified = values_of(problem, solution, starts, joints, covariance)
     return DriveFit(
         recording.name, recording.metadata.robot, signals[0].unit, identified, errors, covariance,
         signals[0].cutoff, sum(float(np.ptp(s.t)) for s in signals), len(problem.use),
-        refutation(errors, identified),
+        refutation(errors, identified), link_errors=linked,
     )  # fmt: skip
+
+
+def _of_link_errors(recording: Recording, signals: DriveSignals) -> np.ndarray:
+    """Filtered torques (M, J, 4 L) of ordinary errors of each link's mass and centre of gravity."""
+    _, inertias, _, y = _rigid(recording, signals)
+    phi = inertias.phi
+    errors = np.zeros((len(phi), INERTIAL, len(phi), 4))
+    for k, link in enumerate(phi):
+        centre = link[1:4] / max(link[0], 1e-9)
+        moves = [LINK_CENTRE * link[0] * of_moment(centre, axis) for axis in np.eye(3)]
+        errors[k, :, k] = np.transpose([LINK_MASS * link, *moves])
+    return signals.filtered(y @ errors.reshape(phi.size, -1), signals.coarse)
+
+
+def _rigid(
+    recording: Recording, signals: DriveSignals
+) -> tuple[np.ndarray, LinkInertias, Jet, np.ndarray]:
+    """Parameters (P,) of the arm, its links' inertias, its motion (M, J), thinned as speed allows,
+    and the torques (M, J, 10 L) of each inertial parameter."""
+    robot = arm_of(recording)
+    model = Model.of(robot, recording.metadata)
+    theta = robot.robot_theta(model.configured(recording.metadata))
+    q = Jet(*(part[:: signals.coarse] for part in (signals.q.v, signals.q.d, signals.q.dd)))
+    torques = torque_regressor(robot, theta, q, np.asarray(model.gravity))
+    return theta, link_inertias(robot, theta), q, torques
 
 
 def _groups(free: Sequence[str], prefix: str, stated: bool) -> tuple[str, ...]:
@@ -142,12 +184,8 @@ def problem_of(
 def _of_piece(
     recording: Recording, signals: DriveSignals, groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
-    robot = arm_of(recording)
-    model = Model.of(robot, recording.metadata)
-    theta = robot.robot_theta(model.configured(recording.metadata))
-    inertias, coarse = link_inertias(robot, theta), signals.coarse
-    q = Jet(*(part[::coarse] for part in (signals.q.v, signals.q.d, signals.q.dd)))
-    y = torque_regressor(robot, theta, q, np.asarray(model.gravity))
+    robot, coarse = arm_of(recording), signals.coarse
+    theta, inertias, q, y = _rigid(recording, signals)
     nominal = y @ inertias.phi.ravel() + rotor_torque(robot, theta, inertias, q)
     starts: dict[str, float] = {}
     spread = np.zeros(0)
@@ -248,10 +286,10 @@ def values_of(
     covariance: np.ndarray,
 ) -> tuple[IdentifiedValue, ...]:  # fmt: skip
     """Published parameters of a fit, with their covariance (K, K)."""
-    names, determined = _names(problem, _certain(problem, solution, starts), joints)
+    std = np.sqrt(np.diagonal(covariance))
+    names, determined = _names(problem, _certain(problem, solution, starts, std), joints)
     values = published(problem, solution.x, starts)
     before = published(problem, start(problem), starts)
-    std = np.sqrt(np.diagonal(covariance))
     return identified_values(names, values, std, before, determined, WIDE)
 
 
@@ -261,8 +299,11 @@ def jackknife(folds: np.ndarray) -> np.ndarray:
     return np.asarray((FOLDS - 1) / FOLDS * off.T @ off)
 
 
-def _certain(p: Problem, solution: Solution, starts: dict[str, float]) -> np.ndarray:
-    """Whether the data determine each parameter (K,), boolean; divisors must surely differ from 0.
+def _certain(
+    p: Problem, solution: Solution, starts: dict[str, float], std: np.ndarray
+) -> np.ndarray:
+    """Whether the data determine each parameter (K,) with standard uncertainties ``std`` (K,),
+    boolean; divisors must surely differ from 0.
 
     The interval of 1/g is unbounded where that of g contains zero (Fieller 1954), and a mass that
     may be zero has no centre.
@@ -274,7 +315,7 @@ def _certain(p: Problem, solution: Solution, starts: dict[str, float]) -> np.nda
         determined[:joints] &= np.abs(solution.x[:joints]) > half[:joints]
     if p.changes == LOAD:
         at = p.y.shape[1] * p.gains
-        light = abs(solution.x[at] + starts[LOAD[0]]) <= half[at]
+        light = abs(solution.x[at] + starts[LOAD[0]]) <= WIDE * std[at]
         determined[at + 1 : at + len(LOAD)] &= not light
     return determined
 

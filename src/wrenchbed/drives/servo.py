@@ -241,7 +241,7 @@ def _fit(
     drive = replace(problem, own=problem.own[:, :, :-2], kinds=problem.kinds[:-2])
     of_drive = Solution(
         np.delete(solution.x, more), np.delete(solution.folds, more, axis=1),
-        np.delete(solution.determined, more),
+        np.delete(solution.determined, more), solution.weight,
     )  # fmt: skip
     late = delay + _of_joints(problem, solution.x)[:, -1]
 

@@ -1,6 +1,6 @@
 """Least squares over the joints of an arm: all rows, and without each block of time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,12 +46,13 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Parameters of all rows (K,) and without each block (FOLDS, K); whether data determine
-    each."""
+    """Parameters of all rows (K,) and without each block (FOLDS, K), whether data determine each,
+    and the weight (J,) of each joint's rows."""
 
     x: np.ndarray
     folds: np.ndarray
     determined: np.ndarray
+    weight: np.ndarray
 
 
 def solve(problem: Problem) -> Solution:
@@ -72,7 +73,18 @@ def solve(problem: Problem) -> Solution:
     all_known, all_right = whole + np.diag(known), right.sum(axis=0) - known * x
     blocks = zip(normal, right, strict=True)
     folds = [x + _shortest(all_known - n, all_right - r) for n, r in blocks]
-    return Solution(x, np.array(folds), _determined(whole))
+    return Solution(x, np.array(folds), _determined(whole), weight)
+
+
+def moved_by(p: Problem, s: Solution, torques: np.ndarray) -> np.ndarray:
+    """Parameters (H, K) of fits to efforts that hold further torques (M, J, H), one at a time."""
+    gain = parts(p, s.x)[0]
+    known = _prior_precision(p)
+    normal, right = _normal(p, s.x, s.weight)
+    whole = normal.sum(axis=0) + np.diag(known)
+    shifted = (_normal(replace(p, y=p.y + gain * one), s.x, s.weight)[1]
+               for one in np.moveaxis(torques, -1, 0))  # fmt: skip
+    return np.array([s.x + _shortest(whole, (r - right).sum(axis=0)) for r in shifted])
 
 
 def _prior_precision(p: Problem) -> np.ndarray:
