@@ -142,10 +142,7 @@ class DriveFit(WrittenFit):
                 "is the damping of servo and joint together"
             )
         elif self.link_errors:
-            text += (
-                "; without the errors that links ordinarily have a value would be impossible, so "
-                "uncertainties hold 3 % of each link's mass and 3 mm of its centre"
-            )
+            text += "; uncertainties hold errors of 3 % of each link's mass and 3 mm of its centre"
         elif "link" not in names and "tool" in names:
             text += "; the tool and drive constants hold as far as the model's link masses do"
         return text + untold_text

@@ -136,15 +136,13 @@ def _of_link_errors(recording: Recording, signals: DriveSignals) -> np.ndarray:
     return signals.filtered(y @ errors.reshape(phi.size, -1), signals.coarse)
 
 
-def _rigid(
-    recording: Recording, signals: DriveSignals
-) -> tuple[np.ndarray, LinkInertias, Jet, np.ndarray]:
+def _rigid(r: Recording, s: DriveSignals) -> tuple[np.ndarray, LinkInertias, Jet, np.ndarray]:
     """Parameters (P,) of the arm, its links' inertias, its motion (M, J), thinned as speed allows,
     and the torques (M, J, 10 L) of each inertial parameter."""
-    robot = arm_of(recording)
-    model = Model.of(robot, recording.metadata)
-    theta = robot.robot_theta(model.configured(recording.metadata))
-    q = Jet(*(part[:: signals.coarse] for part in (signals.q.v, signals.q.d, signals.q.dd)))
+    robot = arm_of(r)
+    model = Model.of(robot, r.metadata)
+    theta = robot.robot_theta(model.configured(r.metadata))
+    q = Jet(*(part[:: s.coarse] for part in (s.q.v, s.q.d, s.q.dd)))
     torques = torque_regressor(robot, theta, q, np.asarray(model.gravity))
     return theta, link_inertias(robot, theta), q, torques
 
@@ -299,23 +297,21 @@ def jackknife(folds: np.ndarray) -> np.ndarray:
     return np.asarray((FOLDS - 1) / FOLDS * off.T @ off)
 
 
-def _certain(
-    p: Problem, solution: Solution, starts: dict[str, float], std: np.ndarray
-) -> np.ndarray:
+def _certain(p: Problem, s: Solution, starts: dict[str, float], std: np.ndarray) -> np.ndarray:
     """Whether the data determine each parameter (K,) with standard uncertainties ``std`` (K,),
     boolean; divisors must surely differ from 0.
 
     The interval of 1/g is unbounded where that of g contains zero (Fieller 1954), and a mass that
     may be zero has no centre.
     """
-    determined = solution.determined.copy()
-    half = WIDE * np.sqrt(np.diagonal(jackknife(solution.folds)))
+    determined = s.determined.copy()
+    half = WIDE * np.sqrt(np.diagonal(jackknife(s.folds)))
     if p.gains:
         joints = p.y.shape[1]
-        determined[:joints] &= np.abs(solution.x[:joints]) > half[:joints]
+        determined[:joints] &= np.abs(s.x[:joints]) > half[:joints]
     if p.changes == LOAD:
         at = p.y.shape[1] * p.gains
-        light = abs(solution.x[at] + starts[LOAD[0]]) <= WIDE * std[at]
+        light = abs(s.x[at] + starts[LOAD[0]]) <= WIDE * std[at]
         determined[at + 1 : at + len(LOAD)] &= not light
     return determined
 

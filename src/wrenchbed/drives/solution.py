@@ -79,9 +79,8 @@ def solve(problem: Problem) -> Solution:
 def moved_by(p: Problem, s: Solution, torques: np.ndarray) -> np.ndarray:
     """Parameters (H, K) of fits to efforts that hold further torques (M, J, H), one at a time."""
     gain = parts(p, s.x)[0]
-    known = _prior_precision(p)
     normal, right = _normal(p, s.x, s.weight)
-    whole = normal.sum(axis=0) + np.diag(known)
+    whole = normal.sum(axis=0) + np.diag(_prior_precision(p))
     shifted = (_normal(replace(p, y=p.y + gain * one), s.x, s.weight)[1]
                for one in np.moveaxis(torques, -1, 0))  # fmt: skip
     return np.array([s.x + _shortest(whole, (r - right).sum(axis=0)) for r in shifted])

@@ -64,7 +64,6 @@ class Quantity:
     """A number or a vector of a calibration.
 
     Attributes:
-        name: for people.
         value: (K,) [unit].
         std: standard uncertainty (K,) [unit]; None if it is not known.
         unit: SI.

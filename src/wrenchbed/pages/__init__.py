@@ -1,6 +1,5 @@
 """HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
-Free: the inside of each file (styles and layout); tests/reports/test_charts.py and tests/reports
-speak.
+Free: the inside of each file (styles and layout); tests/reports speak.
 Others rely on: `numbers` (digits on pages and in the terminal), fields of `chart`, which
 ``assets/page.js`` reads too.
 Never: a robot, a recording or a fit: this room draws data that it is given; a script or address

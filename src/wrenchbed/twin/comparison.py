@@ -24,7 +24,6 @@ class Simulator:
     """Prediction of one simulator for all rows of a recording.
 
     Attributes:
-        name: label for people.
         theta: the robot's parameters (P,).
         reading: predicted reading of every row (N, 6) [N, N·m].
         fitted: whether it comes from a fit.json.

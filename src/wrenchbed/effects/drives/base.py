@@ -40,7 +40,6 @@ class Column:
     """One column with a free amplitude, of a channel (N,), or of all channels (N, C).
 
     Attributes:
-        name: unique name.
         data: values at all rows.
         std: prior standard deviation of its amplitude, if not part of a named cause; None: small.
         free: whether every fit leaves its amplitude free.
