@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 939,
     "cli": 2684,
     "data": 5396,
-    "diagnosis": 13096,
+    "diagnosis": 13094,
     "drives": 1671,
     "effects": 4975,
     "environments": 589,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78998,
-    "src/wrenchbed": 69498,
+    "src": 78996,
+    "src/wrenchbed": 69496,
     "src/robot_emulators": 9500,
     "tests": 39617,
     "scripts": 3476,

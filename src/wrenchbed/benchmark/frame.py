@@ -185,8 +185,8 @@ def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]
 
 
 def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[str, float]:
-    """True numbers of a cause by name, SI, with what minor imperfections of its name add: all
-    faults of the robot with the amount of each, which is 1 of a cause."""
+    """True numbers of a cause by name, SI, plus those of minor imperfections of the same effect;
+    ``faults`` has all faults of the robot, each with its amount, which is 1 for a cause."""
     if cause.name not in EFFECTS or not EFFECTS[cause.name].adds:
         return dict(cause.true)
     sums: dict[str, float] = {}

@@ -94,7 +94,7 @@ class TargetPose(Channel):
         return np.asarray((position + apply(rotation, self.target)) @ self.turn.T + self.shift)
 
     def _moved(self, change: np.ndarray) -> Self:
-        """Copy with its nine nuisance parameters changed by ``change`` (9,)."""
+        """Copy with T, s and p changed by ``change`` (9,): turn [rad], shift [m] and place [m]."""
         turn = value(exp(*change[:3]))
         return replace(
             self, turn=turn @ self.turn, shift=self.shift + change[3:6],

@@ -51,7 +51,7 @@ def refitted(
 
 
 def _only(scene: Scene, seen: np.ndarray) -> Scene:
-    """Copy of a scene in which only the held rows that ``seen`` (H,) selects are held."""
+    """Copy of a scene that compares only those of its observations that ``seen`` (H,) selects."""
     held = np.zeros(len(scene), dtype=bool)
     held[np.flatnonzero(scene.held)[seen]] = True
     return replace(scene, held=held)

@@ -87,8 +87,8 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
 
 
 def _simple_type(hint: Any) -> tuple[type, bool, bool] | None:
-    """The simple type of a hint, whether it is a tuple of them, and whether it may be None; None
-    where no word can be its value."""
+    """Simple type of a type hint, whether it is a tuple of them, and whether it may be None; None
+    if no argument on the command line can be its value."""
     optional = NoneType in get_args(hint)
     others = [a for a in get_args(hint) if a is not NoneType]
     inner = others[0] if optional and len(others) == 1 else hint

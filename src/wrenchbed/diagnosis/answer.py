@@ -46,7 +46,7 @@ def causes(
     spread: float,
     between: Iterable[RowFinding],
 ) -> list[dict[str, Any]]:
-    """Entries of ``which``; ``spread`` multiplies standard uncertainties, see `Reliability`."""
+    """Entries of ``which``, one a claimed cause; ``spread`` multiplies standard uncertainties."""
     result = []
     for c in verdict.causes:
         name, rivals = c.names[0], _rivals(a, verdict, c, spread)
@@ -59,7 +59,7 @@ def causes(
 
 
 def elements_of(a: Analysis, verdict: Verdict[Explanation]) -> list[Mapping[str, Elements]]:
-    """Joints, links or axes that explain as well as each cause's own, by effect, for each cause."""
+    """For each cause: joints, links or axes that explain as well as the claimed one, by effect."""
     f = verdict.explanation.finalist
     return [
         {} if c.part.index is None else elements(a.refitter, f, c.part.index, c.names)
@@ -68,7 +68,7 @@ def elements_of(a: Analysis, verdict: Verdict[Explanation]) -> list[Mapping[str,
 
 
 def cannot_tell(which: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Sentences on elements and effects of ``which`` that these data do not separate."""
+    """Sentences on elements and effects of ``which`` that this recording does not separate."""
     result = []
     for entry in which:
         several, total = entry["elements"], entry["combination"]
@@ -85,7 +85,7 @@ def cannot_tell(which: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def _of_elements(entry: Mapping[str, Any]) -> str:
-    """Name of an entry's effect with its elements: ``joint.offset of joints 2 and 3``,
+    """Effect of an entry of ``which`` with its elements: ``joint.offset of joints 2 and 3``,
     ``mount.rotation about z``, ``cable.pull (always taut)``."""
     effect, names = str(entry["effect"]), [str(n) for n in entry["elements"]]
     if not names or effect in STATED:
@@ -97,7 +97,7 @@ def _of_elements(entry: Mapping[str, Any]) -> str:
 
 
 def with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Parameters; a joint's or link's number also lists those that the data cannot rule out."""
+    """Copy that lists, beside a joint's or link's number, those that the data cannot rule out."""
     for key in ("joint", "link"):
         if key in parameters and len(names) > 1:
             others = [int(n.split()[1]) for n in names[1:]]
@@ -108,8 +108,8 @@ def with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, A
 def _rivals(
     a: Analysis, verdict: Verdict[Explanation], c: Cause, spread: float
 ) -> list[dict[str, Any]]:
-    """Entries of ``rivals`` of a cause: probability, elements and parameters of each, fitted in its
-    place."""
+    """Entries of ``rivals`` of a cause: effects fitted in its place, each with probability,
+    elements and parameters."""
     beside = verdict.explanation.names - {c.part.name}
     shares = c.shares or (1.0 / len(c.names),) * len(c.names)
     result = []
@@ -130,7 +130,7 @@ def _rivals(
 def _numbers(
     a: Analysis, verdict: Verdict[Explanation], cause: Cause, spread: float
 ) -> dict[str, Any]:
-    """Keys of `numbers_of` for an entry of ``which``; a wrong stated number has its error."""
+    """Keys that `numbers_of` returns, for a claimed cause; for a wrong stated number its error."""
     f, k = verdict.explanation.finalist, cause.part.index
     if k is None:
         wrong = _wrong_numbers(a, f, cause.names[0], spread)
@@ -139,8 +139,8 @@ def _numbers(
 
 
 def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) -> dict[str, Any]:
-    """Keys ``elements``, ``combination``, ``parameters`` for part k of a finalist; of a form-free
-    part also ``form`` and ``curve``.
+    """Keys ``elements``, ``combination``, ``parameters`` for effect number k of a fitted set of
+    causes; of an effect without a formula also ``form`` and ``curve``.
 
     ``combination`` is the sum of the elements' sizes that the recording determines, None without
     one; standard uncertainties are multiplied by ``spread``.
@@ -165,8 +165,8 @@ def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) ->
 
 
 def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Names of the stated numbers that are wrong by over three standard uncertainties, else of the
-    one that is farthest off."""
+    """Names of the stated numbers that are wrong by over three standard uncertainties; if none is,
+    of the one with the largest such ratio."""
     ratio = {n: abs(v["value"]) / max(v["std"], 1e-300) for n, v in wrong.items()}
     return [n for n, r in ratio.items() if r > WRONG_SIGMAS] or [max(ratio, key=lambda n: ratio[n])]
 
@@ -174,9 +174,9 @@ def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
 def _free_curve(
     effect: Effect, variant: Variant, scene: Scene, values: Values, covariance: np.ndarray
 ) -> dict[str, Any]:
-    """Keys ``parameters``, ``form`` and ``curve`` of a form-free cause, SI.
+    """Keys ``parameters``, ``form`` and ``curve`` of an effect that has a curve for a formula, SI.
 
-    From all values of its parameters, and the covariance (k, k) of the variant's amplitudes.
+    ``values`` are of all its parameters, ``covariance`` (k, k) of the variant's amplitudes.
     """
     sizes: dict[str, dict[str, Any]] = {}
     best: tuple[float, Mapping[str, Any]] = (-1.0, {})
@@ -195,7 +195,7 @@ def _free_curve(
 def _along(
     curve: Curve, variant: Variant, values: Values, covariance: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Curve (P,) with its standard uncertainty (P,), and its peak-to-peak size with its own."""
+    """Curve at P points (P,), its standard uncertainty (P,), and peak-to-peak size with its own."""
     at = [variant.free.index(n) for n in curve.names]
     block = covariance[np.ix_(at, at)]
     y = curve.columns @ np.array([values[n] for n in curve.names])
@@ -209,7 +209,7 @@ def _along(
 
 
 def _uncertainty(a: Analysis, f: Finalist, part: int, spread: float) -> dict[str, float]:
-    """Standard uncertainties of a part's variables by name, SI, with errors of its assumed form."""
+    """Standard uncertainties, SI, of an effect's parameters by name, with errors of its formula."""
     effect, v = f.parts[part].effect, f.variables
     size = {p.name: p.tolerance for p in effect.parameters(a.prepared.robot)}
     std = np.sqrt(np.diagonal(a.refitter.uncertainty(f)))
@@ -222,7 +222,7 @@ def _uncertainty(a: Analysis, f: Finalist, part: int, spread: float) -> dict[str
 
 
 def _flat(a: Analysis, f: Finalist, i: int) -> float:
-    """Rms width, in typical sizes, of the range of variable i in which no reading changes.
+    """Rms width, in typical sizes, of the range of fitted variable i in which no reading changes.
 
     A jump may have come at any time between two poses.
     """
@@ -246,7 +246,7 @@ def _flat(a: Analysis, f: Finalist, i: int) -> float:
 
 
 def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[str, Any]:
-    """Errors of a stated number's parameters by name: true minus stated value."""
+    """Errors of a stated number (bias, mass or CoG) by parameter: true minus stated value."""
     d, estimate = a.dictionary, stated(a.refitter, f)
     hypothesis = next(h for h in d.hypotheses if h.name == name)
     unit = {p.name: p.unit for p in hypothesis.effect.parameters(a.prepared.robot)}
@@ -262,7 +262,7 @@ def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[s
 
 
 def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[Place]:
-    """Effect, detail, share of the gap and p-value of each claimed cause, for ``where``."""
+    """Effect, detail, share of the gap and p-value of each claimed cause, for key ``where``."""
     result, best = [], verdict.explanation.log_posterior
     for c in verdict.causes:
         others = [e for e in a.ranking.explanations if not e.names & set(c.names)]
@@ -275,7 +275,7 @@ def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[Pla
 
 
 def row_place(r: RowFinding) -> Place:
-    """Effect, channels, variance share and p-value of an effect between rows, for ``where``."""
+    """Effect, channels, variance share and p-value of an effect that only row scatter shows."""
     return r.effect, ", ".join(r.channels), r.rise / (1.0 + r.rise), 1.0 - r.probability
 
 
@@ -289,8 +289,8 @@ def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
 
 
 def scales(*each: Prepared) -> dict[str, Scale]:
-    """Row noise and material residual (a gap of 1) of each channel; of several recordings the
-    last's."""
+    """Noise of a row, and residual that counts as a gap of 1, of each channel; where several
+    recordings have the channel, those of the last."""
     result = dict[str, Scale]()
     for p in (one.leading for one in each):
         noise, counts = p.row_sigma.tolist(), p.sigma.tolist()
@@ -315,7 +315,7 @@ def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
 
 
 def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tuple[str, ...]:
-    """Notes on the residual that the answer leaves, and on effects between rows."""
+    """Notes on the residual that the answer leaves, and on effects that only row scatter shows."""
     result = []
     rest = None if gap.with_effects is None else gap.with_effects.value - max(gap.floor, 0.0)
     if rest is not None and rest > max(1.0, UNEXPLAINED * gap.excess):
@@ -334,14 +334,14 @@ def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tupl
 def confirmations(
     prepared: Prepared, verdict: Verdict[Explanation], gap: Closure
 ) -> tuple[str, ...]:
-    """Notes on causes that channels beside the wrench confirm by themselves."""
+    """Notes on causes that channels other than the wrench confirm without it."""
     names = " and ".join(c.name for c in prepared.channels[1:])
     held = [c.part.name for c in verdict.causes if confirmed(c, gap)]
     return tuple(f"{name} is upheld by the {names} alone, on rows that no fit saw" for name in held)
 
 
 def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> Diagnosis:
-    """Diagnosis of the untouched rows, completed by a contact of the tool and its verdict."""
+    """Diagnosis of the untouched rows, completed by a contact and the verdict beside it."""
     rest = f"the other answers are of the {int((~touch.rows).sum())} {touch.what} without it"
     d = replace(
         d, verdict=verdict.word, probabilities=verdict.probabilities,

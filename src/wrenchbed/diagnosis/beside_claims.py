@@ -28,10 +28,10 @@ from wrenchbed.diagnosis.result import cause, rival
 def minor(
     a: Analysis, verdict: Verdict[Explanation], spread: float, right: float = 1.0
 ) -> list[dict[str, Any]]:
-    """Entries of ``minor``: effects that are detected, but add less gap than a cause must.
+    """Entries of ``minor``: effects that are detected, but too small to be claimed.
 
     Args:
-        a: the analysis.
+        a: explanations of the recording, with probabilities.
         verdict: its claims are not listed again. With `unknown` only explanations without a large
             part speak for an effect: the others were refuted.
         spread: factor on standard uncertainties, see `Reliability`.
@@ -81,8 +81,8 @@ def _instead(
     effects: Sequence[AbstractSet[str]],
     small: Sequence[AbstractSet[str]],
 ) -> dict[str, list[int]]:
-    """Small effects that explanations have in the place of ``name`` (itself included), each with
-    the indices of these explanations.
+    """Small effects that other explanations have in the place of the effect ``name`` (itself
+    included), with the indices of these explanations.
 
     Args:
         name: the effect.
@@ -99,7 +99,7 @@ def _instead(
 
 
 def _numbers(a: Analysis, f: Finalist, name: str, spread: float) -> dict[str, Any]:
-    """Keys ``elements``, ``combination`` and ``parameters`` of an effect of a finalist."""
+    """Keys ``elements``, ``combination`` and ``parameters`` of one effect of a fitted set."""
     k = f.names.index(name)
     return numbers_of(a, f, k, elements(a.refitter, f, k, [name])[name], spread)
 

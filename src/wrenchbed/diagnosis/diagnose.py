@@ -144,12 +144,12 @@ def diagnose(
 
 
 class Examined(NamedTuple):
-    """One recording's decision, outliers, and effects between rows.
+    """Decision on one recording, outliers set aside, and effects that the row scatter shows.
 
     Attributes:
         known: shares of claims that are right.
         between: effects that show between rows only.
-        scattered: sentence on further scatter between rows; empty without any.
+        scattered: sentence on unexplained scatter between rows; empty without any.
     """
 
     weighed: "Weighed"
@@ -179,7 +179,7 @@ def examine(
 
 
 def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
-    """Effects that show between rows of a wrench only, and a sentence on other scatter there."""
+    """Effects that only a wrench's row scatter shows, and a sentence on unexplained scatter."""
     rows, scatter = find_row_effects(prepared.excerpt, prepared.configuration)
     every, least = (*rows, *find_tool_vibration(prepared)), least_beside(prepared.touch)
     between = tuple(r for r in every if r.probability >= least)
@@ -253,10 +253,10 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
 
 
 class Weighed(NamedTuple):
-    """An analysis, and the decision on the means of its readings.
+    """Explanations of a recording, and the decision on the means of its readings.
 
     Attributes:
-        twin: simulator with the causes, or after the usual fit.
+        twin: simulator with the causes; without any, with fitted bias, mass and CoG.
         p_value: that a recording like the learning cases is as unlike them; of several recordings
             the smallest times their number, at most 1; 0 where one has no wrench.
         refuted: sentence on a cause that comes nearest and is refuted; empty without one.
@@ -270,12 +270,12 @@ class Weighed(NamedTuple):
 
 
 def weigh(prepared: Prepared, known: Reliability, seed: int) -> Weighed:
-    """Explain the gap of a recording, and decide by held-out rows what may be claimed."""
+    """Explain the gap of a recording; decide by held-out rows which causes may be claimed."""
     return settle(analyse(prepared), known, seed)
 
 
 def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
-    """Decide by held-out rows what an analysis may claim.
+    """Decide which causes of an analysis may be claimed, by rows that no fit used.
 
     A recording unlike the learning cases may have a residual of its own, which is then weighed as
     noise. For one like them the learnt probabilities already include such residuals.
@@ -337,13 +337,13 @@ def _changing(
 
 
 def _parts(verdict: Verdict[Explanation], names: Collection[str]) -> list[int]:
-    """Indices of the parts that are causes with these names, without stated numbers."""
+    """Indices, in the fitted set of causes, of the claimed effects with these names."""
     claimed = [c.part.index for c in verdict.causes if c.part.name in names]
     return [k for k in claimed if k is not None]
 
 
 def _refuted(weighed: Weighed, sentence: str, seed: int) -> Weighed:
-    """Copy with the verdict ``unknown``, because something else refutes its causes."""
+    """Copy with the verdict ``unknown``, and the ``sentence`` on what refutes the causes."""
     claims = Claims(weighed.analysis, seed)
     verdict = withdrawn(weighed.decision.verdict, UNKNOWN)
     decision = Decision(verdict, claims.gap(verdict))
@@ -353,7 +353,7 @@ def _refuted(weighed: Weighed, sentence: str, seed: int) -> Weighed:
 def _without_outliers(
     prepared: Prepared, first: Weighed, known: Reliability, seed: int
 ) -> tuple[Weighed, tuple[outliers_.Outlier, ...]]:
-    """Decision without a few blocks that all others contradict, where that settles it."""
+    """Decision without a few poses or stretches that all others contradict; and these outliers."""
     weighed, outliers = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
         decision = weighed.decision
@@ -384,13 +384,13 @@ def _without_outliers(
 
 
 def _learnt(known: Reliability, p_value: float) -> str:
-    """Sentence on the cases behind the probabilities, and whether this recording is unlike them."""
+    """Sentence on the simulated cases behind the probabilities, and how like them this one is."""
     unlike = UNLIKE if p_value < LEAST_P else ""
     return f"the probabilities were learnt on {known.source}{unlike}"
 
 
 def _designs(a: Analysis) -> list[Design]:
-    """Design of each recording, at its background, for the search of blind spots."""
+    """What each recording could show, one design each, for the search of blind spots."""
     best = a.ranking.explanations[0].finalist
     recordings = zip((a, *a.others), best.each or [best], strict=True)
     return [Design(x.searcher, f.rung) for x, f in recordings]

@@ -189,7 +189,7 @@ def _mixed(refitters: Sequence[Refitter], best: Finalist) -> float:
 
 
 class _Draft(NamedTuple):
-    """Structure to be fitted to all recordings: one recording's form and start values (k,)."""
+    """Set of causes to fit to all recordings: one recording's form and start values (k,)."""
 
     refitter: Refitter
     parts: tuple[Hypothesis, ...]
@@ -208,7 +208,7 @@ class _Draft(NamedTuple):
 
 
 def _drafts(refitters: Sequence[Refitter], rankings: Sequence[Ranking]) -> list[_Draft]:
-    """Structures that explain one recording, and combinations of two recordings', each once."""
+    """Sets of causes that explain one recording, and unions of two recordings' sets, each once."""
     every: dict[tuple[Refitter | None, _Key], _Draft] = {}
     leading: list[list[_Draft]] = []
 

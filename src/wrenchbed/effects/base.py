@@ -327,7 +327,7 @@ class Effect(ABC):
         return reading
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
-        """Stage ``row``: readings (N, 6) at times (N,) [s] with the effect's random part."""
+        """Stage ``row``: readings (N, 6) at times (N,) [s], with the effect's random part added."""
         return rows
 
     # ---- MuJoCo ----------------------------------------------------------------------------

@@ -78,7 +78,7 @@ class BufferedNoise:
         return shown(self._model, measured)
 
     def _draw(self, n: int, until: float) -> None:
-        """Draw at least n more rows of noise."""
+        """Draw at least n more rows of noise, for times up to ``until`` [s]."""
         spacing = max((until - self._last) / n, _SHORTEST_S)
         count = max(_BLOCK, n)
         start = max(self._drawn, self._last)

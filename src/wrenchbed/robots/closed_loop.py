@@ -128,7 +128,7 @@ class ClosedLoops:
         return np.concatenate(rows, axis=-2)
 
     def _inverse(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """(∂r/∂x)⁻¹ of the passive joints x (…, N, X, X), of the equations that are kept."""
+        """Inverse slopes of the kept loop equations by the X passive joints (…, N, X, X)."""
         slopes = self._kept @ self._slopes(at, arm)[..., self.passive]
         try:
             return np.linalg.inv(slopes)

@@ -29,7 +29,7 @@ def timing_delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def timing_lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a low-pass of one or two stages with a lag of about 6 ms in all."""
+    """Draw a fault of the readings: a low-pass of one or two stages, lag about 6 ms."""
     time = 6e-3 * size * spread(rng)
     order = int(rng.integers(1, 3))
 

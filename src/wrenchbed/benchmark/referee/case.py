@@ -96,7 +96,7 @@ def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeF
 
 
 def _stream(rng: Rng) -> Rng:
-    """Split off a random stream, so that another scale draws the same faults."""
+    """Split off a random stream for one fault, so that later draws do not depend on its size."""
     return np.random.default_rng(int(rng.integers(2**62)))
 
 

@@ -28,7 +28,7 @@ def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a low-pass of one to three stages with a lag of about 7 ms in all."""
+    """Draw a fault of the readings: low-pass of up to three stages, total lag about 7 ms."""
     time, stages = about(rng, 7e-3 * size), int(rng.integers(1, 4))
 
     step = float(setting.path.t[1] - setting.path.t[0])

@@ -39,7 +39,7 @@ itself is rough, more need more holds than a short recording has."""
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A spectral line: frequency with standard uncertainty [Hz], and its share of the power."""
+    """A peak of a power spectrum: frequency with standard uncertainty [Hz], and share of power."""
 
     frequency: float
     std: float
@@ -118,7 +118,7 @@ def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarra
 
 
 def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Estimated acceleration of the base along a direction, row by row (N,) [m/s²]."""
+    """Acceleration of the base along ``direction``, estimated from each row (N,) [m/s²]."""
     sensor = np.linalg.pinv(np.cov(s.rows.T) + 1e-9 * np.eye(6))
     v = maps @ direction
     weights = (v @ sensor) / np.einsum("gk,kl,gl->g", v, sensor, v)[:, None]
@@ -152,7 +152,7 @@ def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
 
 
 def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Variance of a fitted sine at each frequency in each group of rows (G, F)."""
+    """Variance of a sine fitted to x (N,), by group of rows and by frequency (G, F)."""
     t = s.t - np.repeat(s.t[s.starts], s.count)
 
     def wave(at: slice) -> np.ndarray:

@@ -48,7 +48,7 @@ a cause that hardly counts."""
 
 @dataclass(frozen=True)
 class RowFinding:
-    """One cause that shows between rows.
+    """A cause that shows in the scatter from row to row, not in means.
 
     Attributes:
         effect: name in the library of effects.
@@ -77,7 +77,7 @@ class RowFinding:
 def find_row_effects(
     recording: Recording, configuration: Configuration
 ) -> tuple[tuple[RowFinding, ...], Scatter | None]:
-    """Effects that raise the row noise above the stated one, and the scatter of neighbouring rows.
+    """Effects that raise the row noise above the stated one, and residuals of neighbouring rows.
 
     The most probable effect comes first; of equally probable ones, that with the largest rise.
     """
@@ -131,8 +131,8 @@ def unexplained(s: Scatter | None, findings: Sequence[RowFinding]) -> str:
 
 
 def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.ndarray | None:
-    """Row noise variance (6,): stated, else measured without that of coarse counts, ``counted``
-    (6,); None if neither is known."""
+    """Noise variance of a row (6,): stated, else measured less that of the quantisation ``counted``
+    (6,); None if neither is available."""
     std = recording.metadata.sensor.noise_std
     if std is not None and min(std) > 0.0:
         return np.square(std)
@@ -179,7 +179,7 @@ def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFindin
 
 
 def _late(recording: Recording, again: Repeats, s: Scatter | None) -> float:
-    """Largest relative rise of a channel's variance by rows that show old values."""
+    """Largest relative rise of a channel's variance by rows that repeat old values."""
     stale = again.stale
     fresh = np.flatnonzero(stale == 0)
     if s is None or not stale.any() or len(fresh) < 2 or recording.metadata.mode != "dynamic":

@@ -77,7 +77,7 @@ class Scatter:
         return np.asarray((np.concatenate(total).T / self.count).T)
 
     def steady(self, x: np.ndarray) -> np.ndarray:
-        """Whether the scatter x (N, …) of a motion is about even over the groups, boolean (…)."""
+        """Whether the scatter x (N, …) of a motion is about equal in all groups of rows (…)."""
         groups = self.means_of(lambda at: x[at] ** 2)
         even = np.quantile(groups, 0.25, axis=0) >= QUIET * groups.mean(axis=0)
         return np.asarray(even if len(self.kernel) else np.ones_like(even))
@@ -108,7 +108,7 @@ class Scatter:
 def scatter(
     recording: Recording, configuration: Configuration, stale: np.ndarray
 ) -> Scatter | None:
-    """Residuals of the rows that are not ``stale`` (N,); None with too few repeats."""
+    """Residuals of the rows that are not ``stale`` (N,); None with too few groups of rows."""
     moving = recording.metadata.mode == "dynamic"
     gathered = _in_motion(recording, stale) if moving else _at_rest(recording, stale)
     if gathered is None or len(gathered[2]) < LEAST_GROUPS:
@@ -173,7 +173,7 @@ def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
 def _carried(
     recording: Recording, configuration: Configuration, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Orientations of some rows (G, 3, 3), and `Scatter.lever` (6, 3)."""
+    """Orientations (G, 3, 3) at G rows; matrix (6, 3) of load [N, N·m] per acceleration [m/s²]."""
     robot, mass = configuration.model.robot, configuration.mass
     q = np.stack([recording.columns[c][rows] for c in recording.joints or QUATERNION], axis=-1)
     rotation = np.asarray(robot.sensor_pose(q, configuration.robot_theta)[0])

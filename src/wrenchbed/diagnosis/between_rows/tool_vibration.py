@@ -69,7 +69,7 @@ def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:
 
 
 def _follows(force: np.ndarray, moved: np.ndarray) -> tuple[float, float, float]:
-    """Slope [kg] of forces (N, 3) on accelerations (N, 3), explained share, std of the slope."""
+    """Slope [kg] of forces (N, 3) over accelerations (N, 3), explained share, std of the slope."""
     group = np.arange(len(force)) * GROUPS // len(force)
     sums = np.array(
         [
@@ -88,7 +88,7 @@ def _follows(force: np.ndarray, moved: np.ndarray) -> tuple[float, float, float]
 
 
 def _blows(rough: np.ndarray, step: float) -> tuple[int, float]:
-    """Number of separate stretches far louder than the median, and that ratio for the loudest."""
+    """Number of stretches far louder than a residual's median, and the loudest's ratio to it."""
     size = max(4, round(BURST_S / step))
     count = len(rough) // size
     loud = np.sqrt((rough[: count * size].reshape(count, size, -1) ** 2).mean(axis=1))

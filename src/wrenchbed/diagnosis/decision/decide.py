@@ -67,8 +67,8 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
 def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
     """Verdict by evidence alone: the likeliest of none, unknown and the leading class of causes.
 
-    Structures that claim the same causes are one claim. An effect that explains the recording in a
-    cause's place is a rival of that cause (rule ``rivals``).
+    Sets of causes that claim the same names are one claim. An effect that explains the recording in
+    a cause's place is a rival of that cause (rule ``rivals``).
     """
     mass: dict[frozenset[Key], float] = {}
     first: dict[frozenset[Key], Option[S]] = {}
@@ -101,7 +101,7 @@ def _cause(
     facts: Facts[S], mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part,
     without: Collection[str],
 ) -> Cause:  # fmt: skip
-    """Cause from one part of the claimed structure, with its rivals."""
+    """Cause from one effect (or wrong number) of the claimed set of causes, with its rivals."""
     beside = claim.keys - {part.key}
     score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
     score |= {(n, None): 1.0 for n in part.twins}
@@ -135,12 +135,12 @@ def small(gap: Closure) -> bool:
 
 
 def closes(member: Interval | None) -> bool:
-    """Whether a cause closes at least `LEAST` of the gap on held-out rows."""
+    """Whether a cause closes a gap of at least `LEAST` on rows that no fit used."""
     return member is not None and member.value >= LEAST
 
 
 def surely(member: Interval | None) -> bool:
-    """Whether a cause closes at least `LEAST` and its interval lies above zero."""
+    """Whether a cause surely closes a gap on rows that no fit used: `LEAST`, interval above 0."""
     return member is not None and closes(member) and member.low > 0.0
 
 
@@ -166,7 +166,7 @@ def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 
 def confirmed(cause: Cause, gap: Closure) -> bool:
-    """Whether channels beside the wrench by themselves confirm a cause on held-out rows."""
+    """Whether channels other than the wrench confirm a cause, on rows that no fit used."""
     return surely(gap.further.get(cause.part.label))
 
 
@@ -176,7 +176,7 @@ def _stands(facts: Facts[S], cause: Cause, gap: Closure) -> bool:
 
 
 def _closing(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
-    """Causes that close a gap on held-out rows, largest first, doubtful ones last."""
+    """Causes that close a gap on rows that no fit used, largest first, doubtful ones last."""
     together = gap.closed is not None and gap.closed.low > 0.0
     in_all = gap.in_all is not None and gap.in_all.low > 0.0
     members = {c.part.label: gap.members.get(c.part.label) for c in verdict.causes}
@@ -210,8 +210,8 @@ def _imitated(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> bool:
 
 
 def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Withdraw ``none`` with a large gap (or if the rest counts as noise), ``unknown`` without a
-    gap."""
+    """Withdraw ``none`` if the gap after the usual fit is large (or if what no cause explains
+    counts as noise), ``unknown`` if there is no gap."""
     if verdict.word == NONE and (facts.own_rest or not small(gap)):
         return withdrawn(verdict, UNKNOWN)
     hardly = gap.calibrated.high - max(gap.floor, 0.0) < CLAIMABLE and small(gap)
@@ -226,7 +226,7 @@ def partial(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 
 def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Verdict with learnt probabilities: the answer's and each cause's are times `Facts.right`.
+    """Verdict with probabilities times `Facts.right`, the share of such answers that were right.
 
     What the leading answer loses goes to ``unknown``; a claim no likelier than that becomes
     ``unknown``. Causes that other channels confirm are kept: the shares were learnt on wrenches
@@ -329,7 +329,7 @@ def conclude(
 def beside_contact(
     verdict: Verdict[S], name: str, probability: float, gap: Closure, *, at_a_point: bool
 ) -> Verdict[S]:
-    """Verdict on the untouched rows, completed by a contact ``name`` of a probability.
+    """Verdict on untouched rows, completed by a contact: the effect ``name`` with its probability.
 
     A force that acts at no one point makes the whole answer ``unknown``.
     """
@@ -343,8 +343,8 @@ def beside_contact(
 
 
 def withdrawn(verdict: Verdict[S], instead: str) -> Verdict[S]:
-    """Verdict ``instead`` (`none`, `unknown`) of an answer that falls and keeps a little
-    probability.
+    """Verdict ``instead`` (`none` or `unknown`) of an answer that is withdrawn; the answer keeps a
+    small probability.
 
     If causes give way to `unknown` there is a gap, so that `none` falls with them; if an unknown
     gap gives way to `none`, so do all causes of one.

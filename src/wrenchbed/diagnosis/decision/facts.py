@@ -12,10 +12,10 @@ from wrenchbed.diagnosis.gap.gaps import Closure
 
 @dataclass(frozen=True, eq=False)
 class Decision(Generic[S]):
-    """A verdict with the held-out gaps behind it.
+    """A verdict, with the gaps on rows that no fit used.
 
     Attributes:
-        verdict: the decided one.
+        verdict: word, causes with rivals, and probabilities.
         gap: on held-out rows, with the causes of ``verdict``.
     """
 
@@ -24,12 +24,12 @@ class Decision(Generic[S]):
 
     @property
     def settled(self) -> bool:
-        """Whether the word says that no cause is missing: none, identified or ambiguous."""
+        """Whether the verdict says that no cause is missing: none, identified or ambiguous."""
         return self.verdict.word in (NONE, "identified", "ambiguous")
 
     @property
     def rest(self) -> float:
-        """Gap above the noise floor that the answer leaves on held-out rows."""
+        """Gap above the noise floor that the causes leave, on rows that no fit used."""
         return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
 
 
@@ -38,9 +38,9 @@ class Facts(Generic[S]):
     """Everything that a decision depends on.
 
     Attributes:
-        options: structures that may explain the recording, best first.
+        options: sets of causes, active at once, that may explain the recording; best first.
         unknown: probability of a cause that is no effect of the library.
-        measure: function from a verdict to the gaps on held-out rows with its causes.
+        measure: function from a verdict to the gaps that its causes leave on rows that no fit used.
         right: function to the share of such verdicts that were right.
         doubt: factor by which the evidence overstates log odds.
         least: smallest probability of a cause: above 0 where few rows are left to separate causes.

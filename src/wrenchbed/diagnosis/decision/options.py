@@ -14,7 +14,7 @@ from wrenchbed.diagnosis.gap.gaps import Closure
 
 
 def weights(ranking: Ranking) -> np.ndarray:
-    """Probabilities (1 + E,) of an unknown cause and of each explanation."""
+    """Probabilities (1 + E,): of a cause that the library lacks, then of each of E explanations."""
     best, unknown = ranking.explanations[0], ranking.unknown
     if ranking.gap < CLAIMABLE:  # normal imperfections, whatever they look like
         unknown = -np.inf
@@ -33,7 +33,7 @@ def facts_of(
     own_rest: bool = False,
     seen: Collection[str] = (),
 ) -> Facts[Explanation]:
-    """Facts for a decision on a ranking of explanations; see `Facts`."""
+    """Facts for a decision on ranked sets of causes; arguments as the attributes of `Facts`."""
     weight = weights(ranking)
     both = zip(weight[1:], ranking.explanations, strict=True)
     options = tuple(Option(e, float(w), e.parts) for w, e in both)

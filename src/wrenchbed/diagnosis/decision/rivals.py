@@ -32,7 +32,7 @@ two causes and no rivals: the larger half is its own."""
 
 
 def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:
-    """Names of further rivals of the leading cause by held-out rows, best first.
+    """Names of effects that do as well in the leading cause's place on held-out rows, best first.
 
     A wrong stated number has none.
     """
@@ -44,7 +44,7 @@ def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str,
 
 
 def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:
-    """Names of effects that close as much as the leading cause in its place, best first."""
+    """Names of effects that close as much of the gap in the leading cause's place, best first."""
     f = verdict.explanation.finalist
     lead, *others = verdict.causes
     claimed = {n for c in others for n in c.names}
@@ -71,14 +71,14 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str
 
 
 def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:
-    """Best variants of the effects that are likeliest beside a finalist, at most `TRIED`."""
+    """Best variants of the likeliest effects beside a fitted set of causes, at most `TRIED`."""
     singles = a.refitter.added(base) if base.parts else a.searcher.singles(a.refitter.y)
     best = best_variants(a.searcher.hypotheses, singles)
     return [s for name, s in best.items() if name not in {*taken, *STATED}][:TRIED]
 
 
 class _Judge:
-    """Computes gaps of finalists on held-out rows, in units of the analysis' noise."""
+    """Computes the gaps that fitted sets of causes leave on rows that no fit used."""
 
     def __init__(self, a: Analysis, wrong: Sequence[str], seed: int) -> None:
         self._a, self._wrong = a, wrong
@@ -89,7 +89,7 @@ class _Judge:
         self.mean = Bootstrap([(rows.block, rows.count)], seed).mean
 
     def gaps(self, f: Finalist) -> np.ndarray:
-        """Gap of each held-out observation (S,) with a finalist's simulator."""
+        """Gap at each of S observations that no fit used (S,), with the causes of a fitted set."""
         keep = tuple(range(len(f.parts)))
         reading = self._fits.explained(twin_of(self._a, f, keep), f, keep, self._wrong)[0]
         p = self._a.prepared

@@ -39,7 +39,7 @@ def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, 
 
 
 def _entry(s: Simulators, c: Cause, beside: Sequence[int], probability: float) -> dict[str, Any]:
-    """Entry of a cause, fitted beside the blocks of other causes, with its joints and rivals."""
+    """Entry of ``which`` for a cause with joints and rivals; other causes are fitted beside it."""
     assert c.part.index is not None
     numbers = parameters(s.of((*beside, c.part.index)), c.part.index)
     elements = [place(key) for key in c.keys if key[0] == c.part.name]
@@ -48,8 +48,8 @@ def _entry(s: Simulators, c: Cause, beside: Sequence[int], probability: float) -
 
 
 def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
-    """Entries of ``rivals`` by effect, with the parameters of each's likeliest joint, fitted in the
-    cause's place."""
+    """Entries of ``rivals``: effects fitted in a cause's place, with the parameters of the
+    likeliest joint. ``beside``: indices of the other causes that are fitted."""
     by_effect: dict[str, list[tuple[Key, float]]] = {}
     for key, share in zip(c.keys[1:], c.shares[1:], strict=True):
         if key[0] != c.part.name:
@@ -67,7 +67,7 @@ def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, An
 def minor(
     s: Simulators, every: Sequence[Option[Structure]], v: Verdict[Structure]
 ) -> list[dict[str, Any]]:
-    """Entries of ``minor``: detected causes, with rivals, that add less gap than a claim must."""
+    """Entries of ``minor``: detected causes, with rivals, that are too small to be claimed."""
     claimed = {key for c in v.causes for key in c.keys}
     result = []
     for c in leading(facts_of(s, every, 0, LEAST_MINOR)).causes if v.word != UNKNOWN else ():
@@ -79,7 +79,7 @@ def minor(
 
 
 def scales(d: Dictionary) -> dict[str, Scale]:
-    """Row noise and material residual (a gap of 1) of each channel."""
+    """Noise of a row, and residual that counts as a gap of 1, of each channel."""
     each = zip(d.scene.columns, d.channels, d.scene.units, strict=True)
     return {name: Scale(c.noise.std, c.counts, unit) for name, c, unit in each}
 
@@ -87,7 +87,7 @@ def scales(d: Dictionary) -> dict[str, Scale]:
 def where(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = ()
 ) -> list[dict[str, Any]]:
-    """Entries of ``where``: of each claim, else hints at the joints in which the gap lies."""
+    """Entries of ``where``: of each claimed cause, else hints at joints with most of the gap."""
     if v.word == NONE:
         return []
     if v.causes:
@@ -115,7 +115,7 @@ def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
 def notes(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = (), outside: str = ""
 ) -> tuple[str, ...]:
-    """Notes on what the answer is based on, and on what it leaves open."""
+    """Notes on data, noise and remaining gap; ``outside``: unnamed cause that it resembles."""
     scene, noise = d.scene, [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
     result = [f"noise of a row: {', '.join(noise)}, from what all effects together leave"]
     stated = [k for k in scene.drives.value if scene.drives.known(k).any()]

@@ -65,7 +65,7 @@ Made = tuple[list[Column], list[Block]]
 
 
 def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
-    """Columns and causes of one joint, except those whose shape a residual suggests."""
+    """Columns (effort per unit of a parameter) and causes of one joint, without residual shapes."""
     columns, blocks = list[Column](), list[Block]()
     if rows.command is not None:  # setpoints of limited speed trail by the square of the speed
         speed = np.gradient(rows.command, rows.t)
@@ -106,8 +106,8 @@ def rows_of(scene: EffortScene, j: int) -> DriveRows:
 
 
 def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
-    """Ordinary spread of a stated number, relative for a drive constant; None if it is not
-    stated."""
+    """Ordinary standard deviation of a stated number of joint j, from 0, relative for a drive
+    constant; None if it is not stated."""
     drives, kind = scene.drives, effect.name
     if kind == _CONSTANT and not (scene.currents or scene.commanded):  # a torque sensor's is 1
         return effect.relative
@@ -121,8 +121,8 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
 
 
 def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarray]]:
-    """Columns by cause: of cables and springs between links, then of torque errors for which the
-    library has no name."""
+    """Columns by cause: cables and springs between links, then torque errors that the library does
+    not name."""
     size = np.abs(rows.total)
     hats = _hats(rows.t)
     way = 1.0 if rows.hinge else float(np.ptp(rows.angle)) / (2.0 * np.pi)
@@ -183,7 +183,7 @@ def of_sensor(scene: EffortScene, channel: int) -> Made:
 
 
 def of_arm(scene: EffortScene) -> Made:
-    """Columns (N, C) of the links and the load of an arm, and the causes made of them."""
+    """Columns (N, C), change per unit, of the links and the load of an arm; causes made of them."""
     columns, blocks = _links(scene)
     columns += _lag(scene)
     unseen = np.zeros((len(scene.signals.t), len(scene.channels) - scene.joints))
@@ -248,7 +248,7 @@ def _tool(scene: EffortScene) -> Made:
 
 
 def _lag(scene: EffortScene) -> list[Column]:
-    """Columns of a delay and a filter of all joints alike: fitted, but never named as a cause."""
+    """Columns of a delay and a filter common to all joints: fitted, but never named as a cause."""
     t, rate = scene.signals.t, scene.signals.rate
     delayed = np.stack([late(x, t, _LATE) for x in scene.total.T], axis=-1)
     filtered = np.stack([slow(x, rate, _LATE) for x in scene.total.T], axis=-1)
@@ -270,7 +270,7 @@ def _tilt(scene: EffortScene) -> Made:
 
 
 def _mean_inertia(phi: np.ndarray) -> float:
-    """Mean principal inertia [kg·m²] about the centre of gravity of a link's parameters (10,)."""
+    """Mean principal inertia [kg·m²] about the CoG for a link's 10 inertial parameters (10,)."""
     moment = phi[1:4]
     about = float(phi[4:7].sum()) - 2.0 * float(moment @ moment) / phi[0]
     return max(about / 3.0, phi[0] * _GYRATION**2)

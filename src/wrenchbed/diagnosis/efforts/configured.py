@@ -42,7 +42,7 @@ class Drives:
 
 
 def stated_drives(recording: Recording, path: str | Path | None = None) -> Drives:
-    """Stated values from the metadata, replaced by those of a fit of a healthy recording.
+    """Stated values from the metadata, replaced by those fitted to a recording without faults.
 
     Args:
         recording: its metadata may state ``configured``.
@@ -71,7 +71,7 @@ def with_tool(recording: Recording, drives: Drives) -> Recording:
 
 
 def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
-    """Write stated values, by name or as lists over joints, into ``value``."""
+    """Write stated values, by name or as lists over joints, into ``value`` by kind (J,)."""
     for kind, values in value.items():
         if (every := stated.numbers(kind, len(values))) is not None:
             values[:] = every
@@ -83,7 +83,7 @@ def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
 def _from_fit(
     recording: Recording, path: Path, value: dict[str, np.ndarray], std: dict[str, np.ndarray]
 ) -> np.ndarray | None:
-    """Write a fit's values into ``value`` and ``std``; returns `Drives.load`."""
+    """Write a fit's values by kind into ``value`` and ``std`` (J,); return its `Drives.load`."""
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis

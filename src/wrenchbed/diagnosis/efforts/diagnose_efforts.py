@@ -39,11 +39,11 @@ STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class EffortFindings:
-    """A diagnosis of joint efforts with the analysis behind it.
+    """A diagnosis of joint efforts with the fits behind it.
 
     Attributes:
         diagnosis: the answers.
-        d: columns and noise.
+        d: change of the efforts per unit of each parameter, and their noise.
         verdict: decided; causes have joints.
         simulators: those fitted so far, by their causes.
         outside: unnamed cause that a gap without a name looks most like, in words.

@@ -33,15 +33,15 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Residual and columns of one joint, or of one channel of the wrench, at the kept rows.
+    """Residual of one joint or wrench channel, with its columns, at the rows that are kept (M).
 
     Attributes:
         y: measured less predicted (M,) [N·m; N of slides and forces].
         use: rows used for evidence (M,), boolean: those clear of rest.
         moving: rows used for a gap (M,): all in motion, also next to reversals, where a delay shows
             most.
-        at: indices of its columns, then of the arm's, among all columns (K,).
-        data: these columns (M, K).
+        at: indices of its columns, then of those that all joints share, among all columns (K,).
+        data: these columns (M, K): change of the readings by one unit of each parameter.
         left: residual of y after a fit of all these columns (M,), zero where not used.
         noise: noise of a row, with its whitening filter.
         counts: material residual (a gap of 1): a row's noise unless the user says otherwise.
@@ -58,19 +58,19 @@ class Channel:
 
     @property
     def noise_counts(self) -> float:
-        """Variance of a row's noise over the square of the material residual."""
+        """Variance of a row's noise over the square of the residual that counts as a gap of 1."""
         return float((self.noise.std / self.counts) ** 2)
 
     @cached_property
     def gram(self) -> np.ndarray:
-        """Mean products (K, K) of the columns over the rows ``moving``, in material residuals."""
+        """Mean products (K, K) of the K columns over the rows ``moving``; unit of y: a gap of 1."""
         seen = self.data[self.moving] / self.counts
         return np.asarray(seen.T @ seen / len(seen))
 
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """Columns of all channels (joints, then the wrench if used), and the causes made of them.
+    """Columns (readings per unit of a parameter) of all channels, and the causes made of them.
 
     Attributes:
         scene: the motion, with the prediction of the stated robot.
@@ -96,24 +96,24 @@ class Dictionary:
 
     @cached_property
     def at(self) -> tuple[np.ndarray, ...]:
-        """Indices of each cause's columns."""
+        """Indices of each cause's columns among all, one array a cause."""
         place = {name: k for k, name in enumerate(self.names)}
         return tuple(np.array([place[n] for n in b.columns]) for b in self.blocks)
 
     def sized(self, block: int) -> np.ndarray:
-        """Indices of the columns whose amplitudes make the size of a named cause."""
+        """Indices of the columns of cause number ``block`` that make up its size."""
         begins = all_effects()[self.blocks[block].effect].size.columns or ("",)
         return np.array([k for k in self.at[block] if self.names[k].startswith(begins)])
 
     @property
     def fold(self) -> np.ndarray:
-        """Block of time of each row (M,)."""
+        """Number of the time block of each kept row (M,); each block is held out of one fit."""
         rows = len(self.channels[0].y)
         return np.arange(rows) * BLOCKS // rows
 
     @cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened products of each block: of columns (B, P, P), and with the residual (B, P)."""
+        """Whitened products of P columns, by B time blocks (B, P, P), and with residuals (B, P)."""
         count = len(self.names)
         gram, right = np.zeros((BLOCKS, count, count)), np.zeros((BLOCKS, count))
         for channel in self.channels:
@@ -133,7 +133,7 @@ class Dictionary:
 
 
 def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
-    """Dictionary of all columns of a scene; ``material`` as in `diagnose_efforts`."""
+    """Columns and causes of a scene; ``material`` is the residual that counts as a gap of 1."""
     y, use = scene.thin(scene.residual), scene.moving()
     if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:
         raise DiagnosisError(
@@ -174,7 +174,7 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
 def _made(
     scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, arm: np.ndarray
 ) -> tuple[list[Column], np.ndarray, list[Block]]:
-    """Columns of channel j, from 0, their values at the kept rows (M, K), and its causes.
+    """Columns of channel j, from 0, their values at M kept rows (M, K), and its causes.
 
     Args:
         y, use: residual of the channel (M,), and the rows to use of it.

@@ -32,10 +32,10 @@ _PARTS = 4
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
-    """Simulator with some causes, fitted to a dictionary.
+    """Simulator with some causes, whose sizes are fitted to all rows.
 
     Attributes:
-        d: the dictionary of columns.
+        d: columns: changes of the readings per unit of a parameter.
         blocks: indices of the causes that are free without bounds.
     """
 
@@ -44,25 +44,25 @@ class Simulator:
 
     @property
     def x(self) -> np.ndarray:
-        """Amplitudes of all columns (P,), zero for those not in the simulator."""
+        """Fitted amplitude of each column (P,); 0 if neither a cause nor the usual fit uses it."""
         return self._fit[0]
 
     @cached_property
     def each(self) -> np.ndarray:
-        """Amplitudes (B, P) fitted without each block of time."""
+        """Amplitudes (B, P) of P columns, fitted without each of B blocks of time."""
         return np.stack([self._fitted(weight)[0] for weight in 1.0 - np.eye(BLOCKS)])
 
     @cached_property
     def errors(self) -> np.ndarray:
-        """Errors (S, P) of all amplitudes when one stated value is off by its ordinary spread, its
-        own true change subtracted."""
+        """Errors (S, P) of P amplitudes when one of S stated values is off by its ordinary standard
+        deviation, its own true change subtracted."""
         level, at = self._fit[1], np.flatnonzero(self._bounded)
         errors = level.held(level.gram[:, at]).T
         errors[np.arange(len(at)), at] -= 1.0
         return np.asarray(self.d.std[at, None] * errors)
 
     def number(self, of: Callable[[np.ndarray], float]) -> dict[str, float]:
-        """``value`` and ``std`` of a number computed by ``of`` from amplitudes (P,)."""
+        """``value`` and ``std`` of a number that ``of`` computes from all amplitudes (P,)."""
         value = of(self.x)
         each = np.array([of(x) for x in self.each])
         scatter = (BLOCKS - 1) / BLOCKS * ((each - each.mean()) ** 2).sum()
@@ -75,18 +75,18 @@ class Simulator:
 
     @cached_property
     def _unbounded(self) -> np.ndarray:
-        """Whether each amplitude (P,) has no bounds, boolean."""
+        """Whether each of P amplitudes is fitted without bounds (P,), boolean."""
         result = self.d.free.copy()
         result[[k for b in self.blocks for k in self.d.at[b]]] = True
         return result
 
     @property
     def _bounded(self) -> np.ndarray:
-        """Whether each amplitude (P,) is of a stated value within its ordinary spread, boolean."""
+        """Whether each amplitude (P,) is of a stated value, free within its ordinary spread."""
         return self.d.stated & ~self._unbounded
 
     def _fitted(self, weight: np.ndarray) -> tuple[np.ndarray, Products]:
-        """Amplitudes (P,) fitted to blocks of time with weights (B,), and the model behind them."""
+        """Amplitudes (P,) fitted to B time blocks with weights (B,), and the Gaussian model."""
         d, bounded, (gram, right) = self.d, self._bounded, self.d.weighed(weight)
         free = np.where(self._unbounded, FREE / np.maximum(d.size, 1e-12), 0.0)
         variance, fixed = np.where(bounded, d.std, free) ** 2, np.zeros(right.shape)
@@ -102,17 +102,17 @@ class Simulator:
 
 
 class Simulators:
-    """Cache of fitted simulators by their causes, for a dictionary ``d``."""
+    """Cache of fitted simulators, by the indices of the causes that each contains."""
 
     def __init__(self, d: Dictionary) -> None:
         self.d, self._made = d, cache(partial(Simulator, d))
 
     def of(self, blocks: Iterable[int] = ()) -> Simulator:
-        """Simulator with the causes of some blocks."""
+        """Simulator with the causes of these indices; fitted at the first call."""
         return self._made(tuple(sorted(blocks)))
 
     def judged(self, blocks: Sequence[int]) -> Judged:
-        """Gaps on held-out rows: as stated, after the usual fit, and with some causes.
+        """Gaps on rows that no fit used: as stated, after the usual fit, and with these causes.
 
         To measure one cause, the others are refitted without it. But a wrong number of the stated
         tool is measured from the configured value (`docs/contracts.md`), so no ordinary error of a
@@ -143,7 +143,7 @@ class Simulators:
 
 def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
     """Gap that some columns with amplitudes x (P,) add at the joint where it is largest, after the
-    columns that every fit leaves free are fitted to it there.
+    columns that every fit takes are fitted to it there.
 
     Columns common to all joints are known from the other joints, so they take up nothing of a cause
     in one drive.
@@ -164,7 +164,7 @@ def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
 
 
 def remaining(d: Dictionary, each: np.ndarray) -> np.ndarray:
-    """Residual (M, C) in row noises with the amplitudes (B, P) of each row's block of time."""
+    """Residual (M, C) in row noises; ``each`` (B, P): amplitudes fitted without each time block."""
     some, result = np.abs(each).max(axis=0) > 0.0, list[np.ndarray]()
     for channel in d.channels:
         of_channel = some[channel.at]
@@ -175,8 +175,8 @@ def remaining(d: Dictionary, each: np.ndarray) -> np.ndarray:
 
 
 def _gaps(d: Dictionary, residual: np.ndarray) -> np.ndarray:
-    """Gap at each row (M,) of a residual (M, C) in row noises, mean over the channels used
-    there."""
+    """Gap at each of M rows (M,): mean over the C channels used there of a residual (M, C) in row
+    noises."""
     use = np.stack([c.use for c in d.channels], axis=-1)
     counts = np.array([c.noise_counts for c in d.channels])
     return np.asarray(((residual**2 - 1.0) * counts * use * (use.size / use.sum())).mean(axis=1))
@@ -189,7 +189,7 @@ def _of_channels(d: Dictionary, residual: np.ndarray) -> np.ndarray:
 
 
 def _box(d: Dictionary) -> np.ndarray:
-    """Amplitudes (B, P) of a regression on all columns at once, cross-fitted in few parts."""
+    """Amplitudes (B, P) of a regression on all P columns, cross-fitted over B blocks of time."""
     part, of_causes = np.arange(BLOCKS) * _PARTS // BLOCKS, np.concatenate(d.at)
     std = d.std.copy()
     std[of_causes] = np.maximum(std, wide(d))[of_causes]

@@ -15,7 +15,7 @@ _REACH = "record poses with the arm stretched and folded, at rest in both direct
 
 
 class Carried(NamedTuple):
-    """Description of an effect of what the drives carry; fields as in `DriveEffect`."""
+    """Description of an effect of links, tool or base; fields as in `DriveEffect`."""
 
     title: str
     size: Size
@@ -58,12 +58,12 @@ def drive_effects() -> Mapping[str, DriveEffect]:
 
 @cache
 def all_effects() -> Mapping[str, DriveEffect | Carried]:
-    """Drive effects, and effects of what the drives carry, by name."""
+    """Effects of the drives, and of the links, tool and base that they carry, by name."""
     return {**drive_effects(), **OTHERS}
 
 
 def place(key: Key) -> str:
-    """Element of an effect: ``joint 2``, ``link 3``; for the whole arm ``tool`` or ``base``."""
+    """Where an effect acts: ``joint 2``, ``link 3``; for the whole arm ``tool`` or ``base``."""
     part = key[0].split(".")[0]
     return part if key[1] is None else f"{'link' if part == 'link' else 'joint'} {key[1]}"
 

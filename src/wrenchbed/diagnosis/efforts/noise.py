@@ -20,7 +20,7 @@ _RIDGE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class RowNoise:
-    """Size and memory of one channel's noise.
+    """Size and autocorrelation of one channel's noise.
 
     Attributes:
         std: standard deviation of one row's noise [N·m].
@@ -33,7 +33,7 @@ class RowNoise:
     innovation: float
 
     def white(self, columns: np.ndarray) -> np.ndarray:
-        """Columns (M, …) whitened, in units of ``innovation``."""
+        """Signals (M, …) at M rows, filtered to white noise and divided by ``innovation``."""
         filtered = scipy.signal.lfilter(self.filter, [1.0], columns, axis=0)
         return np.asarray(filtered / self.innovation)
 

@@ -32,8 +32,7 @@ _MOSTLY = 2.0 / 3.0
 def weighed(
     chances: Mapping[Structure, float], simulators: Simulators
 ) -> tuple[Option[Structure], ...]:
-    """Probable structures, the best of all first, with the gap that each of their causes adds,
-    named or not, largest first."""
+    """Probable sets of causes, best first; each cause with the gap that it adds, largest first."""
     likely = {s: p for k, (s, p) in enumerate(chances.items()) if p >= _SMALL or k == 0}
     total, result = sum(likely.values()), list[Option[Structure]]()
     for structure, p in likely.items():
@@ -46,8 +45,8 @@ def weighed(
 def _part(
     s: Simulators, chances: Mapping[Structure, float], structure: Structure, block: int
 ) -> Part:
-    """Part of a structure's cause; of the cause that it contains, where evidence does not ask for
-    more: a zero with a cable whose stiffness explains nothing is a zero."""
+    """Cause number ``block`` of a set of causes, with its gap. It is named by the simpler cause
+    that it contains unless evidence asks for more (a zero, of a zero with a cable)."""
     d, b, beside = s.d, s.d.blocks[block], [k for k in structure if k != block]
     for k, other in enumerate(d.blocks):
         if other.joint == b.joint and set(other.columns) < set(b.columns):
@@ -58,12 +57,12 @@ def _part(
 
 
 def _named(part: Part) -> bool:
-    """Whether a part is an effect, whose name has a dot; a cause without a name has none."""
+    """Whether a cause has a name in the library of effects (names contain a dot)."""
     return "." in part.name
 
 
 def outside(d: Dictionary, best: Option[Structure]) -> str:
-    """Name and channel of the unnamed cause that adds most; empty if there is none."""
+    """Name and channel of the unnamed cause with the largest gap; empty if there is none."""
     unnamed = [p for p in best.parts if not _named(p) and p.share >= CLAIMABLE]
     if not unnamed:
         return ""
@@ -73,8 +72,8 @@ def outside(d: Dictionary, best: Option[Structure]) -> str:
 def options(
     d: Dictionary, every: Sequence[Option[Structure]], least: float = CLAIMABLE
 ) -> tuple[tuple[Option[Structure], ...], float]:
-    """Options made of named causes that each add the gap ``least``, and the probability of
-    structures in which unnamed causes add too much."""
+    """Sets of named causes that each add at least the gap ``least``, and the total probability of
+    those sets in which unnamed causes add too much."""
     result, unknown = list[Option[Structure]](), 0.0
     for o in every:
         named = tuple(p for p in o.parts if _named(p) and p.share >= least)
@@ -88,14 +87,14 @@ def options(
 
 
 def blocks(causes: Sequence[Cause]) -> tuple[int, ...]:
-    """Sorted indices of the claimed causes' blocks."""
+    """Sorted indices of the claimed causes in the dictionary, for a fit with all of them."""
     return tuple(sorted(c.part.index for c in causes if c.part.index is not None))
 
 
 def facts_of(
     s: Simulators, every: Sequence[Option[Structure]], seed: int, least: float = CLAIMABLE
 ) -> Facts[Structure]:
-    """Facts for a decision on joint efforts, from probable structures, best first; see `Facts`.
+    """Facts for a decision on joint efforts, from probable sets of causes, best first; see `Facts`.
 
     A cause must add the gap ``least``.
     """
@@ -118,8 +117,8 @@ def facts_of(
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
-    """Share of such answers that are right: less where ordinary errors may imitate a cause, or
-    where much of the gap, or a gap of 1, is left in all joints or in the cause's."""
+    """Share of verdicts with such gaps that are right: less where ordinary errors may imitate a
+    cause, or where much of the gap, or a gap of 1, is left in all joints or in the cause's."""
     if not verdict.causes:
         return BELIEVED if verdict.word == NONE else 1.0
     joint = verdict.causes[0].part.joint

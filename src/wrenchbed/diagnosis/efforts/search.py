@@ -37,19 +37,19 @@ Structure = tuple[int, ...]
 
 
 def wide(d: Dictionary) -> np.ndarray:
-    """Prior standard deviation (P,) of each amplitude when a cause frees it."""
+    """Standard deviation (P,) of each column's amplitude in a fit whose cause uses it."""
     return np.asarray(AMPLITUDE / np.maximum(d.size, 1e-12))
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Gaussian evidence of structures for all rows of a dictionary ``d``."""
+    """Log evidence of sets of causes, Gaussian, from all rows of the columns ``d``."""
 
     d: Dictionary
 
     @cached_property
     def level(self) -> Products:
-        """Background model, in which no cause is free."""
+        """Gaussian model without any cause: columns that every fit takes, and noise."""
         return Products(self._products[0], self.d.std**2)
 
     @cached_property
@@ -59,26 +59,26 @@ class Evidence:
 
     @cached_property
     def known(self) -> tuple[np.ndarray, np.ndarray]:
-        """Information P (P, P) and score w (P,) of all columns, with the background as noise."""
+        """Information (P, P) and score (P,) of P columns, beside what every fit takes."""
         (gram, right), every = self._products, np.arange(len(self.d.std))[None]
         score = right - gram @ self.level.held(right)
         return self.level.information(every)[0], score[:, 0]
 
     def information(self, columns: np.ndarray) -> np.ndarray:
-        """Blocks (b, k, k) of the information for sets of columns (b, k)."""
+        """Information matrices (b, k, k) of b sets of k columns, by the columns' indices."""
         return np.asarray(self.known[0][columns[:, :, None], columns[:, None, :]])
 
     @cached_property
     def _added_std(self) -> np.ndarray:
-        """Standard deviation (P,) that a cause adds in quadrature to each of its columns' prior."""
+        """Standard deviation (P,) that a cause adds in quadrature to that of its columns."""
         return np.sqrt(np.maximum(wide(self.d) ** 2 - self.level.V, 0.0))
 
     def _freed(self, blocks: Structure) -> np.ndarray:
-        """Indices of the columns (K,) that some causes free."""
+        """Indices of the columns (K,) that these causes use."""
         return np.unique(np.concatenate([np.zeros(0, int), *(self.d.at[b] for b in blocks)]))
 
     def logs(self, structures: Sequence[Structure]) -> np.ndarray:
-        """Log evidence of structures (S,), relative to the background alone."""
+        """Log evidence (S,) of S sets of causes, less that of the model without any cause."""
         each = [self._freed(blocks) for blocks in structures]
         shape = len(each), max(len(at) for at in each)
         columns, more = np.zeros(shape, dtype=int), np.zeros(shape)
@@ -90,19 +90,19 @@ class Evidence:
 
     @cached_property
     def _block_prior(self) -> np.ndarray:
-        """Log prior of each block (B,): the same for each cause, divided among its variants."""
+        """Log prior of each candidate cause (B,): the same for all, divided among variants."""
         every = self.d.blocks
         counts = Counter({b.key: b.outside for b in every}.values())
         of = {k: np.log(PRIOR[UNKNOWN if k else "one"] / n) for k, n in counts.items()}
         return np.array([of[b.outside] + b.prior for b in every])
 
     def prior(self, blocks: Structure) -> float:
-        """Log prior of a structure."""
+        """Log prior of a set of causes, given by their indices."""
         none = np.log(PRIOR[NONE]) if not blocks else (len(blocks) - 1) * np.log(MORE)
         return float(none + self._block_prior[list(blocks)].sum())
 
     def possible(self, blocks: Structure) -> bool:
-        """Whether all sizes that cannot be below zero come out so in a structure."""
+        """Whether all causes of a set whose size cannot be negative come out so in its fit."""
         every = self.d.blocks
         signed = [
             k for k in blocks if not every[k].outside and all_effects()[every[k].effect].one_way
@@ -119,8 +119,7 @@ class Evidence:
 
 
 def search(evidence: Evidence) -> dict[Structure, float]:
-    """Probabilities of structures of up to `MOST_CAUSES` causes, the empty one included, best
-    first, by a beam search."""
+    """Probabilities of sets of up to `MOST_CAUSES` causes, the empty set included, best first."""
     slots = [b.slot for b in evidence.d.blocks]
     score: dict[Structure, float] = {(): evidence.prior(())}
     beam: list[Structure] = [()]

@@ -48,7 +48,7 @@ class Sign:
 
 
 def signs(d: Dictionary) -> tuple[Sign, ...]:
-    """Signs of faults in the efforts of all channels that assume no model of a cause."""
+    """Signs of faults in the residuals of all channels, detected without a model of the cause."""
     scene, result = d.scene, list[Sign]()
     time = scene.signals.t[scene.kept()]
     for j, (name, channel) in enumerate(zip(scene.channels, d.channels, strict=True)):
@@ -81,7 +81,7 @@ def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
 
 
 def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Words on stretches in which a residual (M,) scatters far more; empty if none."""
+    """Words on stretches in which a residual (M,) of M rows scatters far more; empty if none."""
     fold = np.arange(len(residual)) * _STRETCHES // len(residual)
     rows = np.bincount(fold, use, _STRETCHES)
     some = np.flatnonzero(rows >= _LEAST_ROWS)

@@ -26,7 +26,7 @@ _UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inerti
 
 
 def parameters(fit: Simulator, block: int) -> dict[str, Any]:
-    """``parameters`` of an entry of ``which``: the size, and what else belongs to the cause."""
+    """``parameters`` of an entry of ``which``, for a cause's index: its size and other numbers."""
     d, b = fit.d, fit.d.blocks[block]
     about, some = all_effects()[b.effect], d.sized(block)
     size = about.size
@@ -53,7 +53,7 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
 
 
 def unit_of(d: Dictionary, block: int) -> str:
-    """Unit of a cause's size; that of a slide where its joint is one."""
+    """Unit of the size of cause number ``block``; another one where its joint is a slide."""
     b = d.blocks[block]
     unit = all_effects()[b.effect].size.unit
     if b.joint is None or not (d.joint[d.at[block]] >= 0).all():
@@ -62,12 +62,12 @@ def unit_of(d: Dictionary, block: int) -> str:
 
 
 def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
-    """Factor from the amplitudes of a cause's columns to its size, at amplitudes x (P,) of all."""
+    """Factor from the amplitudes of a cause's columns to its size; x (P,) has all amplitudes."""
     return 1.0 / _mass_of_tool(d, x) if d.blocks[block].effect == "tool.cog" else 1.0  # moments
 
 
 def _mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
-    """Mass of the tool [kg] at amplitudes (P,)."""
+    """Mass of the tool [kg] for amplitudes x (P,) of all columns."""
     return max(float(d.scene.tool.mass) + float(x[d.names.index("tool.mass")]), LIGHT)
 
 
@@ -102,7 +102,7 @@ def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
 
 
 def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Contents of ``drives.json``: corrected values of the drives, and the named effects."""
+    """Contents of ``drives.json``: drive values corrected by amplitudes x (P,), named effects."""
     names = [n for n in d.names if n.partition(".")[0] in _UNITS]
     values = {f"drive.{n}": _value(d, n, x) for n in names}
     for entry in entries:
@@ -133,8 +133,8 @@ def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
 
 
 def shown_from(evidence: Evidence) -> dict[int, tuple[float, float]]:
-    """Sizes of each named block's cause from which 95 % of recordings like this one report it, and
-    from which it adds a gap of 1; all columns of the block have that size."""
+    """For each named cause by index: size from which 95 % of recordings like this one report it,
+    and size that adds a gap of 1, if all its columns have that size."""
     d, widths, result = evidence.d, dict[int, list[int]](), dict[int, tuple[float, float]]()
     for block, b in enumerate(d.blocks):
         if not b.outside and d.size[d.sized(block)].any():
@@ -175,7 +175,7 @@ def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
 
 
 def _why(effect: str) -> str:
-    """Reason why a dictionary has no column of an effect."""
+    """Reason why no change of an effort can be computed for an effect."""
     if effect == "drive.temperature":
         return NOT_HERE
     return NOTHING if effect.startswith("link.") else FITTED

@@ -39,7 +39,7 @@ _Shape = tuple[tuple[str, float], ...]
 
 
 def features(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Kernel columns (C R, k) by variable; each group adds a gap of 1 at unit coefficients."""
+    """Smooth functions (C R, k) at R rows of C channels, by variable; a group adds a gap of 1."""
     groups: dict[str, np.ndarray] = {}
     for name, base in variables(prepared).items():
         columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
@@ -130,7 +130,7 @@ def _scaled(x: np.ndarray) -> np.ndarray:
 
 
 def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Columns (C R, C): row averages of the function x (H,), each in one whitened channel."""
+    """Columns (C R, C): x (H,), averaged to R rows, in one of C whitened channels each."""
     count = len(prepared.variance)
     fit = prepared.averages(x[:, None])
     return np.asarray((fit[:, :, None] * np.eye(count)).reshape(-1, count))
@@ -186,7 +186,7 @@ class EffectDictionary:
 
     @cached_property
     def gram(self) -> np.ndarray:
-        """Gram matrix EᵀE (n, n) of the columns."""
+        """Gram matrix EᵀE (n, n) of the n columns."""
         tall = len(self.E) > self.E.shape[1]
         return self.weighed(np.ones(self.channels)) if tall else self.E.T @ self.E
 
@@ -237,7 +237,7 @@ class EffectDictionary:
 
     @cached_property
     def fitted_away(self) -> np.ndarray:
-        """Orthonormal basis (C R, S) of the columns ``always``, of which each vector is of one
+        """Orthonormal basis (C R, S) of the S columns that every fit takes, each vector in one
         channel."""
         return np.linalg.qr(self.E[:, self.always])[0]
 
@@ -260,7 +260,7 @@ class EffectDictionary:
 
     @cached_property
     def configured_gap(self) -> np.ndarray:
-        """Gap of each column at its typical size (n,), before any fit."""
+        """Gap that each of n columns adds at its parameter's typical size (n,), before any fit."""
         return np.asarray(self.gap_of_channel.sum(axis=0))
 
     @cached_property
@@ -333,12 +333,12 @@ class EffectDictionary:
 def build(
     prepared: Prepared, robot_theta: np.ndarray, tolerance: Mapping[str, np.ndarray]
 ) -> EffectDictionary:
-    """Make the dictionary of all effects at a baseline.
+    """Make the columns of all effects (change of readings per typical size) at a baseline.
 
     Args:
         prepared: the recording's design and noise.
         robot_theta: parameters of the robot at the baseline.
-        tolerance: of the stated numbers that show, by effect, SI; inf where nothing is stated.
+        tolerance: of bias, mass and CoG if readings show them, by effect, SI; inf if unstated.
     """
     at = prepared.at(robot_theta)
     response = Response(at.scene, at.channels)
@@ -419,7 +419,7 @@ def _of_channels(prepared: Prepared, each: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _shape(variant: Variant) -> _Shape:
-    """Shape parameters of a variant as sorted pairs: they distinguish amplitudes of one name."""
+    """Shape parameters (a filter's time, an angle …) of an effect's variant, as sorted pairs."""
     return tuple(sorted(variant.at.items()))
 
 

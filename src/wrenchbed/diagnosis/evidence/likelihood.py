@@ -89,7 +89,7 @@ class OfProducts:
         return result
 
     def information(self, columns: np.ndarray) -> np.ndarray:
-        """Blocks (b, k, k) of P = Eᵀ K₀⁻¹ E for sets of columns (b, k)."""
+        """Information matrices (b, k, k), P = Eᵀ K₀⁻¹ E, for b sets of k columns."""
         return self.informations([columns])[0]
 
     def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
@@ -289,7 +289,7 @@ def gains(
 
 
 class Moments(NamedTuple):
-    """Information (k, k), score (k,) and log evidence of the background alone, for k columns.
+    """Information (k, k), score (k,) and log evidence without any cause, for k columns.
 
     Moments of independent readings add up.
     """
@@ -315,7 +315,7 @@ class Moments(NamedTuple):
 
 
 class ScaledEvidence(NamedTuple):
-    """Log evidence of a structure, the best scale of each part (p,), and its information (k, k)."""
+    """Log evidence of a set of p causes, the best scale of each (p,), and information (k, k)."""
 
     total: float
     scale: np.ndarray
@@ -329,13 +329,13 @@ class ScaledEvidence(NamedTuple):
 def over_scales(
     moments: Moments, owner: np.ndarray, fixed: np.ndarray, ladder: np.ndarray
 ) -> ScaledEvidence:
-    """Log evidence on one rung, averaged over the scales of one part after the other.
+    """Log evidence on one background level, averaged over the scales of one cause after another.
 
     Args:
         moments: of the linearised readings, for the slopes of all variables (k,).
-        owner: part of each column (k,).
+        owner: index of the cause of each column (k,).
         fixed: prior standard deviation of columns whose scale is known (k,), else 0.
-        ladder: scales to try of each part (p, s).
+        ladder: scales to try of each of p causes (p, s).
     """
     information, score, start = moments
     best, total = np.median(ladder, axis=1), -np.inf
@@ -353,7 +353,7 @@ def over_scales(
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """One rung of the background ladder: the gap that it adds, and its covariance."""
+    """One size of the background of small imperfections: its gap, and its covariance."""
 
     gap: float
     level: BackgroundLevel
@@ -365,7 +365,7 @@ class Background:
 
 
 def ladder(d: EffectDictionary) -> tuple[Background, ...]:
-    """Background rungs of a dictionary, smallest gap first."""
+    """Levels of the background of small imperfections, smallest gap first."""
     weighed = d.weighed_by if len(d.E) > len(d.label) else None
     result = list[Background]()
     for gap in LADDER:
@@ -375,9 +375,9 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
 
 
 def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
-    """Variance (n,) of each column's coefficient on a rung.
+    """Variance (n,) of each of n columns' coefficients at a background level of this gap.
 
-    The ladder's gap is of the wrench: in further channels a background adds `NORMAL` at most.
+    The gap is of the wrench: in further channels a background adds `NORMAL` at most.
     """
     variance, normal = np.zeros(len(d.label)), min(gap, NORMAL)
     leading, further = d.gap_of_channel[0], d.gap_of_channel[1:].sum(axis=0)

@@ -25,7 +25,7 @@ class SingleEvidence:
     """Posterior of one hypothesis alone on one level of background.
 
     Attributes:
-        index: of the hypothesis in `Searcher.hypotheses`; −1 − k for kernel k.
+        index: of the hypothesis in `Searcher.hypotheses`; −1 − k for smooth function k.
         rung: index of the level of background in `Searcher.rungs`.
         log_posterior: natural logarithm of prior times evidence, not normalised.
     """
@@ -48,7 +48,7 @@ def best_variants(
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """Hypotheses with the same number of columns, evaluated together."""
+    """Effect variants with the same number of columns, evaluated together."""
 
     index: np.ndarray  # (b,) place in Searcher.columns
     columns: np.ndarray  # (b, k)
@@ -73,7 +73,7 @@ class Searcher:
 
     @cached_property
     def batches(self) -> tuple[_Batch, ...]:
-        """All hypotheses and kernels, grouped by their number of columns."""
+        """Effect variants, and smooth functions of unknown causes, grouped by number of columns."""
         groups: dict[int, list[int]] = {}
         for k, h in enumerate(self.hypotheses):
             groups.setdefault(len(h.columns), []).append(k)
@@ -124,11 +124,11 @@ class Searcher:
         return total
 
     def nulls(self, y: np.ndarray) -> np.ndarray:
-        """Log evidence of background alone on each rung (L,), the rung's log prior included."""
+        """Log evidence without any cause at each of L background levels (L,), prior included."""
         return self._scored(y)[1]
 
     def _scored(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Scores w (n,) of all columns on each rung, and `nulls`; cached for the last case."""
+        """Scores w (n,) of n columns at each background level, and `nulls`; the last y's cached."""
         if self._last is None or self._last[0] is not y:
             both = [r.level.scored(y[:, None]) for r in self.rungs]
             null = np.array([float(n[0]) for _, n in both]) + self.rung_prior(y)
@@ -136,7 +136,7 @@ class Searcher:
         return self._last[1]
 
     def singles(self, y: np.ndarray) -> list[SingleEvidence]:
-        """Posterior of every hypothesis and kernel alone, on every rung."""
+        """Posterior of every effect variant, or smooth function, alone at each background level."""
         result: list[SingleEvidence] = []
         scores, nulls = self._scored(y)
         for r, (base, score) in enumerate(zip(nulls, scores, strict=True)):
@@ -146,12 +146,12 @@ class Searcher:
     def added(
         self, rung: int, base: float, score: np.ndarray, known: np.ndarray | None = None
     ) -> list[SingleEvidence]:
-        """Log posterior of a structure with each further hypothesis or kernel.
+        """Log posterior of a set of causes with each further effect variant or smooth function.
 
         Args:
-            rung: of the background.
-            base: log posterior of the structure without it.
-            score: w of all columns (n,), beside the structure.
+            rung: index of the background level.
+            base: log posterior of the set of causes alone.
+            score: w of all columns (n,), beside these causes.
             known: H (m, n), where the structure takes HᵀH from the columns' information; None if it
                 is empty.
         """
@@ -190,7 +190,7 @@ class Searcher:
         return result
 
     def _information(self, rung: int) -> list[np.ndarray]:
-        """Information of each batch's columns (b, k, k) on a rung."""
+        """Information matrices (b, k, k) of each group of variants at a background level."""
         if rung not in self._informations:
             level = self.rungs[rung].level
             self._informations[rung] = level.informations(batch.columns for batch in self.batches)

@@ -27,14 +27,14 @@ _RIDGE = 1e-3
 
 
 class Case:
-    """Readings of one recording, and the responses of structures to fit them.
+    """Readings of one recording, and the responses of sets of causes that are fitted to them.
 
     Args:
         searcher: of the recording's design.
         y: its readings (C R,) minus the baseline's, with stated numbers as stated.
 
     Attributes:
-        exact: cache of rungs in which the stated numbers are exact.
+        exact: cache of background levels in which the stated numbers are exact.
     """
 
     def __init__(self, searcher: Searcher, y: np.ndarray) -> None:
@@ -47,12 +47,12 @@ class Case:
 
     @cached_property
     def rung_prior(self) -> np.ndarray:
-        """Log prior of each background rung for this case (L,)."""
+        """Log prior of each of L background levels for these readings (L,)."""
         return self.searcher.rung_prior(self.y)
 
     @cached_property
     def normal(self) -> np.ndarray:
-        """Indices of the rungs that a healthy robot may have."""
+        """Indices of the background levels that a healthy robot may have."""
         return np.flatnonzero([rung.normal for rung in self.searcher.rungs])
 
     @cached_property
@@ -62,7 +62,7 @@ class Case:
 
     @property
     def nothing_alone(self) -> int:
-        """Index of the normal rung that fits this recording best without any effect."""
+        """Index of the background level, of healthy ones, that fits best without any effect."""
         return int(self.normal[self.searcher.nulls(self.y)[self.normal].argmax()])
 
     @cached_property
@@ -71,7 +71,7 @@ class Case:
         return frozenset(effect for effect, parameter in self.d.label if parameter)
 
     def values(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[dict[str, float]]:
-        """All parameters of each part at x (k,), SI; shapes within their bounds."""
+        """All parameters of each cause at variables x (k,), SI; shapes within their bounds."""
         given, result = iter(x.tolist()), []
         for h in parts:
             known = _parameters(h.effect, self.scene.robot)
@@ -92,15 +92,15 @@ class Case:
         return [ActiveEffect(h.effect, v) for h, v, here in both if here]
 
     def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray:
-        """Whitened readings (C R,) that the parts add to the baseline's at variables x (k,)."""
+        """Whitened readings (C R,), R rows of C channels, that causes add at variables x (k,)."""
         active = self.active(parts, x)
         if not active:
             return np.zeros_like(self._zero)
         return self.d.prepared.rows(self._responses.of(active)).ravel() - self._zero
 
     def searched(self, parts: Sequence[Hypothesis], rung: int, x: np.ndarray) -> np.ndarray:
-        """Variables x (k,) after a random search over the last part's shapes, its amplitudes
-        refitted."""
+        """Variables x (k,) after a random search over the last cause's shape parameters, its
+        amplitudes refitted."""
         level, v, last = self.searcher.rungs[rung].level, Variables.of(parts), len(parts) - 1
         moves, free = v.shape & (v.part == last), ~v.shape & (v.part == last)
         rng = np.random.default_rng(0)
@@ -129,7 +129,7 @@ class Case:
         return x
 
     def added(self, finalist: Finalist) -> list[SingleEvidence]:
-        """Evidence of each further hypothesis or kernel beside a finalist, on its rung."""
+        """Evidence of each further effect or smooth function beside a fitted set of causes."""
         f = finalist
         score, half = self._beside(f.rung, f.design, f.spread, f.y)[1:]
         base = f.log_posterior + float(np.log(MORE / PRIOR["one"]))
@@ -176,7 +176,7 @@ class Case:
         return energy, self.d.E.T @ solved[:, -1] - side @ known, half
 
     def uncertainty(self, f: Finalist) -> np.ndarray:
-        """Covariance (m, m) of a finalist's numbers with what no residual bounds.
+        """Covariance (m, m) of a fitted set's m numbers, with what no residual bounds.
 
         Its rung is as large as the imperfections that its parts cannot make; those of other effects
         that they can may be as large as every robot's. A number that hardly shows may have any
@@ -210,7 +210,7 @@ class Case:
         return self._freed[rung, blamed]
 
     def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
-        """Start values of a fit (k,): amplitudes 0, shapes as their variants state."""
+        """Start values of a fit (k,): amplitudes 0, shape parameters as their variants state."""
 
         def at(h: Hypothesis, name: str) -> float:
             return h.variant.at[name] / _parameters(h.effect, self.scene.robot)[name].tolerance
@@ -222,10 +222,10 @@ class Case:
     def design(
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
     ) -> np.ndarray:
-        """Derivatives (C R, k) of the response with respect to the variables ``which`` at x, where
-        the response is f.
+        """Change (C R, k) of R rows of C whitened channels per unit of the variables with indices
+        ``which``, at x (k,), where causes add f (C R,).
 
-        For effects without shapes they are the dictionary's columns, which hardly change.
+        For effects without shape parameters they are the dictionary's columns.
         """
         v, which = Variables.of(parts), list(which)
         result = np.empty((len(self.y), len(which)))
@@ -245,7 +245,7 @@ class Case:
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray | float,
         which: Sequence[int], step: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Slopes (C R, m) of some variables by steps (k,) from x, where the response is f.
+        """Slopes (C R, m) of m variables by steps (k,) from x (k,), where the causes add f (C R,).
 
         Amplitudes that act on different channels are changed at once.
         """

@@ -40,7 +40,7 @@ MANY = 9
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A finalist, the causes that may be claimed from it, and the remaining gap.
+    """A fitted set of causes, those of them that may be claimed, and the remaining gap.
 
     Attributes:
         parts: effects and wrong stated numbers that may be claimed, largest first.
@@ -94,7 +94,7 @@ class Stated(NamedTuple):
 
 
 def explained(refitter: Refitter, f: Finalist) -> Explanation:
-    """Explanation of a finalist: effects that add enough, and stated numbers that are wrong."""
+    """Explanation of a fitted set: effects that add enough, and stated numbers that are wrong."""
     d = refitter.d
     total, each = d.gaps(refitter.y), {k: shares(refitter, f, k) for k in f.effects}
     against = {k for k, g in each.items() if contradicted(g, total)}
@@ -118,7 +118,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
 
 
 def with_imitators(refitter: Refitter, e: Explanation) -> Explanation:
-    """Copy with, for each part, the effects that can imitate its readings."""
+    """Copy with the effects that can imitate each cause's readings."""
     parts = (
         p if p.index is None else replace(p, imitators=imitators(refitter, e.finalist, p.index))
         for p in e.parts
@@ -287,14 +287,14 @@ def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Co
 def _fitted(
     level: BackgroundLevel, columns: np.ndarray, y: np.ndarray, spread: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Posterior mean (k,) and covariance (k, k) of coefficients of columns (C R, k)."""
+    """Posterior mean (k,) and covariance (k, k) of k coefficients; columns (C R, k), y (C R,)."""
     every = level.products(np.column_stack([columns, y]))
     covariance = np.linalg.inv(every[:-1, :-1] + np.diag(1.0 / spread**2))
     return covariance @ every[:-1, -1], covariance
 
 
 def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
-    """Rung in which the stated numbers are exact.
+    """Background level in which the stated bias, mass and CoG are exact.
 
     The sensor's own weight hides behind mass and CoG and adds nothing to the calibrated gap, which
     does not bound it: half of `MOST` of its typical size does, and half the stated mass's

@@ -23,24 +23,24 @@ SAME, EXCUSED = 0.02, 0.1
 
 
 def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
-    """Whitened readings (C R,) that some parts add to those of a finalist's other parts."""
+    """Whitened readings (C R,) that causes with indices ``parts`` add to those of the others."""
     amplitudes = np.isin(f.variables.part, list(parts)) & ~f.variables.shape
     without = np.where(amplitudes, 0.0, f.x)
     return np.asarray(refitter.response(f.parts, f.x) - refitter.response(f.parts, without))
 
 
 def any_free_form(f: Finalist) -> bool:
-    """Whether a finalist has an effect without a formula."""
+    """Whether a fitted set has an effect with a free curve instead of a formula."""
     return any(f.parts[k].variant.free_form for k in f.effects)
 
 
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """Reduction of the gap by one part, all channels together."""
+    """Reduction of the gap by one cause of a fitted set, all channels together."""
     return float(shares(refitter, f, part).sum())
 
 
 def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
-    """Reduction of each channel's gap (F,) by one part while all other parts keep their sizes.
+    """Reduction of each of F channels' gap (F,) by one cause while the others keep their sizes.
 
     Beside a form-free part the others are refitted: two large curves may cancel each other.
     """
@@ -56,12 +56,12 @@ def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
 
 
 def claimable(refitter: Refitter, f: Finalist) -> list[int]:
-    """Indices of the effects of a finalist that reduce the gap by enough for a claim."""
+    """Indices of the effects of a fitted set that reduce the gap by enough for a claim."""
     return [k for k in f.effects if share(refitter, f, k) >= CLAIMABLE]
 
 
 def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> float:
-    """Gap that a finalist leaves with its ``large`` parts alone, noise subtracted."""
+    """Gap that a fitted set leaves with its causes ``large`` alone, noise subtracted."""
     minor = made_by(refitter, f, [k for k in range(len(f.parts)) if k not in large])
     return refitter.d.gap(f.residual + minor) - refitter.d.row_noise
 
@@ -110,7 +110,7 @@ def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
 
 
 def doubled(refitter: Refitter, f: Finalist) -> bool:
-    """Whether the last part makes nearly the readings of another part, of either sign."""
+    """Whether the last cause makes nearly the readings of another one, of either sign."""
     made = np.stack([made_by(refitter, f, [k]) for k in range(len(f.parts))], axis=1)
     *others, last = refitter.d.without_stated(made).T
     energy = (1.0 - SAME) * float(last @ last)

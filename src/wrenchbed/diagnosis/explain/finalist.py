@@ -11,7 +11,7 @@ from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 
 @dataclass(frozen=True, eq=False)
 class Variables:
-    """Names of the free variables ``x`` (k,) of a structure in one recording.
+    """Names of the free variables ``x`` (k,) of a set of causes in one recording.
 
     Attributes:
         part: index of the part that each belongs to (k,).
@@ -25,7 +25,7 @@ class Variables:
 
     @classmethod
     def of(cls, parts: Sequence[Hypothesis]) -> "Variables":
-        """Variables of a structure: of each part the amplitudes, then the shapes."""
+        """Variables of a set of causes: of each one the amplitudes, then the shape parameters."""
         every = [
             (k, name, name in h.variant.shape)
             for k, h in enumerate(parts)
@@ -39,17 +39,17 @@ class Variables:
         return len(self.name)
 
     def of_parts(self, parts: Collection[int]) -> np.ndarray:
-        """Indices of the variables that belong to some parts."""
+        """Indices of the variables that belong to some causes of the set, given by index."""
         return np.flatnonzero(np.isin(self.part, list(parts)))
 
 
 @dataclass(frozen=True, eq=False)
 class Finalist:
-    """A structure after its refit, as fitted to one recording.
+    """A set of causes, active at once, as fitted to one recording.
 
     Attributes:
-        parts: its hypotheses.
-        rung: index of the background rung that fits best.
+        parts: its causes, each a variant of an effect.
+        rung: index of the background level (size of small imperfections) that fits best.
         x: fitted variables (k,) in typical sizes: amplitudes and shapes, no stated numbers.
         covariance: of ``design``'s columns (m, m), background and stated numbers included.
         residual: measured minus fitted (C R,), whitened; errors of stated numbers are still in it.
@@ -82,5 +82,5 @@ class Finalist:
 
     @cached_property
     def effects(self) -> tuple[int, ...]:
-        """Indices of the parts that are effects, not stated numbers."""
+        """Indices of the causes that are effects, not stated numbers."""
         return tuple(k for k, h in enumerate(self.parts) if not h.effect.stated)

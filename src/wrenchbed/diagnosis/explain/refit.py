@@ -32,7 +32,7 @@ _DONE = 1e-3
 
 
 class Refitter(Case):
-    """Fits structures to a recording, or to several of one robot together.
+    """Fits sets of causes to a recording, or to several of one robot together.
 
     Its arguments and results (parts, variables) are those of its own recording.
 
@@ -61,7 +61,7 @@ class Refitter(Case):
         return type(self)(Searcher(self.d.without(fold)), self.y[keep])
 
     def nothing(self) -> Finalist:
-        """Finalist without any effect, on the rung that fits best."""
+        """Fit without any effect, on the background level that fits best."""
         none, views = np.zeros(0), list[Finalist]()
         alone = [logsumexp(r.searcher.nulls(r.y)[r.normal]) for r in self.each]
         total, sizes = float(sum(alone) + np.log(PRIOR[NONE])), np.zeros((0, 0))
@@ -75,8 +75,8 @@ class Refitter(Case):
     def fit(
         self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray | None = None
     ) -> Finalist:
-        """Fit parts by Gauss–Newton from their variants' shapes, or from x (k,); again on the best
-        rung."""
+        """Fit causes by Gauss–Newton from their variants' shapes, or from x (k,); again on the best
+        background level."""
         s = Structure.of(self.each, [tuple(r.like(h, self) for h in parts) for r in self.each])
         begin = [c.start(of) for c, of in zip(s.cases, s.parts, strict=True)]
         begin[self._place] = begin[self._place] if x is None else x
@@ -96,7 +96,7 @@ class Refitter(Case):
         return self._fitted(s, rungs, np.concatenate([x, s.start[before.free :]]), widest)
 
     def keeping(self, f: Finalist, keep: Sequence[int]) -> Finalist:
-        """Refit with only some parts of a finalist, starting at their values."""
+        """Refit with only some causes of a fitted set, by index, starting at their values."""
         return self._fitted(*self._of_parts(f, keep), rough=False) if keep else self.nothing()
 
     def again(self, f: Finalist) -> Finalist:
@@ -128,7 +128,7 @@ class Refitter(Case):
         return replace(h, columns=np.zeros(0, dtype=int))
 
     def _views(self, f: Finalist) -> list[Finalist]:
-        """A finalist as fitted to each recording."""
+        """A fitted set of causes as fitted to each recording."""
         views = list(f.each) or [f]
         views[self._place] = f
         return views
@@ -136,8 +136,8 @@ class Refitter(Case):
     def _of_parts(
         self, f: Finalist, keep: Iterable[int]
     ) -> tuple[Structure, list[int], np.ndarray, np.ndarray]:
-        """Structure of some parts of a finalist, its rungs, their variables and prior sizes
-        (k,)."""
+        """Causes ``keep``, by index, of a fitted set, as one set; its background levels, variables
+        and their prior standard deviations (k,)."""
         views, some = self._views(f), list(keep)
         s = Structure.of(self.each, [tuple(g.parts[k] for k in some) for g in views])
         at = [[i for k in some for i in g.variables.of_parts([k])] for g in views]
@@ -212,7 +212,7 @@ class Refitter(Case):
         return x
 
     def _judged(self, s: Structure, rungs: Sequence[int], x: np.ndarray) -> list[Finalist]:
-        """Finalist of each recording for a structure at x (k,), on the best rungs."""
+        """Fit of each recording for a set of causes at x (k,), on the best background levels."""
         f = s.response(x)
         residual, slopes = s.y - f, s.design(x, f, range(len(x)))
         y = residual + slopes @ (x - s.start)

@@ -48,7 +48,7 @@ class Structure:
 
     @classmethod
     def of(cls, cases: Sequence[Case], parts: Sequence[tuple[Hypothesis, ...]]) -> "Structure":
-        """Structure of the hypotheses ``parts`` of each recording."""
+        """Set of causes from the ``parts`` of each recording, one variant of an effect each."""
         every = enumerate(zip(*parts, strict=True))
         sets = [(p, r) for p, same in every for r in _homes(cases, same)]
         stated = [bool(parts[r][p].effect.stated) for p, r in sets]
@@ -114,7 +114,7 @@ class Structure:
 
     @property
     def log_prior(self) -> float:
-        """Log prior of the structure; each part counts once, where it is likeliest."""
+        """Log prior of the set of causes; each counts once, where it is likeliest."""
         result = (len(self.parts[0]) - 1) * float(np.log(MORE / PRIOR["one"]))
         for same in zip(*self.parts, strict=True):
             both = zip(self.cases, same, strict=True)
@@ -154,7 +154,7 @@ def _homes(cases: Sequence[Case], same: Sequence[Hypothesis]) -> list[int]:
 
 
 def _shape(h: Hypothesis) -> np.ndarray:
-    """Whether each number of a hypothesis is a shape."""
+    """Whether each number of an effect's variant is a shape parameter, not an amplitude."""
     stated = np.zeros(len(h.columns), dtype=bool)
     return stated if h.effect.stated else Variables.of((h,)).shape
 

@@ -79,7 +79,7 @@ def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarra
 
 
 def _of_blocks(block_rows: np.ndarray, values: int) -> Iterator[np.ndarray]:
-    """Indices of each block's values among all C R."""
+    """Indices of each block's values among those of all R rows and C channels."""
     block = np.repeat(block_rows, values // len(block_rows))
     for b in np.unique(block):
         yield np.flatnonzero(block == b)
@@ -90,7 +90,7 @@ class Ranking:
     """All explanations of a case with their log posteriors.
 
     Attributes:
-        explanations: refitted structures, best first, one of them without an effect.
+        explanations: fitted sets of causes, best first, one of them without an effect.
         unknown: log posterior of an unknown cause alone.
         mixed: log posterior of the best finalist with an unknown cause beside it.
         kernel: variable that the unknown cause depends on most.

@@ -51,11 +51,11 @@ class Part:
 
 @dataclass(frozen=True)
 class Option(Generic[S]):
-    """One structure of causes that may explain a recording.
+    """One set of causes, active at once, that may explain a recording.
 
     Attributes:
-        explanation: the structure.
-        probability: of the structure; all options' and that of an unknown cause sum to 1.
+        explanation: the set of causes.
+        probability: of the set; all options' and that of an unknown cause sum to 1.
         parts: parts that may be claimed from it, largest first.
     """
 

@@ -27,8 +27,8 @@ NOISES = 2.0 ** np.arange(0.0, 8.0)
 
 
 def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
-    """Residual (M, c) of readings (M, c) that cross-fitted ridge regressions on all kernels
-    predict.
+    """Part (M, c) of the residual of readings (M, c) that ridge regressions on smooth functions of
+    all variables predict.
 
     Each fold is predicted by a regression on the others, with the prior of largest evidence.
     """
@@ -45,7 +45,7 @@ def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
 
 
 def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: float) -> np.ndarray:
-    """Predictions of whitened y (H, C) by x (H, k), fitted where ``fit`` (H,), boolean."""
+    """Predictions (H, C) of whitened y (H, C) by x (H, k), fitted where ``fit`` (H,), boolean."""
     x = (x - x[fit].mean(axis=0)) / np.maximum(x[fit].std(axis=0), 1e-9)
     x = np.column_stack([np.ones(len(x)), x])
     use = np.flatnonzero(fit)[::stride]
@@ -70,8 +70,8 @@ def calibrated(a: Analysis) -> Twin:
 
 
 def twin_of(a: Analysis, f: Finalist, keep: Sequence[int]) -> Twin:
-    """Twin with some parts of a finalist as effects, and stated numbers corrected as fitted with
-    it."""
+    """Twin with some effects of a fitted set, by index, and stated numbers corrected as fitted with
+    them."""
     values = a.refitter.values(f.parts, f.x)
     active = tuple(ActiveEffect(f.parts[k].effect, values[k]) for k in keep)
     configuration = corrected(a.refitter, f, a.prepared.configuration)
@@ -84,7 +84,7 @@ class Claimed:
 
     Attributes:
         twin: simulator, fitted to all rows.
-        finalist: the structure behind it.
+        finalist: fitted set of causes behind it.
         keep: indices of its parts that the twin has as effects.
         wrong: names of stated numbers that are claimed to be wrong.
     """
@@ -96,14 +96,14 @@ class Claimed:
 
     @classmethod
     def of(cls, a: Analysis, f: Finalist, keep: Sequence[int], wrong: Sequence[str]) -> "Claimed":
-        """Claimed simulator: parts ``keep`` of a finalist, and names of wrong stated numbers."""
+        """Simulator with causes ``keep`` of a fitted set; ``wrong`` has wrong stated numbers."""
         return cls(twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
 
 def judged(
     a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter] | None = None
 ) -> Judged:
-    """Gaps of the configured, calibrated, black-box and claimed simulators on held-out rows."""
+    """Gaps of the stated, calibrated, black-box and claimed simulators on rows that no fit used."""
     p, held_out, crossed = a.prepared, HeldOut(a.prepared), CrossFit(a, fits)
     before, of = crossed.calibrated(calibrated(a)), p.families[0]
     readings, further = {"calibrated": before[:, of]}, {"calibrated": held_out.further(before)}
@@ -127,7 +127,7 @@ def judged(
 
 
 def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
-    """Gaps on the held-out rows of all recordings, with a claim or without causes."""
+    """Gaps of all recordings on rows that no fit used, with the claimed causes or without any."""
     every = (a, *a.others)
     claims = [
         claim and (Claimed.of(one, claim.finalist.each[k], claim.keep, claim.wrong) if k else claim)
@@ -144,7 +144,7 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
 
 
 class Claims:
-    """Simulators and held-out gaps for verdicts on one recording or several, each computed once."""
+    """Cache of simulators and held-out gaps with the causes of verdicts, for all recordings."""
 
     def __init__(self, analysis: Analysis, seed: int) -> None:
         self.analysis = analysis
@@ -152,7 +152,7 @@ class Claims:
         self._gaps: dict[tuple[int, tuple[str, ...]], tuple[object, Closure]] = {}
 
     def gap(self, verdict: Verdict[Explanation]) -> Closure:
-        """Gaps on held-out rows with the causes of a verdict."""
+        """Gaps that a verdict's causes leave on rows that no fit used."""
         key = (id(verdict.explanation), tuple(sorted(c.part.name for c in verdict.causes)))
         if key not in self._gaps:
             measured = measure(self.analysis, self.claimed(verdict), self._seed)

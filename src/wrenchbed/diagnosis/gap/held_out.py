@@ -171,7 +171,7 @@ class CrossFit:
     def _read(
         self, c: Configuration, active: Sequence[ActiveEffect], seen: np.ndarray | None = None
     ) -> np.ndarray:
-        """Readings (M, C) in closed form, nuisance fitted to the held rows ``seen`` (H,)."""
+        """Readings (M, C) in closed form, nuisance fitted to the observations ``seen`` (H,)."""
         p = self._a.prepared
         seen = p.fitted if seen is None else seen
         every = refitted(p.channels, replace(p.scene, theta=c.robot_theta), active, p.y, seen)

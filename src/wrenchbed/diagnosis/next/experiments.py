@@ -302,7 +302,7 @@ def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate
 
 
 def candidate(f: Finalist, part: int) -> Candidate:
-    """Hypothesis and fitted amplitudes (k,) of one part of a finalist."""
+    """Variant of an effect, and fitted amplitudes (k,), of one cause of a fitted set."""
     h, at = f.parts[part], f.variables.of_parts([part])
     size = {f.variables.name[i]: f.x[i] for i in at}
     return h, np.array([size[n] for n in h.variant.free])

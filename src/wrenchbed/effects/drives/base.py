@@ -221,7 +221,7 @@ class StatedNumber(DriveEffect):
 
     @abstractmethod
     def shape(self, rows: DriveRows) -> np.ndarray:
-        """Effort (N,) that one unit of the stated number adds."""
+        """Effort (N,) in N rows that one unit of the effect's stated drive parameter adds."""
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         free = self.name in rows.free

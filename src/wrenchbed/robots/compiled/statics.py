@@ -24,9 +24,9 @@ except ImportError:  # built without a compiler
 
 
 class Packed(NamedTuple):
-    """A robot's numbers at rest, of one vector of parameters or of R: gravity in the axes before
-    the first joint (…, 3) [m/s²], the turn behind the last joint (…, 3, 3), and what else the
-    robot's function needs (…, K)."""
+    """A robot's numbers at rest, for one parameter vector or R of them (leading axis …): gravity in
+    axes before the first joint (…, 3) [m/s²], rotation behind the last joint (…, 3, 3), and K
+    further numbers of the robot's function (…, K)."""
 
     gravity: np.ndarray
     last: np.ndarray
