@@ -21,17 +21,17 @@ built=(scripts/build_kernel.py src/wrenchbed/robots/compiled/_statics.c)
 stamp=".venv/.$1-$(cat "$lock" pyproject.toml "${built[@]}" | sha256sum | cut -c1-16)"
 if [ ! -f "$stamp" ]; then
   echo "setting up .venv from $lock (about a minute, once)" >&2
-  if ! "$python" -m venv .venv >/dev/null 2>&1; then
+  # one that is there and works stays: another Python would only mix two of them
+  if ! .venv/bin/python -c '' 2>/dev/null && ! "$python" -m venv --clear .venv >/dev/null 2>&1; then
     # Debian's Python without python3-venv: the system's pip can fill a bare environment
     rm -rf .venv
     if ! "$python" -m venv --without-pip .venv || ! "$python" -m pip --version >/dev/null 2>&1; then
       echo "this Python can make no virtual environment: install python3-venv (Debian)" >&2
       exit 1
     fi
-    pip=("$python" -m pip --python .venv/bin/python)
-  else
-    pip=(.venv/bin/python -m pip)
   fi
+  pip=(.venv/bin/python -m pip)
+  .venv/bin/python -c 'import pip' 2>/dev/null || pip=("$python" -m pip --python .venv/bin/python)
   "${pip[@]}" install --quiet --no-compile --no-deps --require-hashes -r "$lock" || exit 1  # the lock is complete
   "${pip[@]}" install --quiet --no-deps --no-build-isolation --editable . || exit 1
   rm -f .venv/."$1"-*
