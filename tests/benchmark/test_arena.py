@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from wrenchbed.benchmark import arena
-from wrenchbed.errors import BenchmarkError
 
 DATA = Path(__file__).parents[1] / "data"
 SETS = f"""[shared]
@@ -56,8 +55,20 @@ def test_what_nobody_brought_is_named_with_its_commit(tmp_path):
     assert "another version than that of 0123abcd" in answered(tmp_path, other)[1]
     code, page = answered(tmp_path, SETS.replace('{ "0-', '{ "9-'))
     assert code == 0 and "bring ntnu_kuka_ati_gamma at 0123abcd" in page
-    with pytest.raises(BenchmarkError, match="two sets are called 'load'"):
-        answered(tmp_path, SETS + SETS[SETS.index("[[set]]") :])
+
+
+@pytest.mark.parametrize("text, options, words", [
+    (SETS + SETS[SETS.index("[[set]]") :], (), "two sets are called 'load'"),
+    (SETS.replace("commit", "comit"), (), "set 'load': lacks commit"),
+    (SETS, ("--only", "lod"), "--only lod: no such set; did you mean 'load'?"),
+])  # fmt: skip
+def test_a_catalogue_that_is_wrong_is_one_line(tmp_path, capsys, text, options, words):
+    (tmp_path / "sets.toml").write_text(text)
+    assert (
+        arena.main([str(tmp_path / "sets.toml"), str(DATA), str(tmp_path / "out"), *options]) == 1
+    )
+    said = capsys.readouterr().err
+    assert words in said and said.count("\n") == 1
 
 
 @pytest.mark.parametrize("right, which, mark", [

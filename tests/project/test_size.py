@@ -7,13 +7,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 535,
-    "benchmark": 7760,
+    "benchmark": 7766,
     "calibration": 5169,
     "campaigns": 1147,
     "channels": 939,
     "cli": 2684,
     "data": 5396,
-    "diagnosis": 13094,
+    "diagnosis": 13093,
     "drives": 1671,
     "effects": 4975,
     "environments": 589,
@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1030,
     "planning": 1036,
     "plant": 763,
-    "reports": 2160,
+    "reports": 2159,
     "robots": 4406,
     "sensors": 314,
     "simulation": 1307,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78996,
-    "src/wrenchbed": 69496,
+    "src": 79000,
+    "src/wrenchbed": 69500,
     "src/robot_emulators": 9500,
-    "tests": 39617,
+    "tests": 39628,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from wrenchbed.diagnosis.result import named_by
-from wrenchbed.errors import BenchmarkError
+from wrenchbed.errors import BenchmarkError, WrenchbedError, did_you_mean, one_line
 from wrenchbed.files import remove, write_json, write_text
 from wrenchbed.files.checked import load, parsed, text_of
 from wrenchbed.pages.document import Card, Document, Section, Table, provenance
@@ -29,6 +29,7 @@ SURE = 0.9
 MARKS = ("wrong", "crashed", "refused", "open", "right", "missing")
 """What an answer can be, the worst first. ``open``: no wrong claim, but not the cause either;
 ``refused``: no answer, or not by the true reason; ``missing``: nobody brought the files."""
+_NEEDED = ("id", "repository", "commit", "files", "run", "right")
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,7 @@ class ArenaSet:
 
 
 class Judged(NamedTuple):
-    """Judgement of an answer: its mark, what was said, and each claim above `SURE`: name,
-    probability, and whether it is right."""
+    """Mark of an answer, what it said, and its claims above `SURE`: name, probability, right."""
 
     mark: str
     said: str
@@ -71,8 +71,7 @@ class Judged(NamedTuple):
 
 
 def read(catalogue: Path) -> list[ArenaSet]:
-    """Sets of a TOML file or of all those of a folder; ``[shared]`` of a file holds for its sets. A
-    `BenchmarkError` if a set lacks a key or bears the name of another."""
+    """Sets of a TOML file or of a folder's; `BenchmarkError` on a lacking key or a name twice."""
     sets: dict[str, ArenaSet] = {}
     for path in sorted(catalogue.glob("*.toml")) if catalogue.is_dir() else [catalogue]:
         content = parsed(text_of(path, BenchmarkError).encode(), str(path), BenchmarkError, "TOML")
@@ -86,10 +85,9 @@ def read(catalogue: Path) -> list[ArenaSet]:
             }
             words = [k for k in keys if k not in ArenaSet.__dataclass_fields__]
             facts = {k: str(keys.pop(k)) for k in words}
-            try:
-                made = ArenaSet(**keys, facts=facts)
-            except TypeError as cause:
-                raise BenchmarkError(f"{path}, set {keys.get('id')!r}: {cause}") from cause
+            if lacks := [k for k in _NEEDED if k not in keys]:
+                raise BenchmarkError(f"{path}, set {keys.get('id')!r}: lacks {', '.join(lacks)}")
+            made = ArenaSet(**keys, facts=facts)
             if made.id in sets:
                 raise BenchmarkError(f"{path}: two sets are called {made.id!r}")
             sets[made.id] = made
@@ -106,10 +104,8 @@ def version() -> str:
 
 
 def answer(one: ArenaSet, data: Path, folder: Path, method: str, limit: float) -> dict[str, Any]:
-    """Run a set in a folder within a limit [s] a line: exit code, last words, JSON of the answer.
-
-    A ``method`` other than "" is called as ``COMMAND RECORDING --out DIR`` in place of diagnose.
-    """
+    """Run a set in a folder within a limit [s] a line, diagnose by ``method`` (a command) unless it
+    is empty: exit code, last words, JSON of the answer."""
     remove(folder)
     for name in one.files:
         link = folder / "files" / name.rpartition(":")[2]
@@ -196,6 +192,7 @@ def run(
             given = answer(one, data, out / "runs" / one.id, method, limit) | {"key": key}
             write_json(kept, given)
         judged[one.id] = one, judge(one.right, given)
+        sys.stderr.write(f"{one.id}: {judged[one.id][1].mark}\n")
     return judged
 
 
@@ -216,8 +213,7 @@ def page(judged: Mapping[str, tuple[ArenaSet, Judged]], command: str = "") -> Do
         Card(f"Claims above {SURE}", f"{sum(hits)} of {len(hits)} right", "By what is known."),
         Card("No change", f"{sum(still)} of {len(still)} false", "Nothing is to be claimed."),
     )
-    summary = {s.id: j._asdict() for s, j in rows}
-    about = Section("Every answer", "Wrong ones first.", (table,))
+    about, summary = Section("Every answer", "", (table,)), {s.id: j._asdict() for s, j in rows}
     return Document("Arena", lead, (about,), "", summary, provenance([], command), cards)
 
 
@@ -230,11 +226,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.add_argument("--only", nargs="*", help="names of sets")
     options.add_argument("--method", default="", help="COMMAND RECORDING --out DIR, for diagnose")
     given = options.parse_args(arguments)
-    sets = [s for s in read(given.catalogue) if s.id in (given.only or [s.id])]
-    sets = [s for s in sets if not given.method or s.run[-1].startswith("diagnose")]
-    judged = run(sets, given.data, given.out, given.method)
-    written = page(judged, shlex.join(sys.argv))
-    written.write(given.out / "page", "arena", written.summary)
+    try:
+        sets = {s.id: s for s in read(given.catalogue)}
+        if unknown := set(given.only or ()) - set(sets):
+            raise BenchmarkError(
+                f"--only {min(unknown)}: no such set{did_you_mean(min(unknown), sets)}"
+            )
+        chosen = [sets[n] for n in given.only or sets]
+        chosen = [s for s in chosen if not given.method or s.run[-1].startswith("diagnose")]
+        judged = run(chosen, given.data, given.out, given.method)
+        written = page(judged, shlex.join(sys.argv))
+        written.write(given.out / "page", "arena", written.summary)
+    except (WrenchbedError, OSError) as error:
+        sys.stderr.write(f"arena: error: {one_line(str(error))}\n")
+        return 1
+    sys.stdout.write(f"{written.lead} → {given.out / 'page' / 'arena.html'}\n")
     return int(any(j.mark in MARKS[:3] for _, j in judged.values()))
 
 

@@ -133,8 +133,7 @@ class WrenchAnswer(Answer):
 
     @property
     def _agrees(self) -> bool:
-        """Whether the variable that the residual follows is none but the one that leads
-        ``where``."""
+        """Whether no other variable leads ``where`` than the one that the residual follows."""
         leading = "" if self._most is None else str(self._most["detail"])
         others = {f.variable for f in self.findings.places} - {self._kernel}
         return leading not in others or self._kernel.startswith(f"{leading} ")

@@ -178,9 +178,8 @@ class Case:
     def uncertainty(self, f: Finalist) -> np.ndarray:
         """Covariance (m, m) of a fitted set's m numbers, with what no residual bounds.
 
-        Its rung is as large as the imperfections that its parts cannot make; those of other effects
-        that they can may be as large as every robot's. A number that hardly shows may have any
-        plausible size, however small the other numbers of its part are.
+        The background is as large as the imperfections that its causes cannot make; what they can
+        may be as large as every robot's, and a number that hardly shows may have a plausible size.
         """
         level, plausible = self.level(f.parts, f.rung), f.spread.copy()
         variance = self.level(f.parts, max(f.rung, int(self.normal.max()))).V.copy()
