@@ -71,7 +71,7 @@ def quiet():
 
 
 @pytest.mark.sampled
-@pytest.mark.parametrize("effect", ["sensor.noise", "sensor.quantization", "base.vibration"])
+@pytest.mark.parametrize("effect", ["sensor.noise", "base.vibration"])
 def test_what_scatters_rows_raises_the_noise_not_the_gap(effect):
     loud = prepare(recording(DESIGN, draw(DESIGN, 21, "single", effect, 3.0)))
     assert (loud.noise >= 1.0).all() and (quiet().noise >= 1.0).all()

@@ -101,8 +101,8 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
 
 
 def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
-    """Whether a hypothesis ``wide`` has all columns of ``part``: a straight curve is a gain."""
-    if part.variant.shape or not len(part.columns):
+    """Whether a free form ``wide`` has all columns of ``part``: a straight curve is a gain."""
+    if not wide.variant.free_form or part.variant.shape or not len(part.columns):
         return False
     unit = refitter.d.E / np.maximum(np.linalg.norm(refitter.d.E, axis=0), 1e-300)
     alike = np.abs(unit[:, part.columns].T @ unit[:, wide.columns])
