@@ -8,7 +8,7 @@ import pytest
 from iiwa import IIWA
 from plain_ur5 import GRAVITY, flange, poses, turned
 from wrenchbed import registry
-from wrenchbed.channels.holding_torques import held, ways
+from wrenchbed.channels.holding_torques import held_wrench, twists
 from wrenchbed.channels.own_noise import own_noise
 from wrenchbed.channels.response import readings
 from wrenchbed.data.metadata import parse
@@ -137,7 +137,7 @@ def test_a_wrench_on_the_sensor_is_held_as_in_mujoco(robot):
             model, data, turn @ wrench[k, :3], turn @ wrench[k, 3:], data.xpos[tool], tool, force
         )
         torque[k] = -force
-    assert np.abs(held(ways(robot, rows.q, rows.theta), wrench) - torque).max() < 1e-9
+    assert np.abs(held_wrench(twists(robot, rows.q, rows.theta), wrench) - torque).max() < 1e-9
 
 
 @ARMS

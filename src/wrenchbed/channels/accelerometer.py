@@ -67,7 +67,7 @@ class Accelerometer(Channel):
 
 
 def seen(scene: Scene, pose: Pose) -> np.ndarray:
-    """Gravity in sensor axes (M, 3) [m/s²] for a pose of the sensor."""
+    """Gravity in the axes of a sensor with a given pose (M, 3) [m/s²]."""
     return np.asarray(scene.gravity @ value(pose.rotation))
 
 

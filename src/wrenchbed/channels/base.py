@@ -57,7 +57,7 @@ class Channel(ABC):
         """Units by column name, k of them."""
 
     def of(self, recording: Recording) -> Self:
-        """Copy for the joints of a recording to which the channel applies."""
+        """Copy for the number of joints of a recording to which it applies."""
         return self
 
     def applies(self, recording: Recording) -> bool:
@@ -66,7 +66,7 @@ class Channel(ABC):
         return recorded and recording.metadata.mode in self.modes
 
     def measured(self, recording: Recording, data: Observations) -> np.ndarray:
-        """Mean readings of each observation (H, k)."""
+        """Mean readings (H, k) of each observation: a held pose, or a sample of a motion."""
         rows = self.rows(recording, data)
         starts = np.cumsum(data.count) - data.count
         return np.asarray(np.add.reduceat(rows, starts) / data.count[:, None])
@@ -87,7 +87,7 @@ class Channel(ABC):
         return self
 
     def facing(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
-        """Copy with nuisance parameters `fitted` if readings (H, k) are not linear in them."""
+        """Copy refitted to readings (H, k), or itself if predictions are linear in the nuisance."""
         return self
 
     @abstractmethod
@@ -102,7 +102,7 @@ class Channel(ABC):
         """
 
     def nuisance(self, scene: Scene) -> np.ndarray:
-        """Slopes of all readings (M, k, n) with respect to n nuisance parameters of any unit."""
+        """Derivatives (M, k, n) of all readings by n nuisance parameters (zero …) of any unit."""
         return np.zeros((len(scene), len(self.columns), 0))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
@@ -111,10 +111,10 @@ class Channel(ABC):
         return np.zeros((len(scene), len(self.columns), 0))
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """`imperfections` by kind, (M, k, m) each and of usual size: the sensors' own, then
-        others."""
+        """Columns of `imperfections` (M, k, m) of usual size by kind: the sensor's own; then
+        others, as friction."""
         return [self.imperfections(scene)], []
 
     def sized(self, sizes: np.ndarray) -> Self:
-        """Copy whose ``others`` of `kinds` are ``sizes`` times the usual ones."""
+        """Copy whose second group of `kinds` is ``sizes`` times its usual size."""
         return self

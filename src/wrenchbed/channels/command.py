@@ -20,7 +20,7 @@ USUAL_GIVE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class CommandedJoints(Channel):
-    """Targets beyond joint values, u − q = c τ + z, with the torque τ that holds the arm.
+    """Servo targets u less joint values q, u − q = c τ + z, with the torque τ that holds the arm.
 
     Nuisance are each servo's compliance c = 1/kp and its zero z. What speed, acceleration, friction
     and delay add in motion is in `wrenchbed.drives.servo`.
@@ -51,8 +51,8 @@ class CommandedJoints(Channel):
         return replace(self, joints=many, give=np.full(many, USUAL_GIVE), zero=np.zeros(many))
 
     def applies(self, recording: Recording) -> bool:
-        """Whether commands are all that was recorded: with torque feed-forward they do not show the
-        load."""
+        """Whether a recording has joint targets and no other reading of the load: a servo with
+        torque feed-forward does not show the load in its targets."""
         return super().applies(recording) and recording.only_commanded
 
     def rows(self, recording: Recording, data: Observations) -> np.ndarray:

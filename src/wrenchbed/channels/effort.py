@@ -72,7 +72,7 @@ class EffortAtRest(Channel):
         return np.concatenate([*sensors, *sized], axis=2)
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """Gain and zero of each sensor; friction by direction of approach, and link errors."""
+        """Errors of gain and zero of each sensor; then friction by approach, and link errors."""
         torque = self.predict(EffectChain(()), scene, Pose(*scene.pose), scene.load)
         size = np.abs(torque).max(axis=0)
         size = np.maximum(size, _LEAST * size.max())

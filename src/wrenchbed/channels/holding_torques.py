@@ -22,18 +22,18 @@ _SCENES = 4
 
 @lru_cache(_SCENES)
 def nominal(scene: Scene) -> np.ndarray:
-    """Torques (H, J) that hold the configured arm at the scene's held poses; cached."""
+    """Torques (H, J) that hold the configured arm at the scene's measured poses; cached."""
     return held_weight(scene.robot, scene.joints[scene.held], scene.theta, scene.gravity[None])
 
 
 @lru_cache(_SCENES)
-def nominal_ways(scene: Scene) -> np.ndarray:
-    """Twists (J, H, 6) as `ways`, of the configured arm at the scene's held poses; cached."""
-    return ways(scene.robot, scene.joints[scene.held], scene.theta)
+def nominal_twists(scene: Scene) -> np.ndarray:
+    """Sensor `twists` (J, H, 6) of the configured arm at the scene's measured poses; cached."""
+    return twists(scene.robot, scene.joints[scene.held], scene.theta)
 
 
-def ways(robot: Robot, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Twist of the sensor in its own axes (J, N, 6) for a unit speed of each joint."""
+def twists(robot: Robot, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Twists (J, N, 6) of the sensor, sensor axes, at unit speed of each joint (Jacobian)."""
     joints = q.shape[1]
     steps = q + 1j * STEP * np.eye(joints)[:, None]  # complex steps: exact (J, N, J)
     rotation, place = robot.sensor_pose(steps.reshape(-1, joints), theta)
@@ -41,9 +41,9 @@ def ways(robot: Robot, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
     return twist_of(*slopes).reshape(joints, len(q), 6)
 
 
-def held(way: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """Torques (N, J, …) that hold wrenches (N, 6, …) on the sensor, with `ways` (J, N, 6)."""
-    return -np.einsum("jni,ni...->nj...", way, wrench)
+def held_wrench(twist: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+    """Torques (N, J, …) that hold wrenches (N, 6, …) on a sensor with `twists` (J, N, 6)."""
+    return -np.einsum("jni,ni...->nj...", twist, wrench)
 
 
 def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
@@ -72,13 +72,13 @@ def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray)
         rotation, _ = robot.sensor_pose(q, theta)
         unmoved = weight((gravity[:, None] @ rotation)[:, 0], robot.tool(theta))
         more = (load + chain.pull(scene, pose, load))[at] - unmoved
-        result[at] += held(ways(robot, q, theta) if moved else nominal_ways(scene), more)
+        result[at] += held_wrench(twists(robot, q, theta) if moved else nominal_twists(scene), more)
     return result
 
 
 def of_links(scene: Scene) -> np.ndarray:
-    """Torques (M, J, 4 L) by an ordinary error of each link's mass and of its centre along 3
-    axes."""
+    """Changes (M, J, 4 L) of holding torques by a usual error of each link's mass and of its centre
+    along 3 axes."""
     robot, gravity = scene.robot, scene.gravity
     assert isinstance(robot, SimulatedRobot)
     still = Jet(scene.joints, 0.0 * scene.joints, 0.0 * scene.joints)

@@ -84,7 +84,7 @@ class TargetPose(Channel):
         return self._slopes(*(value(x) for x in scene.pose))
 
     def _slopes(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Slopes (M, 3, 9) at orientations (M, 3, 3) and places (M, 3) [m] of the sensor."""
+        """Derivatives (M, 3, 9) of readings by the nuisance, at sensor poses (M, 3, 3), (M, 3)."""
         away = (position + apply(rotation, self.target)) @ self.turn.T
         about = np.stack([cross(axis, away) for axis in np.eye(3)], axis=2)
         along = np.broadcast_to(np.eye(3), about.shape)

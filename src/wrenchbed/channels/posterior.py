@@ -24,7 +24,7 @@ the part of an amplitude in such directions from which it is."""
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Result of `posterior`: amplitudes, their covariance, and which of them the data determine.
+    """Result of `posterior`: fitted amplitudes, their covariance, which of them are determined.
 
     Attributes:
         free: amplitudes a (p,); 0 along directions that the rows do not determine.
@@ -94,7 +94,7 @@ def posterior(
 
 
 def _determined(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (p, r) that columns (n, p) determine, and whether each amplitude (p,) is."""
+    """Directions (p, r) that columns (n, p) determine; whether they do each amplitude (p,)."""
     norm = np.linalg.norm(free, axis=0)
     norm = np.where(norm > 0.0, norm, 1.0)
     _, scale, vt = np.linalg.svd(free / norm, full_matrices=True)

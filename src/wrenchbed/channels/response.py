@@ -167,7 +167,7 @@ class Response:
         return _predicted(self.channels, chain, self.scene, *chain.placed(self.scene))
 
     def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
-        """Change of all readings (M, C) by one joint's part of a small shift (M, J)."""
+        """Change (M, C) of all readings by the motion of one joint in a shift (M, J)."""
         given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
         parts = [s[joint] * x[:, joint, None] for s, x in zip(self._slopes, given, strict=False)]
         return np.asarray(sum(parts))

@@ -15,7 +15,7 @@ from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.effort import CHANNEL
-from wrenchbed.channels.holding_torques import held, held_weight, nominal_ways
+from wrenchbed.channels.holding_torques import held_weight, held_wrench, nominal_twists
 from wrenchbed.channels.posterior import Posterior, posterior
 from wrenchbed.data.holds import first_rows
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
@@ -160,7 +160,7 @@ def _problem(scene: Scene, y: np.ndarray, groups: frozenset[str]) -> RestProblem
     none = np.zeros_like(down)
     units = [np.concatenate([down, none], axis=1)]
     units += [np.concatenate([none, cross(axis, down)], axis=1) for axis in np.eye(3)]
-    load = held(nominal_ways(scene), np.stack(units, axis=2))
+    load = held_wrench(nominal_twists(scene), np.stack(units, axis=2))
     zeros = np.broadcast_to(np.eye(joints), (len(q), joints, joints))
     channel = replace(CHANNEL, joints=joints)
     (gain, zero), (friction, links) = channel.kinds(scene)
