@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import wrenchbed as wb
 from wrenchbed.errors import PlanError
 from wrenchbed.planning.criteria import INDICES, InverseTrace, observability_indices
-from wrenchbed.planning.exchange import Pool, certify, exchange, rounded
+from wrenchbed.planning.exchange import Pool, certify, exchange, heaviest
 
 M = 4
 
@@ -109,7 +109,7 @@ def test_a_rounded_design_begins_near_the_bound():
     pool = Pool(blocks(2000, 3))
     first = exchange(pool, INDICES["O1"], 40, seed=0)
     certificate = certify(pool, INDICES["O1"], 40, first.chosen)
-    begin = rounded(certificate, 40)
+    begin = heaviest(certificate, 40)
     assert len(set(begin.tolist())) == 40
     value = float(INDICES["O1"].values(pool.information(begin)))
     assert value > 0.98 * certificate.bound

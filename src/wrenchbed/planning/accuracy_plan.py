@@ -41,18 +41,18 @@ Chosen = tuple[list[int], list[int]]
 
 @dataclass(frozen=True, eq=False)
 class MixOptions:
-    """Options and costs of `reach`.
+    """Costs, tolerances and candidates with which `reach` plans gravity poses and touches.
 
     Attributes:
         share: of the robots whose error shall be below the wanted accuracy, 0 … 1.
         least_poses: smallest number of poses under gravity; they calibrate the sensor itself.
-        touch_cost: what a touch costs, in poses under gravity.
+        touch_cost: cost of one touch, in units of one gravity pose.
         pool: gravity poses to choose from.
         points: known positions to touch (K, 3) [m]; the robot's default if None.
-        touch_std: how far a tip sits from its point, per axis [m].
+        touch_std: standard deviation of the tip's place about the point, per axis [m].
 
     Raises:
-        PlanError: a number makes no sense.
+        PlanError: a number is out of its range.
     """
 
     share: float = 0.99
@@ -79,9 +79,9 @@ class Mix:
     Attributes:
         gravity, touches: plans; either may have 0 rows.
         rms: root mean square position error in the target [m], over the rehearsed robots.
-        assured: what it stays below for the wanted share of them [m].
+        assured: position error [m] that the wanted share of the rehearsed robots stays below.
         before: rms without any measurement [m].
-        share: of the rehearsed robots that the plan is for.
+        share: wanted share of robots that ``assured`` holds for, 0 … 1.
     """
 
     gravity: Plan
@@ -102,7 +102,7 @@ class _Task:
     Attributes:
         columns: unknown parameters (K,).
         wrench_std: standard deviation of a pose's mean wrench (6,) [N, N·m].
-        pools: candidate poses, then touches, in units of noise and of ``scale``.
+        pools: candidate poses, then touches, their Jacobians in units of noise and ``scale``.
         scale: tolerances of the unknown parameters (K,).
     """
 
@@ -117,18 +117,18 @@ class _Task:
     criterion: Criterion
 
     def information(self, chosen: Chosen) -> np.ndarray:
-        """Information matrix (K, K) of the priors and the chosen measurements, scaled."""
+        """Information matrix (K, K) of priors and chosen measurements, parameters in tolerances."""
         seen = [pool.information(some) for pool, some in zip(self.pools, chosen, strict=True)]
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
     def assured(self, chosen: Chosen) -> float:
-        """Error [m] that the wanted share of robots stays below, by the linear design."""
+        """Position error [m] below which the wanted share of robots stays, by a linear design."""
         covariance = np.linalg.inv(self.information(chosen)) * np.outer(self.scale, self.scale)
         return self.goal.quantile(covariance, self.options.share)
 
     def best(self, kind: int, information: np.ndarray, used: list[int]) -> tuple[int, float]:
-        """Index of the unused candidate of a kind (0 pose, 1 touch) that raises the criterion most,
-        and the criterion with it."""
+        """Find the unused candidate of a kind (0 pose, 1 touch) that raises the criterion most: its
+        index, and the criterion with it added to ``information`` (K, K)."""
         pool = self.pools[kind]
         slope = pool.slopes(self.criterion.gradient(information))
         slope[used] = -np.inf
@@ -137,7 +137,7 @@ class _Task:
         return int(some[np.argmax(value)]), float(value.max())
 
     def grow(self, chosen: Chosen) -> None:
-        """Add to ``chosen``, in place, what lowers log mean square error most per cost."""
+        """Add to ``chosen`` (in place) the candidate that lowers the log error most per cost."""
         information = self.information(chosen)
         now = float(self.criterion.values(information))
         (pose, with_pose), (touch, with_touch) = (
@@ -149,7 +149,7 @@ class _Task:
             chosen[0].append(pose)
 
     def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
-        """Selection without the touches, then poses, that the accuracy does not need."""
+        """Drop the touches, then the poses, without which an accuracy [m] is still reached."""
         for kind, least in ((1, 0), (0, self.options.least_poses)):
             while len(chosen[kind]) > least:
                 blocks = self.pools[kind].blocks[chosen[kind]]
@@ -163,7 +163,7 @@ class _Task:
         return chosen
 
     def exchanged(self, chosen: Chosen) -> Chosen:
-        """Selection with as many of each kind, improved by exchange of one kind at a time."""
+        """Improve a selection of fixed size: poses exchanged for poses, touches for touches."""
         for kind in (1, 0) * _TURNS:
             if not chosen[kind]:
                 continue
@@ -177,8 +177,8 @@ class _Task:
         return chosen
 
     def rehearsed(self, chosen: Chosen, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """Rms tool errors in the target, (`ROBOTS`,) [m], of robots before and after they run the
-        plan; a `PlanError` if one leaves its workspace."""
+        """Simulate `ROBOTS` random robots that run the plan: rms tool errors (`ROBOTS`,) [m] in the
+        target before and after calibration; a `PlanError` if one leaves its workspace."""
         results = [self._one(chosen, np.random.default_rng([seed, k])) for k in range(ROBOTS)]
         before, after = np.array(results).T
         if not np.isfinite(after).all():
@@ -186,8 +186,8 @@ class _Task:
         return before, after
 
     def _one(self, chosen: Chosen, rng: np.random.Generator) -> tuple[float, float]:
-        """Rms tool error [m] of the nominal and the fitted model of a robot drawn within
-        tolerances."""
+        """Draw one robot within tolerances and calibrate it: rms tool error [m] of the nominal and
+        of the fitted model."""
         robot, nominal, free = self.model.robot, self.model.parameters.nominal, list(self.columns)
         truth, std, touch_std = nominal.copy(), self.wrench_std, self.options.touch_std
         truth[free] += rng.uniform(-1.0, 1.0, len(free)) * self.scale
@@ -237,7 +237,7 @@ def reach(
     progress: Callable[[int], None] = lambda _: None,
     **changes: Any,
 ) -> Mix:
-    """Plan few measurements after which the rms error in the target is below ``accuracy`` [m].
+    """Plan few measurements that bring the rms tool error in the target below ``accuracy`` [m].
 
     Greedy growth, exchange with one fewer as long as that suffices, then one more as long as a
     rehearsal of the nonlinear fit asks for it: a local optimum, not a proven minimum. Every
@@ -245,7 +245,7 @@ def reach(
     ``progress`` gets the number of measurements as the plan grows.
 
     Raises:
-        PlanError: a number makes no sense, or `_MOST` measurements are not enough.
+        PlanError: a number is out of its range, or `_MOST` measurements are not enough.
         NotFoundError: the robot has no tool tip or target workspace.
     """
     o = replace(options or MixOptions(), **changes)

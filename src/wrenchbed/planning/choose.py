@@ -42,7 +42,7 @@ def informative(
     seed: int,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Plan:
-    """n poses of a pool that make an observability index of the robot's free parameters largest.
+    """Choose n of ``pool`` random poses that make an observability index of the model largest.
 
     The Jacobian is in standard deviations of the sensor's row and in the parameters' tolerances.
 
@@ -71,7 +71,7 @@ def informative(
 def for_tracker(
     robot: Robot, n: int, pool: int, seed: int, progress: Callable[[float], None] = lambda _: None
 ) -> Plan:
-    """n poses of a pool after which geometry fitted to a tracker is best on the whole pool.
+    """Choose n of ``pool`` random poses at which a tracker shows a robot's geometry best.
 
     I-optimal: the mean variance of a target's place, as such a fit predicts it, is smallest;
     ``progress`` gets the rms error [m] after each exchange of poses that lowers it.

@@ -40,14 +40,14 @@ class Clearance:
         self._data = mujoco.MjData(self.model)
 
     def hit(self, q: np.ndarray) -> str:
-        """Sentence on the first contact at joint values (J,); empty if there is none."""
+        """Sentence that names the first contact at joint values (J,); empty if there is none."""
         for a, b, _, _ in sorted(self._touching(q) - self._built):
             return f"{self._name(a)} would touch {self._name(b)}"
         return ""
 
     def blocked(self, start: np.ndarray, end: np.ndarray) -> str:
-        """Sentence on the first contact of a straight joint-space move (J,) → (J,), with its place
-        on the move; empty if there is none."""
+        """Sentence that names the first contact on a straight joint-space move (J,) → (J,), and
+        where on it; empty if the move is free."""
         n = max(1, int(np.ceil(np.abs(end - start).max() / STEP)))
         for share in np.arange(1, n + 1) / n:
             what = self.hit(start + share * (end - start))
@@ -56,10 +56,10 @@ class Clearance:
         return ""
 
     def way(self, start: np.ndarray, end: np.ndarray, where: str) -> list[np.ndarray]:
-        """Joint values to go through in straight lines from ``start``, the last being ``end`` (J,).
+        """Find a collision-free path from ``start`` to ``end`` (J,): its way points up to ``end``.
 
-        Straight if that is free, else the shortest free way over one or two of home and some free
-        poses.
+        A straight joint move if that is free, else the shortest free one over one or two of home
+        and random poses.
 
         Raises:
             PlanError: ``end``, called ``where``, or every such way is blocked; says by what.
@@ -112,7 +112,7 @@ class Clearance:
 
     @cached_property
     def _close(self) -> np.ndarray:
-        """Whether two bodies (B, B) are at most two joints apart, loops included."""
+        """Whether two bodies are at most two joints apart (B, B), boolean, loops included."""
         model = self.model
         joined = np.eye(model.nbody, dtype=int)
         pairs = [(b, int(model.body_parentid[b])) for b in range(1, model.nbody)]

@@ -41,11 +41,11 @@ class Criterion(ABC):
         """Derivative (m, m) of the criterion with respect to a regular information matrix."""
 
     def screen(self, information: np.ndarray) -> np.ndarray:
-        """Matrix (m, m) whose product with JᵢᵀJᵢ ranks promising configurations."""
+        """Matrix G (m, m): the larger trace(G JᵢᵀJᵢ), the more promising is configuration i."""
         return self.gradient(information)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after adding (+1) or removing (−1) each of blocks (N, k, m) alone."""
+        """Values (N,) after adding (+1) or removing (−1) each of blocks (N, k, m) alone."""
         return self.values(information + sign * np.swapaxes(blocks, -1, -2) @ blocks)
 
 
@@ -60,14 +60,14 @@ class Spectral(Criterion):
 
     @staticmethod
     def _turned(information: np.ndarray, slope: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Derivative (m, m) by the information matrix from the slopes by the singular values."""
+        """Derivative (m, m) by the information matrix, from ``slope`` by singular values."""
         squares, vectors = np.linalg.eigh(information)
         sigma = np.sqrt(np.maximum(squares, _SMALLEST))
         return np.asarray((vectors * (slope(sigma) / (2 * sigma))) @ vectors.T)
 
     @abstractmethod
     def _of(self, sigma: np.ndarray) -> np.ndarray:
-        """Criterion (…) of singular values (…, m), smallest first."""
+        """Value (…) of the criterion for singular values (…, m), smallest first."""
 
     @abstractmethod
     def _slope(self, sigma: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ class O1(Spectral):
         return self._of(sigma) / (len(sigma) * sigma)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after each change (determinant lemma: k × k determinants, not m × m)."""
+        """Values (N,) after adding or removing each block (determinant lemma, k × k not m × m)."""
         m = len(information)
         inner = blocks @ np.linalg.inv(information) @ np.swapaxes(blocks, -1, -2)
         factor = np.linalg.det(np.eye(blocks.shape[1]) + sign * inner)
@@ -95,8 +95,8 @@ class O1(Spectral):
 
 
 class Weakest(Spectral):
-    """σm^a / σ1^b. Screening also heeds the other small singular values, any of which may become
-    σm."""
+    """Criterion σm^a / σ1^b of the smallest and the largest singular value. Screening also weighs
+    the other small ones, any of which may become σm."""
 
     smooth = False
 
@@ -154,7 +154,7 @@ class InverseTrace(Criterion):
         return inner / np.trace(self.weight @ inverse) ** 2
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after each change, by the Woodbury identity."""
+        """Values (N,) after adding or removing each block, by the Woodbury identity."""
         inverse = np.linalg.inv(information)
         turned = np.swapaxes(blocks, -1, -2)
         inner = np.eye(blocks.shape[1]) + sign * (blocks @ inverse @ turned)

@@ -61,7 +61,7 @@ class Pool:
         return rows.T @ rows
 
     def slopes(self, gradient: np.ndarray) -> np.ndarray:
-        """Products trace(gradient · JᵢᵀJᵢ) (N,) of all configurations, in single precision."""
+        """Traces (N,) of gradient · JᵢᵀJᵢ of all configurations, in single precision."""
         size = np.abs(gradient).max()
         vector = (gradient[self._upper] * self._twice / size).astype(np.float32)
         return (self._packed @ vector).astype(float) * size
@@ -184,7 +184,7 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """The best continuous design found, and what it proves.
+    """The best continuous design found, and the upper bound on any choice that it proves.
 
     Attributes:
         support: configurations with weight (K,).
@@ -211,7 +211,7 @@ def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Cert
         raise PlanError(f"{criterion.name} is not concave: its optimum cannot be certified")
 
     def slopes(blocks: np.ndarray, weight: np.ndarray, of: np.ndarray) -> tuple[float, np.ndarray]:
-        """Criterion to the power ``power``, and its slopes (M,) by the weights of blocks ``of``."""
+        """Criterion^``power`` of weighted blocks; its derivatives (M,) by weights of ``of``."""
         rows = (blocks * np.sqrt(weight)[:, None, None]).reshape(-1, blocks.shape[-1])
         value = float(criterion.values(rows.T @ rows))
         gradient = power * value ** (power - 1.0) * criterion.gradient(rows.T @ rows)
@@ -242,7 +242,7 @@ def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Cert
     return best
 
 
-def rounded(certificate: Certificate, n: int) -> np.ndarray:
+def heaviest(certificate: Certificate, n: int) -> np.ndarray:
     """Indices of the n configurations of largest weight (fewer if the support is smaller)."""
     return certificate.support[np.argsort(-certificate.weight)[:n]]
 

@@ -11,7 +11,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.calibration.position_error import Goal, statistics, tip_jacobian
 from wrenchbed.planning.criteria import INDICES, Criterion, InverseTrace
-from wrenchbed.planning.exchange import Certificate, Pool, Selection, certify, exchange, rounded
+from wrenchbed.planning.exchange import Certificate, Pool, Selection, certify, exchange, heaviest
 from wrenchbed.robots.medrue import workspace
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED
 from wrenchbed.robots.medrue.robot import MedRUE
@@ -187,7 +187,7 @@ def _best(pool: Pool, criterion: Criterion, seed: int, starts: int, name: str = 
     certificate = None
     if criterion.power is not None and criterion.smooth:
         certificate = certify(pool, criterion, CONFIGURATIONS, best.chosen)
-        continuous = rounded(certificate, CONFIGURATIONS)
+        continuous = heaviest(certificate, CONFIGURATIONS)
         more = np.setdiff1d(best.chosen, continuous)[: CONFIGURATIONS - len(continuous)]
         initial = np.concatenate([continuous, more])
         polished = exchange(pool, criterion, CONFIGURATIONS, start=initial)
