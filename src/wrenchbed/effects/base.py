@@ -45,7 +45,7 @@ WAVES = 5
 
 
 class Stage(NamedTuple):
-    """One step of the chain from joint values to readings.
+    """One step of the chain from joint values to readings, at which effects can act.
 
     Attributes:
         simulated: how a twin simulates an effect that its MJCF cannot hold.
@@ -110,7 +110,7 @@ class Variant:
 
     @property
     def free_form(self) -> bool:
-        """Whether the variant has no formula: see `Effect.free_forms`."""
+        """Whether the variant fits a free curve instead of a formula, see `Effect.free_forms`."""
         return self.detail.get("form") == "free"
 
 
@@ -132,13 +132,13 @@ class Curve(NamedTuple):
 
 
 class Residual(NamedTuple):
-    """Residual of a calibrated simulator, for effects to scan.
+    """Measured minus predicted readings of a calibrated simulator, for `Effect.scan`.
 
     Attributes:
         rows: indices of the scene's rows that were measured and may be fitted (R,).
         value: residual in units of ``noise``, after the fit of bias, mass and CoG (R, 6).
         noise: standard deviation of a row (6,) [N, N·m].
-        tangent: function of parameter and shapes: change of readings (M, 6) per typical size.
+        tangent: function (parameter, shapes) → change of readings (M, 6) per typical size.
         fitted: orthonormal basis of the fit of bias, mass and CoG (R, 6, k).
     """
 
@@ -202,13 +202,13 @@ class Effect(ABC):
 
     @property
     def subsystem(self) -> str:
-        """Part of the robot that it belongs to: the name before the dot."""
+        """Subsystem that the effect belongs to: its name before the dot, as ``sensor``."""
         return self.name.partition(".")[0]
 
     @property
     def family(self) -> str:
-        """Name of a group of effects, each of which may take up errors in another's assumed form:
-        for instance two that push on the tool from outside."""
+        """Name of a group of effects, each of which may absorb errors in the assumed formula of
+        another: for instance those of forces on the tool from outside."""
         return "external" if self.subsystem in ("cable", "environment") else self.subsystem
 
     @property
@@ -218,25 +218,25 @@ class Effect(ABC):
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """All stages at which the effect acts."""
+        """Names of all stages of the chain at which the effect acts."""
         return (self.stage, *self.also_at)
 
     @property
     def between_rows(self) -> bool:
-        """Whether the effect shows only between rows, not in their means."""
+        """Whether the effect changes only the scatter between rows, not their mean."""
         return self.stage == "row"
 
     @property
     def in_sensor(self) -> bool:
-        """Whether the effect changes only how the sensor reads its load."""
+        """Whether the effect changes only the sensor's readings, not its pose or load."""
         return self.stage in ("reading", "timing")
 
     def acts(self, scene: Scene) -> bool:
-        """Whether the effect can show in a scene's rows; averages of a motion show all effects."""
+        """Whether the effect can change the readings of a scene; averages of a motion show all."""
         return scene.mode in self.modes or scene.averaged
 
     def applies(self, robot: Robot) -> bool:
-        """Whether the effect can show on a robot at all."""
+        """Whether a robot can have the effect at all, whatever the recording."""
         return self.between_rows or any(self.variants(s) for s in examples(robot))
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -245,26 +245,26 @@ class Effect(ABC):
 
     @abstractmethod
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """Variants of the effect in a scene; empty where it cannot show."""
+        """Ways in which the effect may show in a scene (`Variant`); empty where it cannot."""
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
-        """Further variants without a formula, linear in many amplitudes; empty by default."""
+        """Further variants, free curves linear in many amplitudes; by default none."""
         return ()
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Curves of a form-free variant, one for each channel; empty by default."""
+        """Curves that a free-form variant adds to readings, one a channel; by default none."""
         return ()
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
-        """Names of a variant's amplitudes that are not zero on a robot with the typical effect."""
+        """Names of a variant's amplitudes that are nonzero if the effect has its typical size."""
         return variant.free
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Further variants, with shapes that a scan of a residual suggests; empty by default."""
+        """Further variants, with shape values found by search on a residual; by default none."""
         return ()
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
-        """Names that `values` accepts, the short ones for one joint first."""
+        """Parameter names that `values` accepts; those to give with ``joint=2`` come first."""
         names = self.parameters(robot).names
         short = joint_stems(names)
         return ("joint", *short, *names) if short else names
@@ -297,37 +297,37 @@ class Effect(ABC):
     def amplitudes(
         self, published: Mapping[str, Mapping[str, Any]]
     ) -> dict[str, Mapping[str, Any]] | None:
-        """Inverse of `publish`: value and std by parameter; None if that is impossible."""
+        """Inverse of `publish`: value and std of amplitudes by name; None if it is impossible."""
         return dict(published)
 
     # ---- what it does at its stages: nothing at those at which it does not act ------------------
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        """Stage ``model``: the robot's parameters (P,) with the effect."""
+        """Parameters (P,) of the robot with the effect on them (stage ``model``)."""
         return theta
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """Stage ``joint``: displacement to add to the joint values (M, J) [rad or m]."""
+        """Displacement to add to the joint values (M, J) [rad or m] (stage ``joint``)."""
         return 0.0
 
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
-        """Stage ``pose``: the sensor's pose with the effect."""
+        """The sensor's pose moved by the effect from ``pose`` (stage ``pose``)."""
         return pose
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Stage ``load``: wrench to add to the load on the sensor (M, 6) [N, N·m], its axes."""
+        """Wrench (M, 6) [N, N·m], sensor axes, that the effect adds to a load (stage ``load``)."""
         return np.zeros_like(load)
 
     def sense(self, torque: np.ndarray, p: Values) -> np.ndarray:
-        """Stage ``effort``: readings of joint torques (M, J) with the effect [N·m, of slides N]."""
+        """Joint torques (M, J) [N·m, of slides N] as read with the effect (stage ``effort``)."""
         return torque
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        """Stages ``reading`` and ``timing``: readings (M, 6) [N, N·m] with the effect."""
+        """Readings (M, 6) [N, N·m] with the effect on them (stages ``reading``, ``timing``)."""
         return reading
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
-        """Stage ``row``: readings (N, 6) at times (N,) [s], with the effect's random part added."""
+        """Readings (N, 6) at times (N,) [s] with the effect's random part added (stage ``row``)."""
         return rows
 
     # ---- MuJoCo ----------------------------------------------------------------------------
@@ -335,15 +335,15 @@ class Effect(ABC):
     def edit_spec(  # noqa: B027 - most effects have nothing to write
         self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values
     ) -> None:
-        """Write the effect into a model, where MuJoCo can carry it; default: nothing to write."""
+        """Write the effect into a MuJoCo model, in place, if it can be; by default do nothing."""
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
-        """Parameters (P,) of a robot that include the effect; None if no parameter can."""
+        """Robot's parameters (P,) that alone include the effect; None if no parameter can."""
         return None
 
 
 class ModelEffect(Effect):
-    """Effect on the robot's own parameters, the same in closed form and MuJoCo."""
+    """Effect that is an error of the robot's own parameters, the same in closed form and MuJoCo."""
 
     stage = "model"
 
@@ -352,7 +352,7 @@ class ModelEffect(Effect):
 
 
 class JointEffect(Effect):
-    """Effect with one amplitude a joint; usually joints stand elsewhere than they report."""
+    """Effect with one amplitude a joint; usually true joint values differ from reported ones."""
 
     stage = "joint"
     local = True
@@ -378,19 +378,19 @@ class JointEffect(Effect):
 
 
 class LoadEffect(Effect):
-    """Effect that adds to the rigid tool's load on the sensor."""
+    """Effect that adds a wrench to the rigid tool's load on the sensor."""
 
     stage = "load"
 
 
 class ReadingEffect(Effect):
-    """Effect by which the sensor reads something else than its load."""
+    """Effect of the sensor: its reading differs from the load on it."""
 
     stage = "reading"
 
 
 class ChannelEffect(ReadingEffect):
-    """Reading effect with one amplitude a channel, ``stem.fx`` …, and no shape."""
+    """Effect on readings with one amplitude a channel, ``stem.fx`` …, and no shape parameter."""
 
     channelwise = True
     stem: ClassVar[str]
@@ -407,7 +407,7 @@ class ChannelEffect(ReadingEffect):
 
 
 class RowEffect(Effect):
-    """Effect between rows only, made by ``corrupt``: its mean is 0."""
+    """Effect on the scatter of rows only, made by ``corrupt``: its mean is 0."""
 
     stage = "row"
 
@@ -421,7 +421,7 @@ class RowEffect(Effect):
 def alike(
     names: Sequence[str], unit: str, size: float, bound: float, text: str
 ) -> tuple[Parameter, ...]:
-    """Parameters with these names, one unit, size and text, nominally 0, within ± a bound."""
+    """Make parameters of these names that share unit, typical size, text and ± bound; nominal 0."""
     return tuple(Parameter(n, 0.0, unit, size, -bound, bound, text) for n in names)
 
 
@@ -433,8 +433,8 @@ def channel_parameters(
     units: Sequence[str] = UNITS,
     bounds: tuple[float, float] = (-1e4, 1e4),
 ) -> tuple[Parameter, ...]:
-    """Amplitudes ``stem.fx`` … with typical sizes of forces and torques. The bounds only refuse
-    absurd values (estimates)."""
+    """Make parameters ``stem.fx`` … ``stem.tz`` with typical sizes for forces and for torques. The
+    bounds only refuse absurd values (estimates)."""
     return tuple(
         Parameter(f"{stem}.{c}", 0.0, u, force if c[0] == "f" else torque, *bounds, text)
         for c, u in zip(CHANNELS, units, strict=True)
@@ -444,7 +444,7 @@ def channel_parameters(
 def channel_variants(
     stem: str, at: Values | None = None, shape: tuple[str, ...] = ()
 ) -> list[Variant]:
-    """Variants with amplitudes ``stem.fx`` …: one channel, the forces, the torques, all six."""
+    """Variants that free ``stem.fx`` …: one channel alone, the forces, the torques, all six."""
     names = per_channel(stem)
     where = dict(at or {})
     single = [
@@ -465,7 +465,7 @@ def warm_variants(
     at: Values | None = None,
     shape: tuple[str, ...] = (),
 ) -> tuple[Variant, ...]:
-    """Variants of an effect that follows one signal: zeros (6,), one span, spans (6,), and both."""
+    """Variants of an effect of time or temperature: zeros (6), common or own gains (6), both."""
     where = dict(at or {})
     *single, _, _, together = channel_variants(zeros[0].partition(".")[0], where, shape)
     return (
@@ -484,8 +484,8 @@ def warm_variants(
 def joint_parameters(
     robot: Robot, stem: str, rotary: float, linear: float, text: str, units: tuple[str, str]
 ) -> ParameterSet:
-    """Amplitudes ``stem.q1`` … with sizes and units by joint type. The bounds only refuse absurd
-    values (estimates)."""
+    """Make parameters ``stem.q1`` … with typical sizes and units by joint type. The bounds only
+    refuse absurd values (estimates)."""
     items = []
     for k, joint in enumerate(robot.joints, start=1):
         turns = joint.unit == "rad"
@@ -505,17 +505,17 @@ def each_joint(stem: str, robot: Robot) -> tuple[str, ...]:
 
 
 def has_loops(robot: Robot) -> bool:
-    """Whether the robot is made of five-bars."""
+    """Whether the robot has closed chains (five-bars)."""
     return "L14" in robot.parameters.names
 
 
 def waves(stem: str) -> tuple[str, ...]:
-    """Names ``stem.1`` … of the amplitudes of a free `course`."""
+    """Names ``stem.1`` … of the amplitudes of the sine waves of a `course`."""
     return tuple(f"{stem}.{k}" for k in range(1, WAVES + 1))
 
 
 def course(scene: Scene, rate: float, wave: np.ndarray, duration: float) -> np.ndarray:
-    """Free course r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) at each row (M,), from 0 at the first.
+    """Smooth function of time r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) at each row (M,), first 0.
 
     r is the rate per second; the waves w (WAVES,) end at the duration D [s].
     """
@@ -523,7 +523,7 @@ def course(scene: Scene, rate: float, wave: np.ndarray, duration: float) -> np.n
 
 
 def half_waves(scene: Scene, duration: float) -> np.ndarray:
-    """Half waves sin(kπ (t − t₀)/D) at each row (M, WAVES), 0 after D [s]."""
+    """Sines sin(kπ (t − t₀)/D), k = 1 … WAVES, at each row (M, WAVES), 0 after D [s]."""
     share = np.clip(scene.age / duration, 0.0, 1.0)
     return np.sin(np.pi * np.outer(share, np.arange(1, WAVES + 1)))
 
@@ -542,7 +542,7 @@ def vector(p: Values, names: Sequence[str]) -> np.ndarray:
 
 
 def direction(p: Values, names: Sequence[str]) -> np.ndarray:
-    """Unit vector (3,) in the direction of the named parameters' values."""
+    """Unit vector (3,) along the vector of the named parameters' values."""
     along = vector(p, names)
     return along / max(float(np.linalg.norm(along)), 1e-9)
 
@@ -565,7 +565,7 @@ def joint_stems(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def of_joint(given: Mapping[str, Any], names: Sequence[str], joints: int) -> dict[str, Any]:
-    """Resolved joint: ``{"joint": 2, "offset": x}`` → ``{"offset.q2": x}``; else unchanged.
+    """Names with their joint: ``{"joint": 2, "offset": x}`` → ``{"offset.q2": x}``; else unchanged.
 
     Raises:
         ParameterError: there is no such joint.

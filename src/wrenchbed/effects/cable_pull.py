@@ -85,9 +85,9 @@ class CablePull(LoadEffect):
         return (taut, *slack)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Anchors and lengths whose pull a residual follows best, held at any point of the tool.
+        """Variants with the anchors and lengths whose pull explains a residual best, at any point.
 
-        Force u along the line and torque p × u: linear in k and k p, held at the CoG to begin with.
+        Force u along the line and torque p × u: linear in k and k p; fits begin with p at the CoG.
         """
         if not scene.jointed:
             return ()
@@ -130,7 +130,7 @@ class CablePull(LoadEffect):
         return np.concatenate([local, cross(np.broadcast_to(lever, local.shape), local)], axis=-1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """A tendon to the anchor, and one to a far point for the constant pull."""
+        """Add a tendon to the anchor, and one to a far point for the constant pull."""
         from wrenchbed.simulation.springs import cable, pull
 
         point = tuple(p[n] for n in POINT)
@@ -141,8 +141,8 @@ class CablePull(LoadEffect):
 
 
 def _gains(pulls: np.ndarray, residual: Residual) -> tuple[np.ndarray, np.ndarray]:
-    """Share (…) of a residual that each of some forces (…, R, 3) explains, and the point (…, 3)
-    that fits best: with readings free of their means, linear in k and k p."""
+    """Share (…) of a residual that forces (…, R, 3) along a cable explain, and the tool point (…,
+    3) [m] that fits best: with readings free of their means, linear in k and k p."""
     away = pulls - pulls.mean(axis=-2, keepdims=True)
     square = np.swapaxes(away, -1, -2) @ away  # (…, 3, 3)
     along = np.swapaxes(away, -1, -2) @ (residual.value / residual.noise)  # (…, 3, 6)

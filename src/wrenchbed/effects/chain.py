@@ -27,7 +27,7 @@ from wrenchbed.robots.base import Robot
 
 @dataclass(frozen=True, eq=False)
 class ActiveEffect:
-    """An effect with values of all its parameters."""
+    """A kind of effect with the values of all its parameters."""
 
     effect: Effect
     values: Mapping[str, float]
@@ -49,7 +49,7 @@ def effects() -> dict[str, Effect]:
 
 
 def stated_effects() -> tuple[str, ...]:
-    """Names of the effects that are a wrong bias, mass or CoG, in this order."""
+    """Names of the effects that are a wrong stated bias, mass or CoG, in this order."""
     by_number = {e.stated: name for name, e in effects().items()}
     return tuple(by_number[number] for number in STATED_NUMBERS)
 
@@ -109,21 +109,21 @@ class EffectChain:
         return np.asarray(value(pose.rotation)) if tilting else None
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray | float:
-        """Wrench (M, 6) [N, N·m] that effects add to a load on the sensor; 0 without effects."""
+        """Wrench (M, 6) [N, N·m] that all effects add to a load (M, 6) on the sensor; 0 without."""
         more: np.ndarray | float = 0.0
         for a in self._at["load"]:
             more = more + a.effect.pull(scene, pose, load, a.values)
         return more
 
     def sensed(self, torque: np.ndarray) -> np.ndarray:
-        """Readings (M, J) of joint torques [N·m, of slides N]."""
+        """Joint torques (M, J) [N·m, of slides N] as their sensors read them with the effects."""
         for a in self._at["effort"]:
             torque = a.effect.sense(torque, a.values)
         return torque
 
     def read(self, scene: Scene, load: np.ndarray) -> np.ndarray:
-        """Reading of the sensor for a load (M, 6) [N, N·m], by effects that can show in the
-        scene."""
+        """Sensor readings (M, 6) [N, N·m] of a load (M, 6), changed by the effects that can show in
+        the scene."""
         reading = load
         for a in (*self._at["reading"], *self._at["timing"]):
             if a.effect.acts(scene):
@@ -131,8 +131,8 @@ class EffectChain:
         return reading
 
     def placed(self, scene: Scene) -> tuple[Pose, np.ndarray]:
-        """Pose of the sensor, and the tool's load on it (M, 6) [N, N·m], after stages ``model``,
-        ``joint`` and ``pose``, without wrenches that effects add."""
+        """Pose of the sensor and the rigid tool's load on it (M, 6) [N, N·m] after stages
+        ``model``, ``joint`` and ``pose``, before effects add wrenches."""
         theta = self.theta(scene.robot, scene.theta)
         pose = self.pose(scene, theta)
         as_stated = pose.rotation is scene.pose[0] and pose.position is scene.pose[1]

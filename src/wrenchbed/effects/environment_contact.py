@@ -89,7 +89,7 @@ class EnvironmentContact(LoadEffect):
         return tuple(result)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Planes whose depth a residual follows best, as a force in any fixed way at the tip."""
+        """Variants with planes whose depth, times a fixed force, explains a residual best."""
         if not scene.jointed:
             return ()
         rotation, position = (value(x)[residual.rows] for x in scene.pose)

@@ -19,14 +19,14 @@ POINTS = 61
 
 
 def orders(stem: str, count: int) -> tuple[str, ...]:
-    """Stems ``stem1`` … of the amplitudes of each order; a channel follows after a dot."""
+    """Stems ``stem1`` … ``stemN`` of the amplitudes of orders 1 to N = count of a free curve."""
     return tuple(f"{stem}{k}" for k in range(1, count + 1))
 
 
 def falling(
     stem: str, sizes: Sequence[float], ratio: float, text: str, units: Sequence[str]
 ) -> tuple[Parameter, ...]:
-    """Amplitudes ``stem1.fx`` … with typical sizes by order (K,), for torques times ``ratio``."""
+    """Make parameters ``stem1.fx`` … of typical sizes by order (K,), torques × ``ratio``."""
     return tuple(
         p
         for name, size in zip(orders(stem, len(sizes)), sizes, strict=True)
@@ -37,8 +37,8 @@ def falling(
 def free_variants(
     stems: Sequence[str], text: str, at: Values, channels: Sequence[str] = CHANNELS
 ) -> tuple[Variant, ...]:
-    """Form-free variants, with amplitudes ``stem.fx`` …, of each channel, the forces, the torques
-    and all."""
+    """Variants with a free curve, amplitudes ``stem.fx`` …: in one channel, the forces, the
+    torques, all."""
 
     def of(label: str, group: Sequence[str], share: float) -> Variant:
         free = tuple(f"{stem}.{c}" for c in group for stem in stems)
@@ -80,6 +80,6 @@ def channel_curves(
 def share_curve(
     variant: Variant, x: np.ndarray, basis: Callable[[str, np.ndarray], np.ndarray], x_unit: str
 ) -> tuple[Curve, ...]:
-    """Curve of a form-free variant that adds a share of the load, the same in all channels."""
+    """Curve of a free-form variant that adds a share of the load, the same in all channels."""
     columns = np.stack([basis(n, x) for n in variant.free], axis=1)
     return (Curve("", variant.free, x, columns, x_unit, "1"),)

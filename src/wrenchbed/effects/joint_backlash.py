@@ -68,7 +68,7 @@ class JointBacklash(JointEffect):
         return lag + load * np.tanh(scene.joint_torque / SOFT) if load.any() else lag
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """Add joints with play in series, some of which lag."""
+        """Add joints with backlash in series, some of which lag by friction."""
         from wrenchbed.simulation.springs import Spring, in_series
 
         for k, joint in enumerate(robot.joints, start=1):

@@ -101,7 +101,7 @@ class JointClearance(JointEffect):
         return Pose(pose.rotation @ tilt, pose.position)
 
     def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
-        """Parameters to publish; a negative play of tip 1 is a positive one of tip 2."""
+        """Parameters to publish by name: a negative ``play.1`` becomes a positive ``play.2``."""
         result = super().publish(robot, variant, values, std)
         if "play.1" in result and result["play.1"]["value"] < 0.0:
             play = result.pop("play.1")
@@ -109,7 +109,7 @@ class JointClearance(JointEffect):
         return result
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """The last bearing's round play; play in loops acts through the joints' values."""
+        """Add the last bearing's round clearance; clearance in loops acts through joint values."""
         from wrenchbed.simulation.springs import ROUND, Spring, hinge
 
         half = p.get("tilt", 0.0)
@@ -130,13 +130,13 @@ def _moved(scene: Scene, links: np.ndarray, slack: Values) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _push(scene: Scene, link: str) -> np.ndarray:
-    """Axial force (M,) [N] that all weights put on a link."""
+    """Axial force (M,) [N] along a link by the weight of everything, positive in tension."""
     length = scene.robot.parameters.index(link)
     return scene.robot.push_along(scene.q, scene.theta, scene.gravity, length)
 
 
 def _rates(points: list[np.ndarray]) -> np.ndarray:
-    """Columns (M, 2, 2): velocity of a point per unit speed of the first and the second joint."""
+    """Columns (M, 2, 2): planar velocity of a point per unit speed of a five-bar's two joints."""
     return np.stack([p.imag / STEP for p in points], axis=-1)
 
 

@@ -82,7 +82,7 @@ class JointCompliance(JointEffect):
         return {f"compliance.q{published['joint']['value']}": give}
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """Add a spring in series with each joint."""
+        """Add a torsional spring in series with each joint."""
         from wrenchbed.simulation.springs import Spring, in_series
 
         for k, joint in enumerate(robot.joints, start=1):

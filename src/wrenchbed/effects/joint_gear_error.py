@@ -69,7 +69,7 @@ class JointGearError(JointEffect):
         return (_wave(*at, weight),)
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """Displacement of the joints (M, J), exact jets in motion: 101 waves a turn are fast."""
+        """Displacement of the joints (M, J); in motion exact jets, as 101 waves a turn are fast."""
         a, b = (
             np.array([p.get(n, 0.0) for n in each_joint(part, scene.robot)])
             for part in ("sin", "cos")

@@ -71,20 +71,20 @@ def geometry(robot: Robot) -> tuple[list[str], list[str]]:
 
 
 def public(name: str) -> str:
-    """Published name: ``twist.3`` of alpha3, ``length.L11`` of L11, ``twist.link.…`` of a
-    rotation."""
+    """Published name of a parameter: ``twist.3`` of alpha3, ``length.L11`` of L11,
+    ``twist.link.…``."""
     if name.startswith("alpha"):
         return f"twist.{name[5:]}"
     return f"twist.{name}" if ".rotation." in name else f"length.{name}"
 
 
 def single(names: Sequence[str]) -> list[Variant]:
-    """Variants, one for each parameter of the robot."""
+    """Variants that free one parameter of the robot each."""
     return [Variant(n, (public(n),), detail={"parameter": n}) for n in names]
 
 
 def together(label: str, names: Sequence[str], weight: float = 1.0) -> Variant:
-    """Variant in which several parameters of the robot are fitted together."""
+    """Variant that frees several parameters of the robot together."""
     return Variant(label, tuple(map(public, names)), weight=weight)
 
 

@@ -74,7 +74,7 @@ class Scene:
 
     @property
     def jointed(self) -> bool:
-        """Whether the rows are joint values, of a robot with a model."""
+        """Whether ``q`` are joint values of a robot with a model, not orientations."""
         return len(self.robot.joints) > 0
 
     @property
@@ -89,11 +89,11 @@ class Scene:
 
     @property
     def age(self) -> np.ndarray:
-        """Time since the first row (M,) [s]."""
+        """Time since the first row [s] at each row (M,)."""
         return np.asarray(self.t - self.t[0])
 
     def in_motion(self, x: Value) -> Value:
-        """Values (M, …) at the rows, as jets if the rows are a motion; jets are unchanged."""
+        """Values (M, …) as jets, by finite differences, if the rows are a motion; else as is."""
         if not self.moving or isinstance(x, Jet):
             return x
         d = np.gradient(x, self.period, axis=0)
@@ -106,7 +106,7 @@ class Scene:
         return np.asarray(CubicSpline(self.t, rows)(np.clip(t, self.t[0], self.t[-1])))
 
     def tool_force(self, load: np.ndarray) -> np.ndarray:
-        """Force on the tool (M, 3) [N] in a load (M, 6): without the sensor's own weight."""
+        """Force (M, 3) [N] on the tool alone, of a load (M, 6) less the sensor's own weight."""
         return np.asarray(load[:, :3] * (self.tool.mass / (self.tool.mass + self.tool.sensor_mass)))
 
     @cached_property
@@ -131,7 +131,7 @@ class Scene:
 
     @cached_property
     def tool(self) -> Tool:
-        """Tool as configured."""
+        """Tool as configured, from ``theta``."""
         return self.robot.tool(self.theta)
 
     @cached_property
@@ -141,7 +141,7 @@ class Scene:
 
     @cached_property
     def inertial(self) -> np.ndarray:
-        """Inertial load of the tool (M, 6) [N, N·m] by accelerations in ``extra``; 0 without."""
+        """Inertial load of the tool (M, 6) [N, N·m] at accelerations in ``extra``; 0 without."""
         if ACCELERATION not in self.extra:
             return np.zeros((len(self), 6))
         tool, spin = self.tool, self.extra[SPIN]

@@ -122,7 +122,7 @@ class SensorHysteresis(ReadingEffect):
 
 
 def _width(name: str) -> float:
-    """Half width of a play, relative to the channel's range, from its amplitude's name."""
+    """Half width of a play operator, as a share of the channel's range, by an amplitude's name."""
     stem = name.partition(".")[0]
     if stem in WIDTHS:
         return WIDTHS[stem]
@@ -131,7 +131,7 @@ def _width(name: str) -> float:
 
 
 def _turned(name: str) -> bool:
-    """Whether an amplitude is a slope s, by which the lag grows along the load."""
+    """Whether an amplitude's name is of a slope s, by which the lag grows with the load."""
     return ".slope" in name or name.startswith("turn")
 
 

@@ -126,8 +126,8 @@ class SensorJump(ReadingEffect):
 def _placed(
     value: np.ndarray, fitted: np.ndarray, after: np.ndarray, chosen: Sequence[int]
 ) -> tuple[list[int], float]:
-    """First rows after some jumps and one more, each moved to its best place beside the others, and
-    the squared residual that remains."""
+    """Add one jump to chosen ones and move each to its best row beside the others: the first rows
+    after the jumps, and the squared residual that remains."""
     rows, remaining = [*chosen, 0], np.inf
     for k in [len(chosen), *range(len(chosen)), len(chosen)]:
         rest, basis = value, fitted

@@ -121,7 +121,7 @@ class SensorNonlinearity(ReadingEffect):
 
 
 def _bent(u: np.ndarray, stem: str) -> np.ndarray:
-    """Contribution (…) of a free form's amplitude for loads (…) relative to the largest one."""
+    """Change (…) of a reading per unit amplitude ``stem`` at loads u (…) over the largest load."""
     inside = np.clip(u, -BEYOND, BEYOND)
     if stem in STRAIGHT:
         return np.abs(inside) if stem == "kink" else inside

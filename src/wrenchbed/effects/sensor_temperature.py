@@ -133,7 +133,7 @@ class SensorTemperature(ReadingEffect):
 
 
 def _bent(warm: np.ndarray, extent: float, order: int) -> np.ndarray:
-    """Square (order 0) or cube (order 1) of temperatures, scaled to ``extent`` [K]."""
+    """Square (order 0) or cube (order 1) of temperatures ``warm`` [K], scaled to ``extent`` [K]."""
     return np.asarray(warm * (warm / extent) ** (order + 1))
 
 

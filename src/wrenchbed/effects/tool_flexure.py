@@ -44,7 +44,7 @@ class ToolFlexure(LoadEffect):
         return np.concatenate([np.zeros_like(force), cross(shift, force)], axis=1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """The tool's mass on sprung hinges at the sensor and sprung slides."""
+        """Hang the tool's mass on sprung hinges at the sensor and on sprung slides."""
         from wrenchbed.simulation.springs import Spring, hinge, slide, tool_mass
 
         if p["bending"]:

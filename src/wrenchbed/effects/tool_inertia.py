@@ -53,7 +53,7 @@ class ToolInertia(ModelEffect):
         return added(robot, theta, {f"tool.{n}": p[n] for n in NAMES})
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Share of the inertial load by the scene's accelerations (M, 6); 0 without them."""
+        """A share of the tool's inertial load (M, 6) at the scene's accelerations; 0 without."""
         return p.get(SHARE, 0.0) * scene.inertial
 
 

@@ -65,7 +65,7 @@ class ToolLeak(LoadEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants that start at the place where, by a residual, mass leaves.
+        """Variants with the place (3,) [m] where mass leaves searched on a residual.
 
         A course a(t) at a place s pulls with a(t) u + Σ_i a(t) s_i l_i, linear in a and a s.
         """
@@ -94,7 +94,7 @@ class ToolLeak(LoadEffect):
         return tuple(result)
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Wrench (M, 6) of the lost mass, negative."""
+        """Wrench (M, 6) [N, N·m] that takes the lost mass's load off the sensor."""
         lost = course(scene, p["rate"], vector(p, FREE), p["duration"])
         return -lost[:, None] * per_kilogram(scene, pose, scene.tool.cog + vector(p, PLACE))
 

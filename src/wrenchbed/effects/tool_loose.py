@@ -117,7 +117,7 @@ class ToolLoose(LoadEffect):
         return np.concatenate([np.zeros_like(force), cross(lever, force)], axis=1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """The tool's mass slides with play; what leans to one side stays closed form."""
+        """Let the tool's mass slide between stops, with friction and a bias to one side."""
         from wrenchbed.simulation.springs import Spring, slide
 
         weight = float(robot.tool(theta).mass) * float(np.linalg.norm(spec.option.gravity))
@@ -130,7 +130,7 @@ class ToolLoose(LoadEffect):
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:
-    """Position of a loose part in its play (M,), −1 … 1."""
+    """Position (M,) of a loose part between its stops, −1 … 1."""
     if not grip:
         return np.tanh(along / SOFT)
     return held_on(np.where(np.abs(along) > grip, np.sign(along), 0.0)[:, None])[:, 0]

@@ -57,7 +57,7 @@ class ToolSlide(LoadEffect):
         )
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Wrench of the tool (M, 6) at its present place, minus that at its first."""
+        """Load of the tool (M, 6) [N, N·m] with its CoG displaced, minus that with it unmoved."""
         moved = [course(scene, p[f"rate.{a}"], vector(p, FREE[a]), p["duration"]) for a in "xyz"]
         tool = replace(scene.tool, cog=scene.tool.cog + np.stack(moved, axis=1))
         before = wrench(*pose, scene.tool, scene.gravity)

@@ -22,7 +22,7 @@ class DriveBandwidth(Lag):
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        """Columns and cause as in `Lag.scan`; None for commands, where a delay stands for it."""
+        """Columns and cause as in `Lag.scan`; None for servo commands, where a delay is fitted."""
         return super().scan(rows, residual) if rows.command is None else None
 
     def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:

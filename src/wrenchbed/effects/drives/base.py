@@ -16,13 +16,13 @@ from wrenchbed.effects.drives.operators import direction, since_reversal
 
 
 class Size(NamedTuple):
-    """Definition of an effect's size, as published.
+    """How a drive effect's published size follows from the amplitudes of its columns.
 
     Attributes:
         unit: SI, for a hinge.
-        plausible: largest one of a fault with which the robot still runs, of a load the least one
-            that its user asks about, over `Block.level`.
-        absolute: whether that level is taken as 1, not as what the cause changes.
+        plausible: over `Block.level`: largest size with which a robot still runs; of a wrong load
+            the least size that a user asks about.
+        absolute: whether that level is 1, not the scale of what the cause changes.
         columns: prefixes of the names of the columns whose amplitudes make the size; all if empty.
         vector: whether the size is the amplitudes' length, not their sum.
     """
@@ -37,11 +37,11 @@ class Size(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One column with a free amplitude, of a channel (N,), or of all channels (N, C).
+    """One regressor with a fitted amplitude, of one joint's effort (N,), or of all joints (N, C).
 
     Attributes:
         data: values at all rows.
-        std: prior standard deviation of its amplitude, if not part of a named cause; None: small.
+        std: prior standard deviation of the amplitude outside of causes; None: a small one.
         free: whether every fit leaves its amplitude free.
     """
 
@@ -53,7 +53,7 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A cause: the columns whose amplitudes it frees together.
+    """A possible cause: the columns whose amplitudes are fitted together if it is assumed.
 
     Attributes:
         effect: name of the effect; without a name, words for what it does.
@@ -80,7 +80,7 @@ class Block:
 
     @property
     def slot(self) -> tuple[str, int | None]:
-        """Key of causes that exclude each other: a joint's delay and filter may cancel."""
+        """Key shared by causes that exclude each other: a joint's delay and its filter."""
         lag = self.effect in ("drive.delay", "drive.bandwidth")
         return "lag" if lag else self.effect, self.joint
 
@@ -120,35 +120,35 @@ class DriveRows:
 
     @property
     def lagging(self) -> np.ndarray:
-        """Signal (N,) that lags in a late drive: the reported effort, or minus the command."""
+        """Signal (N,) that is late if the drive is: the reported effort, or minus the command."""
         return self.total if self.command is None else -self.command
 
     @cached_property
     def sign(self) -> np.ndarray:
-        """Direction of motion (N,), at rest the last one."""
+        """Direction of motion (N,), −1 or 1; at rest that before the rest."""
         return direction(self.speed)
 
     @cached_property
     def since(self) -> np.ndarray:
-        """Distance since the last reversal (N,); inf before the first one."""
+        """Distance (N,) [rad or m] moved since the last reversal; inf before the first one."""
         return since_reversal(self.angle, self.sign)
 
     def column(
         self, word: str, data: np.ndarray, std: float | None = None, *, free: bool = False
     ) -> Column:
-        """Column of this joint, named ``word.joint``."""
+        """Make a regressor of this joint from data (N,), named ``word.joint`` with its number."""
         return Column(f"{word}.{self.joint}", data, std or None, free)
 
 
 @dataclass(frozen=True, eq=False)
 class DriveResidual:
-    """Residual of one joint at the kept rows (M,), for effects to scan.
+    """Residual of one joint's effort at the kept rows (M,), for `DriveEffect.scan`.
 
     Attributes:
         y: measured minus predicted effort.
         left: residual of y after a fit of all columns, zero where not used.
         own: ordinary columns of the joint, without a delay's (M, K).
-        thin: function from a column (N,) to the kept rows.
+        thin: function that picks (and filters) the kept rows (M,) of a column (N,).
     """
 
     y: np.ndarray
@@ -190,7 +190,7 @@ class DriveEffect(ABC):
         return tuple(rows.column(word, shape) for word, shape in self.shapes(rows).items())
 
     def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
-        """The cause made of its columns; None if these rows have none."""
+        """The cause that frees the effect's columns together; None if these rows have none."""
         names = tuple(c.name for c in columns if c.std is None)
         if not names:
             return None
@@ -200,19 +200,19 @@ class DriveEffect(ABC):
     def cause(
         self, rows: DriveRows, columns: tuple[str, ...], value: float = 1.0, prior: float = 0.0
     ) -> Block:
-        """Make a cause of this effect from columns, by name."""
+        """Make a cause of this effect from names of columns, a shape value and prior log odds."""
         level = 1.0 if self.size.absolute else rows.level
         return Block(self.name, rows.joint, False, columns, value, prior, level)
 
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        """Columns and cause of a shape that a residual suggests; None for effects without."""
+        """Columns and cause of a shape (time, period) searched on a residual; None without one."""
         return None
 
 
 class StatedNumber(DriveEffect):
-    """Effect that is an error of a stated number, which every fit leaves free if unstated."""
+    """Effect that is an error of a drive parameter, which every fit leaves free if unstated."""
 
     word: ClassVar[str]
     """Name of its column, before the joint's number."""
@@ -233,5 +233,5 @@ class StatedNumber(DriveEffect):
         return self.cause(rows, tuple(c.name for c in columns))
 
     def judged(self, rows: DriveRows) -> bool:
-        """Whether another value is a cause (the number is stated), not a fit's free number."""
+        """Whether an error counts as a cause: if the recording states the number."""
         return rows.is_stated

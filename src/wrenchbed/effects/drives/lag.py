@@ -23,7 +23,7 @@ counts, but a late turn comes when it moves. Encoders' noise of 17 bits is a ten
 def closest(
     changes: Callable[[float], list[np.ndarray]], y: np.ndarray, basis: np.ndarray
 ) -> float:
-    """Time [s] whose change of the torque fits best, at full size, beside other columns.
+    """Find the lag [s] whose change of the torque, unscaled, best fits y beside other columns.
 
     Args:
         changes: function of a time [s] to the change of the torque (M,), and columns left free.
@@ -46,7 +46,7 @@ def closest(
 
 
 class Lag(DriveEffect):
-    """Effect whose size is the time by which the effort lags [s], near the block's ``value``.
+    """Delay or filter of the effort: its size is the lag [s], linear about the block's ``value``.
 
     Friction changes sign within an unstated distance after each reversal: a free column.
     """
@@ -55,7 +55,7 @@ class Lag(DriveEffect):
 
     @abstractmethod
     def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:
-        """Change of a torque (N,) that is late by a time [s]."""
+        """Change (N,) of a torque (N,) by a delay or filter with a time [s]."""
 
     def scan(
         self, rows: DriveRows, residual: DriveResidual

@@ -19,22 +19,22 @@ _LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
 
 
 def direction(speed: np.ndarray, rest: float = REST) -> np.ndarray:
-    """Sign of a speed (N,); at rest, below the share ``rest`` of its largest value, the last
-    sign."""
+    """Sign (N,) of a speed (N,); below the share ``rest`` of the top speed, the sign before
+    that."""
     moves = np.abs(speed) > rest * np.abs(speed).max()
     last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), 0))
     return np.asarray(np.sign(speed[last]))
 
 
 def moving(speed: np.ndarray, rate: float) -> np.ndarray:
-    """Whether each row (N,) has no rest within `_MEMORY_S`, boolean."""
+    """Boolean (N,): whether the joint moves at all rows within `_MEMORY_S` of a row."""
     still = np.abs(speed) <= REST * np.abs(speed).max()
     width = 2 * max(1, round(_MEMORY_S * rate)) + 1
     return np.asarray(np.convolve(still, np.ones(width), mode="same") < 0.5)
 
 
 def since_reversal(q: np.ndarray, sign: np.ndarray) -> np.ndarray:
-    """Distance since the last change of direction (N,) [rad]; inf before the first one."""
+    """Distance (N,) [rad] moved since the last change of direction; inf before the first one."""
     path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q)))])
     turned = np.flatnonzero(np.diff(sign) != 0.0) + 1
     last = np.zeros(len(q), dtype=int)
@@ -55,7 +55,7 @@ def stop(x: np.ndarray, width: float) -> np.ndarray:
 
 
 def play(x: np.ndarray, width: float) -> np.ndarray:
-    """Play operator of a half width along the rows (M, K).
+    """Output (M, K) of the play (backlash) operator of half width ``width`` along rows (M, K).
 
     Small inputs are cached: a fit asks for the same path again and again.
     """
@@ -66,14 +66,14 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
 
 @lru_cache(maxsize=_MOST_KEPT)
 def _kept_path(x: bytes, columns: int, width: float) -> np.ndarray:
-    """Cached, read-only `play` of an input given as bytes."""
+    """Cached, read-only result of `play` for an input given as bytes of rows with some columns."""
     path = _path(np.frombuffer(x).reshape(-1, columns), width)
     path.flags.writeable = False
     return path
 
 
 def _path(x: np.ndarray, width: float) -> np.ndarray:
-    """Play operator of a half width along the rows (M, K), computed.
+    """Compute `play` (M, K) in blocks of rows, without a loop over rows.
 
     Each row clips the state into x ± width, and clips composed are a clip. So all blocks of about
     √M rows are composed side by side, and one pass over the blocks finds the states between them.
@@ -100,7 +100,7 @@ def _path(x: np.ndarray, width: float) -> np.ndarray:
 
 
 def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
-    """Change of a torque (N,) when it is delayed by ``delay`` [s]."""
+    """Change (N,) of a torque (N,) sampled at t (N,) when it is delayed by ``delay`` [s]."""
     return np.asarray(np.interp(t - delay, t, torque) - torque)
 
 
@@ -117,6 +117,6 @@ def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
 
 
 def slow(torque: np.ndarray, rate: float, time: float) -> np.ndarray:
-    """Change of a torque (N,) by a first-order low-pass of time constant ``time`` [s]."""
+    """Change (N,) of a torque (N,) by a first-order low-pass of time constant ``time`` [s]."""
     clock = np.arange(len(torque)) / rate
     return np.asarray(lagging(torque[:, None], clock, time)[:, 0] - torque)

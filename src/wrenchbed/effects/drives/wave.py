@@ -27,19 +27,19 @@ _BINS = 8.0
 
 
 def first_of(effect: str) -> tuple[str, ...]:
-    """Prefixes of an effect's columns at its base period; their amplitudes' length is the size."""
+    """Prefixes of an effect's columns at its base period, whose amplitudes make its size."""
     return f"{effect}.sine1", f"{effect}.cosine1"
 
 
 class Wave(DriveEffect):
-    """Effect periodic in the angle; the block's ``value`` is its periods a turn."""
+    """Effect periodic in the joint's angle; the block's ``value`` is its periods a turn."""
 
     tried: ClassVar[float]
     """Periods that are looked through, each of which could be the one."""
 
     @abstractmethod
     def periods(self, residual: DriveResidual) -> float:
-        """Periods a turn that a residual shows most clearly."""
+        """Number of periods a joint turn at which a residual has the strongest wave."""
 
     def scan(self, rows: DriveRows, residual: DriveResidual) -> tuple[tuple[Column, ...], Block]:
         turns = self.periods(residual)
@@ -53,7 +53,7 @@ class Wave(DriveEffect):
 
 
 def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
-    """Periods a turn above `GEAR_MOST` with the most power in a residual (M,) over the angle (M,).
+    """Periods a turn above `GEAR_MOST` of most power in a residual (M,) over the angle (M,).
 
     Sums over rows become a transform over bins of the angle: rows of a bin have nearly one phase.
     """
@@ -69,8 +69,8 @@ def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
 
 
 def fitting(y: np.ndarray, basis: np.ndarray, angle: np.ndarray) -> float:
-    """Periods a turn up to `GEAR_MOST` that fit a torque (M,) best, beside an orthonormal basis (M,
-    K)."""
+    """Number of periods a turn, up to `GEAR_MOST`, whose wave fits a torque (M,) best beside an
+    orthonormal basis (M, K)."""
     residual, best, period = y - basis @ (basis.T @ y), -1.0, SLOWEST
     for turn in np.arange(SLOWEST, GEAR_MOST, _STEP):
         phase = turn * angle
