@@ -97,12 +97,8 @@ def within_limits_of_a_ur5(rec):
     return with_metadata(inside, robot="ur5", sensor=SensorInfo(), tool=ToolInfo())
 
 
-def few_poses(rec):
-    return with_rows(rec, rec.columns["segment"] < 8)
-
-
 OF_UR5 = {
-    "few poses": (few_poses, "8 poses cannot separate causes … record at least 12"),
+    "few poses": (lambda r: with_rows(r, r.columns["segment"] < 8), "8 poses … record at least 12"),
     "one orientation": (one_orientation, "nearly the same orientation … Turn the tool about"),
     "one pose": (one_pose, "1 poses cannot separate causes"),
     "no noise": (single_rows, "a gap from noise … record several rows a pose, or state noise_std"),

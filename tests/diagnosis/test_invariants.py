@@ -7,7 +7,7 @@ import pytest
 import consistent
 import mutated
 
-SAMPLE = (15, 1, 2, 4, 5, 6, 14, 16)
+SAMPLE = (15, 1, 2, 4, 5, 6, 14, 16, 780057, 790081)
 """Cases for every run: `scripts/invariants` does thousands."""
 
 
@@ -25,4 +25,3 @@ def test_a_case_follows_from_its_seed():
     one, again = mutated.case(7), mutated.case(7)
     assert str(one) == str(again)
     assert (one.recording.wrench == again.recording.wrench).all()
-    assert len(mutated.MUTATORS) > 20

@@ -18,6 +18,7 @@ from simulated import driven
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.gap.gaps import Interval
+from wrenchbed.diagnosis.gap.where import Finding
 from wrenchbed.diagnosis.next.blind import BlindSpot, unseen
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.pages import numbers
@@ -143,16 +144,36 @@ def test_an_ambiguous_cause_is_one_or_the_other(springy):
     assert "that it is one of these. If it is joint.compliance:" in page.sections["which"]
 
 
-def test_one_of_several_joints_is_the_same_choice_on_every_surface(springy):
+def test_a_claim_names_its_elements_and_no_other(springy):
     """Headline, card, map and table name the class and not its first member."""
-    (cause,) = springy.diagnosis.which
-    choice = cause["parameters"] | {"joint": {"value": 2, "rivals": [3, 4]}}
-    several = changed(springy, which=[dict(cause) | {"parameters": choice}])
-    words = WrenchAnswer(several)
-    assert words.headline.startswith("Joint 2, 3 or 4 is compliant")
-    assert words.place == "In joint 2, 3 or 4"
-    assert words.causes[0].choices == (("joint", "joint 2 (or 3, 4)"),)
-    assert set(blame(several.diagnosis.to_json())) == {"joint 2", "joint 3", "joint 4"}
+    size = {"value": -9e-4, "std": 1e-4, "unit": "m"}
+    longer, gain, three = size | {"value": 9e-4}, size | {"unit": "1"}, "joint 2, 3 or 4"
+    joint = {"joint": {"value": 2, "rivals": [3, 4]}}
+    for effect, elements, sizes, sentence, place in (
+        ("link.length", ["L21"], {"length.L21": size}, "length L21 −0.90 ± 0.10 mm", "link L21"),
+        ("link.length", ["a3"], {"length.a3": longer}, ": length a3 +0.90 ± 0.10 mm", "link 3"),
+        ("link.length", ["all lengths"], {"length.d41": size}, "d41 −0.90", "all links"),
+        ("sensor.gain", ["fx", "fy"], {"gain.fx": gain}, ": fx or fy, gain fx", "the sensor"),
+        ("joint.compliance", ["joint 2", "joint 3", "joint 4"], joint, three[1:], three),
+    ):
+        sizes["parameter"] = {"value": elements[0]}
+        entry = {"effect": effect, "elements": elements, "parameters": sizes}
+        words = WrenchAnswer(changed(springy, which=[{**springy.diagnosis.which[0], **entry}]))
+        assert sentence in words.headline and words.place == f"In {place}"
+    assert set(blame(words.d.to_json())) == {"joint 2", "joint 3", "joint 4"}
+
+
+def test_the_first_screen_says_no_more_than_is_there(springy):
+    assert "look at joint 2. twin.json contains it." in WrenchAnswer(springy).steps[0]
+    assert re.search("stiffness \\d+\xa0±\xa0\\d+\xa0N·m/rad", undrawn(springy))
+    seen = [Finding(f"joint {k}", 0.2, 1e-3, f"Joint {k} is seen.") for k in range(1, 7)]
+    small = {"calibrated": Interval(0.1, 0.0, 0.2), "per_channel": {"tx": {"before": 0.1}}}
+    tight = changed(springy, gap=replace(springy.diagnosis.gap, **small))
+    assert [len(WrenchAnswer(replace(f, places=seen)).where) for f in (springy, tight)] == [3, 1]
+    silent = replace(changed(without_cause(springy), verdict="none"), places=seen)
+    assert "joint 1, joint 2, joint 3 and 3 more." in WrenchAnswer(silent).where[0]
+    hint = {"subsystem": "sensor", "detail": "tx", "share": 0.3, "sentence": "Only a hint."}
+    assert WrenchAnswer(changed(silent, where=[hint])).place == "Only a hint: channel tx"
 
 
 def test_two_causes_are_counted(springy):
@@ -311,5 +332,6 @@ def test_poses_have_their_recordings_numbers_and_blind_spots_two_lines(springy):
     assert list(along(moved)[0]) == list(own + 7)
     spots = [BlindSpot(f"joint.{name}", "joint 1", None, "") for name in "abcdefgh"]
     spots += [BlindSpot("joint.offset", f"joint {k}", None, "") for k in (2, 3)]
-    assert unseen(spots, 60) == "joint.offset of joints 2 and 3 and 8 other effects"
+    assert unseen(spots, 60) == "joint.offset of joints 2 and 3; 8 other effects"
+    assert unseen(spots[:8], 45) == "joint.a of joint 1; 7 other effects"
     assert unseen(spots[:2], 60) == "joint.a and joint.b of joint 1"

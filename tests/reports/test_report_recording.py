@@ -20,7 +20,6 @@ import wrenchbed as wb
 from simulated import driven
 from wrenchbed import studies
 from wrenchbed.cli import main
-from wrenchbed.errors import ParameterError
 from wrenchbed.pages.document import Document, Section
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.physics.wrench import CHANNELS
@@ -85,13 +84,6 @@ def test_a_simulator_that_is_off_is_named_with_the_next_step(folder, monkeypatch
     assert "The best simulator, configured, differs much from the recording in " in told
     assert "wrenchbed calibrate rec.parquet --out fit.json" in told
     assert "Nothing was fitted" in told
-
-
-def test_a_file_that_is_no_simulator_is_refused(folder):
-    wrong = folder / "wrong.json"
-    wrong.write_text("[]")
-    with pytest.raises(ParameterError, match="wrong.json"):
-        recording_page(wb.Recording.read(folder / "rec.parquet"), [wrong], "")
 
 
 @pytest.mark.slow

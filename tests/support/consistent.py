@@ -35,7 +35,7 @@ Told = dict[str, Any]
 Faces = dict[str, str]
 Rules = Iterator[tuple[Any, ...]]
 CLAIMS = ("identified", "ambiguous", "partial")
-SIGNED = ("sensor.bias", "tool.mass", "tool.cog")
+SIGNED = ("sensor.bias", "tool.mass", "tool.cog", "joint.offset", "link.length")
 TINY = 1e-9
 GAPS = {
     "as configured": "configured",
@@ -185,8 +185,12 @@ def verdict(a: Answer) -> Rules:
     """The verdict is that of the gaps, of the claims and of the probabilities."""
     g, p, d = a.gap, a.probabilities, a.found.diagnosis
     yield (a.verdict in CLAIMS) == bool(a.which), a.verdict, "with", len(a.which), "causes"
-    several = any(w["rivals"] or w["combination"] for w in a.which)
+    several = any(w["rivals"] or len(w["elements"]) > 1 for w in a.which)
     yield a.verdict != "ambiguous" or several, "ambiguous, no rival"
+    for w in a.which:  # its parameters are those of its elements
+        named = [int(e[6:]) for e in w["elements"] if re.match(r"joint \d", e)]
+        joint = w["parameters"].get("joint", {})
+        yield not named or named == [joint.get("value"), *joint.get("rivals", [])], w["elements"]
     if a.verdict == "none":
         yield g["calibrated_ci95"][0] <= 1.0, "none with a gap of", g
         small = g["calibrated"] - max(g["floor"], 0) <= 1.0
@@ -344,7 +348,8 @@ def places(a: Answer, face: str, text: str) -> Rules:
     denied = ("none differs" in text and a.seen) or (a.where and "No place" in text)
     yield not denied, "where holds", len(a.where), "but:", text[:200]
     hint = max(a.where, key=lambda w: w["share"], default={"subsystem": None, "share": 0.0})
-    seen = a.which or hint["share"] == 0.0 or hint["subsystem"] in re.findall(r"\w+", a.place)
+    hinted = {hint["subsystem"], hint.get("detail")} & set(re.findall(r"\w+", a.place))
+    seen = a.which or hint["share"] == 0.0 or hinted
     yield seen, hint, "not in:", a.place
     for part in a.painted:
         word, _, number = part.partition(" ")

@@ -106,8 +106,7 @@ class Channel(ABC):
         return np.zeros((len(scene), len(self.columns), 0))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
-        """Changes of all readings (M, k, m) by m imperfections of a healthy sensor, one standard
-        deviation of each."""
+        """Changes of all readings (M, k, m) by m imperfections of a healthy sensor, 1 σ each."""
         return np.zeros((len(scene), len(self.columns), 0))
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:

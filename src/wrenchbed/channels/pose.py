@@ -68,7 +68,12 @@ class TargetPose(Channel):
                 return None
             residual = (read - channel._read(rotation, position)).ravel()
             change = np.linalg.lstsq(slopes, residual, rcond=None)[0]
-            channel = channel._moved(change)
+            channel = replace(
+                channel,
+                turn=value(exp(*change[:3])) @ channel.turn,
+                shift=channel.shift + change[3:6],
+                target=channel.target + change[6:],
+            )
             if np.abs(change).max() < _DONE:
                 break
         apart = read - channel._read(rotation, position)
@@ -92,14 +97,6 @@ class TargetPose(Channel):
 
     def _read(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
         return np.asarray((position + apply(rotation, self.target)) @ self.turn.T + self.shift)
-
-    def _moved(self, change: np.ndarray) -> Self:
-        """Copy with T, s and p changed by ``change`` (9,): turn [rad], shift [m] and place [m]."""
-        turn = value(exp(*change[:3]))
-        return replace(
-            self, turn=turn @ self.turn, shift=self.shift + change[3:6],
-            target=self.target + change[6:],
-        )  # fmt: skip
 
 
 CHANNEL = TargetPose()

@@ -15,6 +15,7 @@ from wrenchbed.channels.base import PLACING, Channel
 from wrenchbed.effects.base import Effect, Pose, Values, Variant
 from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
+from wrenchbed.errors import ParameterError
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
@@ -52,9 +53,7 @@ def refitted(
 
 def _only(scene: Scene, seen: np.ndarray) -> Scene:
     """Copy of a scene that compares only those of its observations that ``seen`` (H,) selects."""
-    held = np.zeros(len(scene), dtype=bool)
-    held[np.flatnonzero(scene.held)[seen]] = True
-    return replace(scene, held=held)
+    return replace(scene, held=np.isin(np.arange(len(scene)), np.flatnonzero(scene.held)[seen]))
 
 
 def slices(channels: Sequence[Channel]) -> tuple[slice, ...]:
@@ -157,10 +156,15 @@ class Response:
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]
     ) -> tuple[EffectChain, EffectChain]:
-        """Chains of one effect with amplitudes half a typical size above and below zero."""
+        """Chains of one effect with amplitudes half a typical size above and below zero; one above
+        and at zero where the robot cannot have less, as of a tool that weighs next to nothing."""
         start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
-        steps = ({p.name: s * p.tolerance for p in parameters} for s in (0.5, -0.5))
-        up, down = (EffectChain([ActiveEffect(effect, start | step)]) for step in steps)
+        sizes = ({p.name: s * p.tolerance for p in parameters} for s in (0.5, -0.5, 1.0, 0.0))
+        up, down, one, none = (EffectChain([ActiveEffect(effect, start | s)]) for s in sizes)
+        try:
+            down.theta(self.scene.robot, self.scene.theta)
+        except ParameterError:
+            return one, none
         return up, down
 
     def _read(self, chain: EffectChain) -> np.ndarray:

@@ -122,7 +122,7 @@ def _rivals(
                 k = f.names.index(name)
                 of = Elements((element(f.parts[k].variant),), (f,), (k,))
         if of is not None:
-            numbers = numbers_of(a, of.fits[0], of.parts[0], of, spread)
+            numbers = numbers_of(a, of, spread)
         result.append(rival(name, c.probability * fraction, numbers))
     return result
 
@@ -131,16 +131,15 @@ def _numbers(
     a: Analysis, verdict: Verdict[Explanation], cause: Cause, spread: float
 ) -> dict[str, Any]:
     """Keys that `numbers_of` returns, for a claimed cause; for a wrong stated number its error."""
-    f, k = verdict.explanation.finalist, cause.part.index
-    if k is None:
-        wrong = _wrong_numbers(a, f, cause.names[0], spread)
+    if cause.part.index is None:
+        wrong = _wrong_numbers(a, verdict.explanation.finalist, cause.names[0], spread)
         return {"elements": _off(wrong), "parameters": wrong}
-    return numbers_of(a, f, k, cause.elements[cause.names[0]], spread)
+    return numbers_of(a, cause.elements[cause.names[0]], spread)
 
 
-def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) -> dict[str, Any]:
-    """Keys ``elements``, ``combination``, ``parameters`` for effect number k of a fitted set of
-    causes; of an effect without a formula also ``form`` and ``curve``.
+def numbers_of(a: Analysis, of: Elements, spread: float) -> dict[str, Any]:
+    """Keys ``elements``, ``combination``, ``parameters`` of an effect, with the sizes of its
+    likeliest element; of an effect without a formula also ``form`` and ``curve``.
 
     ``combination`` is the sum of the elements' sizes that the recording determines, None without
     one; standard uncertainties are multiplied by ``spread``.
@@ -149,6 +148,7 @@ def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) ->
     of_elements = {
         "elements": list(of.names), "combination": None if total is None else total._asdict(),
     }  # fmt: skip
+    f, k = of.fits[0], of.parts[0]
     part, values = f.parts[k], a.refitter.values(f.parts, f.x)[k]
     scene = a.dictionary.prepared.scene
     if part.variant.free_form and part.effect.curves(scene, part.variant):

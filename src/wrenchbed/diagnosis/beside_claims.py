@@ -101,7 +101,7 @@ def _instead(
 def _numbers(a: Analysis, f: Finalist, name: str, spread: float) -> dict[str, Any]:
     """Keys ``elements``, ``combination`` and ``parameters`` of one effect of a fitted set."""
     k = f.names.index(name)
-    return numbers_of(a, f, k, elements(a.refitter, f, k, [name])[name], spread)
+    return numbers_of(a, elements(a.refitter, f, k, [name])[name], spread)
 
 
 def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[dict[str, Any]]:

@@ -171,6 +171,11 @@ class Answer(ABC):
         """Whether the causes leave so much of the gap that their twin is not to be used."""
         return any(_DISTRUST in note for note in self.d.notes)
 
+    @property
+    def stays(self) -> str:
+        """Sentence on a gap that no cause is named for."""
+        return f"It stays {self.on}: without a cause there is nothing to close it with."
+
     def shrinks(self) -> tuple[str, str]:
         """Figure and sentences on how far the claimed causes close the gap."""
         g = self.d.gap

@@ -17,8 +17,10 @@ _WHERE = ("m", "1")
 """Units of numbers that say where and how a cause acts; others, its size, go first."""
 _STANDS_OUT = 3.0
 """Standard uncertainties beyond which a joint's amplitude is one."""
-_NUMBERED = re.compile(r"\.[a-z]*(\d+)$")
-"""Names as ``offset.q3`` and ``twist.2``."""
+_NUMBERED = re.compile(r"\.[a-z]*(1?\d)$")
+"""Names as ``offset.q3`` and ``twist.2``, of up to 19 joints, not of MedRUE's length ``d41``."""
+_DIFFERENCES = (*STATED, "joint.offset", "link.length")
+"""Effects whose sizes are differences from what is stated or nominal, so that they have a sign."""
 
 
 @dataclass(frozen=True)
@@ -104,9 +106,12 @@ def claim(
     quantities = {n: v for n, v in values.items() if "unit" in v}
     if entry.get("combination") is not None:
         quantities = {"sum": entry["combination"]}
+    signed = {
+        n: name in _DIFFERENCES or bool(wording and v.get("std")) for n, v in quantities.items()
+    }
     sizes = {
         n: Size(n, "together" if n == "sum" else parameter(n),
-                numbers.quantity(n, v, signed=name in STATED or bool(wording and v.get("std"))))
+                numbers.quantity(n, v, signed=signed[n]))
         for n, v in quantities.items()
     }  # fmt: skip
     ranked = list(sizes)
@@ -115,13 +120,18 @@ def claim(
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
     choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
                for n, v in values.items() if "unit" not in v}  # fmt: skip
-    in_title = "joint" if wording or of_joint else ""
+    said = {"joint"} if wording or of_joint else set()
+    said |= {n for n in choices if any(q.endswith(f".{values[n]['value']}") for q in quantities)}
+    choice = ", ".join(text for n, text in choices.items() if n not in said)
+    several = list(entry.get("elements", ()))
+    if len(several) > 1 and not (joint or wording or name in STATED or effect(name).between_rows):
+        choice = listed(several, " or ")
     closed = entry.get("closed_share")
     return Claim(
         name=name,
         title=wording or of_joint.format(joint=joint) or title(name),
         choices=tuple(choices.items()),
-        choice=", ".join(text for n, text in choices.items() if n != in_title),
+        choice=choice,
         sizes=tuple(sizes.values()),
         figures=tuple(sizes[n] for n in ranked[:MOST_SIZES]),
         against=name in STATED,
@@ -141,6 +151,8 @@ def place(entry: Mapping[str, Any]) -> str:
     numbered = joints(entry) if part in ("joint", "link") else []
     if numbered:
         return f"{part}{'s' if len(numbered) > 1 else ''} {listed([str(k) for k in numbered])}"
+    if one := [e for e in entry.get("elements", ()) if f"length.{e}" in entry["parameters"]]:
+        return f"{part} {one[0]}"
     return f"all {part}s" if part in ("joint", "link") else part
 
 

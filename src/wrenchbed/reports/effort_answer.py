@@ -107,8 +107,10 @@ class EffortAnswer(Answer):
     def far(self) -> tuple[str, str]:
         g = self.d.gap
         if g.with_effects is None:
-            text = f"This is the gap of the calibrated simulator {self.on}"
             figure = f"Gap {numbers.gap(g.calibrated.value)}"
+            if self.d.verdict != NONE:
+                return figure, self.stays
+            text = f"This is the gap of the calibrated simulator {self.on}"
             return figure, f"{text}. No cause is named; there is nothing to close."
         return self.shrinks()
 

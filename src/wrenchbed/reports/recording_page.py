@@ -89,11 +89,6 @@ def agreements(
     ]
 
 
-def best(of_all: Sequence[Agreement]) -> Agreement:
-    """The agreement with the least residual."""
-    return min(of_all, key=lambda a: a.overall)
-
-
 def report(
     recording: Recording,
     against: Sequence[str | Path] = (),
@@ -120,7 +115,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     known = simulators(recording, files) if files or modelled(recording) else []
     noise, name = noise_of(recording), PurePath(recording.name).name
     judged = agreements(recording, known, noise)
-    nearest = best(judged) if judged else None
+    nearest = min(judged, key=lambda a: a.overall, default=None)
     fits = [s for s in known if s.fitted]
     drawn = [draw(chart) for chart in _charts(recording, known, noise, nearest)]
     differs = nearest is not None and bool(nearest.differing)

@@ -2,7 +2,7 @@
 coloured by them, with loads and residuals."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -107,25 +107,6 @@ def _carriers(simulation: Simulation) -> dict[int, Sequence[str]]:
     return parts
 
 
-@dataclass(frozen=True, eq=False)
-class _Moments:
-    """What a robot is shown at.
-
-    Attributes:
-        q: joint values (K, J).
-        ids: numbers of the observations (K,).
-        times: of the moments in words (K,).
-        rms: size of the residual (K,) [noise of a row].
-        arrows: at the sensor.
-    """
-
-    q: np.ndarray
-    ids: np.ndarray
-    times: Sequence[str]
-    rms: np.ndarray
-    arrows: Sequence[Arrows] = ()
-
-
 def wrench_scene(e: Evidence) -> Scene | None:
     """The robot at the observations of a wrench; None without joints or without a model."""
     p, robot = e.prepared, e.prepared.robot
@@ -143,8 +124,8 @@ def wrench_scene(e: Evidence) -> Scene | None:
                 arrows.append(Arrows(f"{part}, {name}", role, vectors, 1 + k // 3))
     at, axis = along(p)
     times = [f"{x:.2f} s" if axis.unit else f"pose {x:.0f}" for x in at]
-    moments = _Moments(p.scene.joints[held], e.ids, times, rms, arrows)
-    return _scene(e.findings.diagnosis, robot, p.scene.theta, moments)
+    d, q = e.findings.diagnosis, p.scene.joints[held]
+    return _scene(d, Simulation(robot, p.scene.theta), q, e.ids, times, rms, arrows)
 
 
 def effort_scene(f: EffortFindings) -> Scene:
@@ -153,8 +134,8 @@ def effort_scene(f: EffortFindings) -> Scene:
     residual = np.nan_to_num(residuals_of(f)["calibrated"][shown])
     times = [f"{x:.2f} s" for x in scene.signals.t[scene.kept()][shown]]
     q = scene.q.v[scene.kept()][shown]
-    moments = _Moments(q, shown, times, np.sqrt((residual**2).mean(axis=1)))
-    return _scene(f.diagnosis, scene.robot, scene.theta, moments)
+    rms = np.sqrt((residual**2).mean(axis=1))
+    return _scene(f.diagnosis, Simulation(scene.robot, scene.theta), q, shown, times, rms)
 
 
 def _limited(residual: np.ndarray) -> np.ndarray:
@@ -164,24 +145,29 @@ def _limited(residual: np.ndarray) -> np.ndarray:
     return np.asarray(NOISE_M * residual * shorter)
 
 
-def _scene(d: Diagnosis, robot: SimulatedRobot, theta: np.ndarray, m: _Moments) -> Scene:
-    """The robot at evenly spread moments, and at the one that differs most."""
-    worst, simulation = int(np.argmax(m.rms)), Simulation(robot, theta)
-    rows = np.linspace(0, len(m.q) - 1, min(len(m.q), MOST_MOMENTS)).astype(int)
+def _scene(
+    d: Diagnosis, simulation: Simulation, q: np.ndarray, ids: np.ndarray, times: Sequence[str],
+    rms: np.ndarray, arrows: Sequence[Arrows] = (),
+) -> Scene:  # fmt: skip
+    """The robot at some of K moments, evenly spread, and at the one that differs most: joint values
+    (K, J), numbers of the observations (K,), moments in words (K,), rms residual (K,) [noise of a
+    row], arrows at the sensor."""
+    worst = int(np.argmax(rms))
+    rows = np.linspace(0, len(q) - 1, min(len(q), MOST_MOMENTS)).astype(int)
     rows = np.union1d(rows, [worst])
-    seen, shares = motion(simulation, m.q[rows]), blame(d.to_json())
+    seen, shares = motion(simulation, q[rows]), blame(d.to_json())
     turns = np.stack([matrix(x) for x in np.roll(seen.quaternion, 1, axis=-1).reshape(-1, 4)])
     frames = np.concatenate([turns.reshape(*seen.position.shape, 3), seen.position[..., None]], -1)
     sensor = np.concatenate([seen.rotation, seen.sensor[..., None]], axis=-1)
     parts = _parts(simulation, shares)
-    arrows = [replace(a, vectors=a.vectors[rows].round(_TENTHS)) for a in m.arrows]
-    labels = [f"{m.times[k]}, residual {numbers.gap(float(m.rms[k]))} × noise" for k in rows]
-    eye = np.subtract(*robot.eye)
+    arrows = [replace(a, vectors=a.vectors[rows].round(_TENTHS)) for a in arrows]
+    labels = [f"{times[k]}, residual {numbers.gap(float(rms[k]))} × noise" for k in rows]
+    eye = np.subtract(*simulation.robot.eye)
     frames = np.concatenate([frames, sensor[:, None]], axis=1).round(_TENTHS)
     return Scene(
-        "robot", "The robot, coloured by blame", parts, frames, arrows, labels, m.ids[rows],
+        "robot", "The robot, coloured by blame", parts, frames, arrows, labels, ids[rows],
         int(np.searchsorted(rows, worst)), eye, _caption(shares, parts, arrows),
-        f"{len(rows)} of {len(m.q):,} moments." if len(rows) < len(m.q) else "",
+        f"{len(rows)} of {len(q):,} moments." if len(rows) < len(q) else "",
     )  # fmt: skip
 
 

@@ -16,6 +16,8 @@ from wrenchbed.reports.claim import place as place_of
 
 LEAST_SHARE = 0.006
 """Share of the residual below which a variable is not worth a word."""
+MOST_SEEN = 3
+"""Variables that are named where what depends on them is too small for a cause."""
 _KERNELS = {
     "orientation": "the sensor's orientation",
     "position": "the sensor's position",
@@ -23,6 +25,7 @@ _KERNELS = {
     "speed": "speed and acceleration",
 }
 _GAP = "the gap"
+_NAMED = ("all ", "channel ", "link ")
 _BLIND = ". These data cannot show "
 
 
@@ -110,20 +113,15 @@ class WrenchAnswer(Answer):
 
     @property
     def _hint(self) -> str:
-        if self.hint:
-            return f"Only a hint: {_the(self.hint)}"
+        if self._most is not None:
+            detail, part = str(self._most["detail"]), str(self._most["subsystem"])
+            if detail in self.d.gap.per_channel:
+                part = f"channel {detail}"
+            return f"Only a hint: {_the(detail if detail[-1:].isdigit() else part)}"
         if self.d.where:
             subsystems = dict.fromkeys(_the(str(w["subsystem"])) for w in self.d.where)
             return f"Only in single rows: {listed(list(subsystems))}"
         return "Too little for a cause" if self._seen else "No place differs from noise"
-
-    @property
-    def hint(self) -> str:
-        """Part that ``where`` hints at most, a joint by its number; empty if none is."""
-        if self._most is None or self.d.which:
-            return ""
-        detail = str(self._most["detail"])
-        return detail if detail[-1:].isdigit() else str(self._most["subsystem"])
 
     @property
     def _most(self) -> Mapping[str, Any] | None:
@@ -143,15 +141,15 @@ class WrenchAnswer(Answer):
         phrases = [str(w["sentence"]) for w in self.d.where]
         if self.d.which:
             seen = [f.sentence for f in self.findings.places if f.seen and f.share > LEAST_SHARE]
-            return phrases if self.only_rows else phrases + seen[:2]
+            return phrases if self.only_rows or small(self.d.gap) else phrases + seen[:2]
         phrases = phrases[:2]
         if self.d.verdict == UNKNOWN and self._agrees:
             text = f"Of all recorded variables, the residual follows {self.variable} best"
             phrases.insert(0, f"{text}{'' if self._follows else ', but not significantly'}.")
         if self._seen and not phrases:
-            phrases.append(
-                f"What is left beyond noise is too small for a cause: {listed(self._seen)}."
-            )
+            least = self._seen[:MOST_SEEN]
+            least += [f"{len(self._seen) - MOST_SEEN} more"] * (len(self._seen) > MOST_SEEN)
+            phrases.append(f"What is left beyond noise is too small for a cause: {listed(least)}.")
         return phrases or ["No channel, joint or variable carries more than noise."]
 
     @cached_property
@@ -161,8 +159,7 @@ class WrenchAnswer(Answer):
             return self.shrinks()
         figure = f"Gap {numbers.gap(g.calibrated.value)}"
         if self.d.verdict == UNKNOWN and self._unexplained == _GAP:
-            text = f"It stays {self.on}: without a cause there is nothing to close it with."
-            return figure, f"{text} {self.black_box}".strip()
+            return figure, f"{self.stays} {self.black_box}".strip()
         text = f"This is the gap of the calibrated simulator {self.on}"
         if self.only_rows and self.causes:
             names = " and ".join(c.name for c in self.causes)
@@ -188,7 +185,10 @@ class WrenchAnswer(Answer):
         if self.distrusted or not closed:
             text = "Do not use twin.json yet: record more poses, "
             return f"{text}and diagnose both recordings together."
-        return "Nothing more has to be recorded to name the cause. twin.json contains it."
+        places = listed(list(dict.fromkeys(_the(place_of(w)) for w in self.d.which)))
+        text = f"Nothing more has to be recorded: look at {places}"
+        touched = self.findings.analysis.prepared.touch is not None
+        return f"{text}. twin.json {'is without the contact' if touched else 'contains it'}."
 
     @property
     def black_box(self) -> str:
@@ -238,5 +238,5 @@ class WrenchAnswer(Answer):
 
 
 def _the(place: str) -> str:
-    """Name of a place with its article; a numbered place has none."""
-    return place if place[-1].isdigit() or place.startswith("all ") else f"the {place}"
+    """Name of a place with its article; a numbered place and a channel have none."""
+    return place if place[-1].isdigit() or place.startswith(_NAMED) else f"the {place}"

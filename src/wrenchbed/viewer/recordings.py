@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages.document import markdown, provenance
-from wrenchbed.reports.recording_page import agreements, best
+from wrenchbed.reports.recording_page import agreements
 from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, robot_of, simulators
@@ -89,7 +89,7 @@ def _log_words(
         f"torques pale: {scale}.", "",
     ]  # fmt: skip
     if known:
-        nearest = best(agreements(recording, known, noise_of(recording)))
+        nearest = min(agreements(recording, known, noise_of(recording)), key=lambda a: a.overall)
         rows[2:2] = [f"**{nearest.headline}**", "", nearest.text, ""]
     rows += markdown(provenance([recording.name]))
     log_words(canvas, "report", "\n".join(rows))

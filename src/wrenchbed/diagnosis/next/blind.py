@@ -358,20 +358,19 @@ def unseen(spots: Sequence[BlindSpot], most: int) -> str:
     for s in sorted(spots, key=lambda s: s.effect not in FIRST):
         if s.smallest is None and s.why == NOTHING:
             elements.setdefault(s.effect, []).append(s.element)
-    effects: dict[tuple[str, ...], list[str]] = {}
-    for effect, names in elements.items():
-        brief = names if all(names) and len(names) <= MOST_NAMED else []
-        effects.setdefault(tuple(brief), []).append(effect)
-    phrases = [
-        listed(some, "and") + (f" of {listed(names, 'and')}" if names else "")
-        for names, some in effects.items()
-    ]
-    text = listed(phrases, "and") if phrases else ""
-    for count in range(len(phrases) - 1, 0, -1):
+    text = ""
+    for count in range(len(elements), 0, -1):
+        effects: dict[tuple[str, ...], list[str]] = {}
+        for effect in list(elements)[:count]:
+            names = elements[effect]
+            brief = names if all(names) and len(names) <= MOST_NAMED else []
+            effects.setdefault(tuple(brief), []).append(effect)
+        phrases = [" of ".join(listed(x, "and") for x in (e, n) if x) for n, e in effects.items()]
+        others = len(elements) - count
+        phrases += [f"{others} other effect{'s' * (others > 1)}"] * (others > 0)
+        text = "; ".join(phrases)
         if len(text) <= most:
             break
-        others = sum(len(some) for some in list(effects.values())[count:])
-        text = listed([*phrases[:count], f"{others} other effect{'s' * (others > 1)}"], "and")
     return text
 
 
