@@ -14,7 +14,7 @@ _LOOK_S = 0.2
 
 
 def main(words: list[str] | None = None) -> int:
-    """Serve until Ctrl-C or SIGTERM; the process's exit status."""
+    """Serve the device that the command line names until Ctrl-C or SIGTERM; return exit status."""
     parser = argparse.ArgumentParser("python -m robot_emulators", description=__doc__)
     parser.add_argument("name", choices=sorted(EMULATORS))
     parser.add_argument("--host", default="127.0.0.1", help="127.0.0.1 … 127.255.255.254")

@@ -39,7 +39,7 @@ read that answer by itself."""
 
 
 class Frame(NamedTuple):
-    """A frame: id, data, and whether the id has 29 bits."""
+    """A CAN frame: its id, its data, and whether the id is an extended one of 29 bits."""
 
     can_id: int
     data: bytes
@@ -51,15 +51,14 @@ Heard = Callable[[float, Frame], None]
 
 
 class Command(NamedTuple):
-    """A command of a client: its first word and the words after it."""
+    """A command of socketcand's protocol: its first word (the verb) and the words after it."""
 
     verb: str
     words: tuple[str, ...]
 
 
 def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
-    """Split bytes of a client into commands, the bytes of an unfinished one, and the number of
-    pieces that are no command."""
+    """Split received bytes into commands, the unfinished rest, and the number of invalid pieces."""
     *pieces, rest = buffer.split(b">")
     commands: list[Command] = []
     rubbish = 0
@@ -75,7 +74,7 @@ def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
 
 
 def frame_of(words: tuple[str, ...]) -> Frame | None:
-    """Frame of the words ``send id length bytes…``; None where they are no frame."""
+    """Frame that the words ``id length bytes…`` of a ``send`` command state; None if invalid."""
     if len(words) < 2 or len(words[0]) not in (3, 8):
         return None
     try:
@@ -89,24 +88,24 @@ def frame_of(words: tuple[str, ...]) -> Frame | None:
 
 
 def frame_text(frame: Frame, t: float) -> bytes:
-    """Text ``frame id seconds data`` for the clients; t [s]."""
+    """Bytes of socketcand's message ``< frame id seconds data >`` with the time stamp t [s]."""
     digits = "08X" if frame.extended else "03X"
     return f"< frame {frame.can_id:{digits}} {t:.6f} {frame.data.hex()} >".encode("ascii")
 
 
 def bus_off_text(t: float) -> bytes:
-    """Text of error frames for a client that goes off the bus at a time [s]."""
+    """Bytes of socketcand's error messages that a client gets when it goes bus off at t [s]."""
     return b"".join(f"< error {kind:08X} {t:.6f} >".encode() for kind in (_BUS_ERROR, _BUS_OFF))
 
 
 class Hub:
-    """A CAN bus at ``host:port``.
+    """An emulated CAN bus that serves socketcand's protocol at ``host:port``.
 
     Args:
         host: address of this machine to bind to.
-        port: 0 for any.
-        channel: name that clients open.
-        failed: called, besides a warning, with every exception of a device, an order or the bus.
+        port: TCP port, 0 for any free one.
+        channel: bus name that clients open.
+        failed: called, besides a warning, with every exception of a device, a task or the bus.
     """
 
     def __init__(
@@ -128,8 +127,7 @@ class Hub:
         self._bus = Listener(self._thread, (host, port), "CAN", self._client, MOST)
 
     def attach(self, heard: Heard | None = None) -> Callable[[Frame], None]:
-        """Add a device, whose ``heard`` receives others' frames; return its sender for any
-        thread."""
+        """Add a device: ``heard`` gets other nodes' frames; return a function that sends frames."""
         number = self._number()
 
         def post(frame: Frame) -> None:
@@ -142,7 +140,7 @@ class Hub:
         return post
 
     def start(self) -> None:
-        """Begin to listen.
+        """Begin to accept clients of the bus.
 
         Raises:
             EmulatorError: the port is taken or not allowed.
@@ -152,12 +150,12 @@ class Hub:
         self.port = self._bus.address[1]
 
     def stop(self) -> None:
-        """Close all connections; may be called twice."""
+        """Close the bus and all its connections; may be called twice."""
         self._thread.soon(self._bus.close)
         self._thread.stop()
 
     def order(self, task: Callable[[], None]) -> None:
-        """Run a task in the hub's thread soon."""
+        """Schedule ``task`` to run in the hub's thread; do not wait for it."""
 
         def run() -> None:
             try:
@@ -169,7 +167,7 @@ class Hub:
         self._thread.soon(run)
 
     def say(self, text: bytes) -> None:
-        """Send bytes to every client without a frame around them; call it in the hub's thread."""
+        """Send raw protocol text to every client; call it in the hub's thread."""
         for client in self._bus.clients:
             client.say(text)
 
@@ -189,7 +187,7 @@ class Hub:
                 client.off_until = until
 
     def hear(self, client: "Client", commands: list[Command], rubbish: int) -> None:
-        """Handle what a client sent: commands, and the number of pieces that are no command."""
+        """Execute a client's commands, and count the ``rubbish`` pieces that were no command."""
         self.counters["rubbish"] += rubbish
         for command in commands:
             if client.raw and command.verb == "send":
@@ -222,7 +220,7 @@ class Hub:
         self._fail(error)
 
     def _pass_on(self) -> None:
-        """Deliver queued frames, also those that devices send in answer."""
+        """Deliver queued frames to all other nodes, also those that devices send in answer."""
         while self._posted:
             sender, frame = self._posted.popleft()
             if self.loses(frame):
@@ -251,7 +249,7 @@ class Hub:
 
 
 class Client(Connection):
-    """A connection of a client that speaks socketcand's text protocol."""
+    """Connection of one socketcand client to the CAN bus."""
 
     def __init__(self, number: int, hub: Hub, bus: "Listener[Client]") -> None:
         super().__init__(bus, _KERNEL)
@@ -292,7 +290,7 @@ class Client(Connection):
         self._out += f"< {text} >".encode("ascii")
 
     def say(self, text: bytes) -> None:
-        """Queue a frame for a client in raw mode, unless it is bus off."""
+        """Queue protocol text for this client, if it is in raw mode and not bus off."""
         if self.raw and not self.off:
             queue = self._held if self._quiet_until else self._out
             queue += text
@@ -303,7 +301,7 @@ class Client(Connection):
         self._quiet_until = 0.0
 
     def flush(self) -> bool:
-        """Send what is queued; return False if the client takes it too slowly."""
+        """Send what is queued for the client; return False if it reads too slowly."""
         if self._quiet_until and time.monotonic() >= self._quiet_until:
             self._quiet_until = 0.0
         if self._held and not self._quiet_until:

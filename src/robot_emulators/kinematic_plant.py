@@ -37,10 +37,10 @@ _RANGE = np.array([130.0, 130.0, 400.0, 10.0, 10.0, 10.0])
 
 
 class KinematicPlant:
-    """A robot whose joints are where their targets were, a control cycle later.
+    """Built-in `Plant`: joints are at their targets one control cycle later, without dynamics.
 
     Args:
-        arm: its numbers; without links the flange never turns.
+        arm: nominal numbers of the robot; without links the flange never turns.
         cycle: control cycle [s].
     """
 
@@ -56,19 +56,19 @@ class KinematicPlant:
 
     @property
     def efforts(self) -> Efforts:
-        """Efforts that hold the load; drives stay at room temperature."""
+        """Efforts (J,) that hold the load, as a drive reports them; room temperature."""
         torque = self.model_torques(self.q, self.qd, self.qd, GRAVITY)
         return Efforts(torque, torque / self.arm.constants, np.full(len(torque), 25.0))
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
-        """Advance by a control cycle, at whose end the joints are at the target (J,)."""
+        """Advance by one control cycle, at whose end the joints are at ``target`` (J,)."""
         self.qd = (target - self.q) / self.cycle
         self.q = np.array(target, dtype=float)
         self.time += self.cycle
         self.newest = (due or time.monotonic(), self.time)
 
     def wrench(self) -> np.ndarray:
-        """Weight of the load (6,) [N, N·m] in sensor axes."""
+        """Return the load's weight as a wrench (6,) [N, N·m] in sensor axes."""
         rotation = np.eye(3) if self._kinematics is None else self._kinematics.flange(self.q)[0]
         weight = rotation.T @ (_LOAD.mass * GRAVITY)
         return np.concatenate([weight, np.cross(_LOAD.cog, weight)])
@@ -81,7 +81,7 @@ class KinematicPlant:
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
     ) -> np.ndarray:
-        """Torques (J,) that hold the load and accelerate it."""
+        """Joint torques (J,) that hold and accelerate the load at q, qd, qdd (J,) [N·m]."""
         if self._kinematics is None:
             return np.zeros(len(q))
         tool = np.concatenate([_LOAD.cog, NO_TOOL[3:]])
@@ -91,7 +91,7 @@ class KinematicPlant:
 
 
 def known_arm(name: str) -> Arm:
-    """Numbers of an arm by name.
+    """Return the nominal numbers of a robot by its name.
 
     Raises:
         SettingError: there are none here; lists what exists.
@@ -111,7 +111,7 @@ def known_arm(name: str) -> Arm:
 
 
 def kinematic_plant(request: PlantRequest) -> KinematicPlant:
-    """Make the plant that an emulator asks for.
+    """Make the built-in kinematic plant of the robot that an emulator requests.
 
     Raises:
         SettingError: there are no numbers of this robot.

@@ -14,7 +14,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """A tool as a user enters it: mass [kg], CoG (3,) [m] and inertia (6,) [kg·m²], flange axes."""
+    """Load of a tool in flange axes: mass [kg], CoG (3,) [m] and inertia (6,) [kg·m²]."""
 
     mass: float = 0.0
     cog: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -23,7 +23,7 @@ class Payload:
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """The nominal robot, as its controller knows it; J joints.
+    """Nominal numbers of a robot with J joints, as its controller knows them.
 
     Attributes:
         name: for instance ``ur5``.
@@ -33,7 +33,7 @@ class Arm:
         linear: whether each joint slides (in m), else it turns (in rad).
         links: a [m], d [m] and alpha [rad] of each joint (J, 3), classic Denavit and Hartenberg;
             empty where the emulator works out no poses.
-        payload: its tool.
+        payload: load of its tool.
         constants: torque or force of each drive per ampere (J,) [N·m/A, N/A].
     """
 
@@ -59,7 +59,7 @@ class Efforts(NamedTuple):
 
 @dataclass(frozen=True)
 class PlantRequest:
-    """The plant that an emulator needs.
+    """What an emulator needs of the plant behind it.
 
     Attributes:
         robot: name, for instance ``ur5`` or ``medrue``.
@@ -94,11 +94,11 @@ class Plant(Protocol):
 
     @property
     def q(self) -> np.ndarray:
-        """Joint values (J,) of the reported state."""
+        """Joint values (J,) [rad or m] of the reported state."""
 
     @property
     def qd(self) -> np.ndarray:
-        """Joint speeds (J,) of the reported state."""
+        """Joint speeds (J,) [rad/s or m/s] of the reported state."""
 
     @property
     def time(self) -> float:
@@ -113,16 +113,16 @@ class Plant(Protocol):
 
     @property
     def efforts(self) -> Efforts:
-        """Efforts that the drives report, of the same moment as `q`."""
+        """Drive torques, currents and temperatures at the same moment as `q`."""
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
-        """Take one control cycle towards a target (J,); due at a time of `time.monotonic` [s]."""
+        """Move for a control cycle to joint targets (J,), due at a `time.monotonic` time [s]."""
 
     def wrench(self) -> np.ndarray:
-        """The load that the robot itself measures now (6,); asked for once a control cycle."""
+        """Wrench (6,) [N, N·m] that the robot itself measures now; called once a control cycle."""
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Readings of the sensor (n, 6) and its saturated channels (n,), as bits 0 … 5.
+        """Sensor readings (n, 6) [N, N·m] and saturated channels (n,), as bits 0 … 5.
 
         Args:
             t: simulated times (n,) [s], increasing; after the newest state that state is read.
@@ -131,7 +131,7 @@ class Plant(Protocol):
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
     ) -> np.ndarray:
-        """Torques (J,) by the nominal model without friction; gravity (3,) [m/s²], base axes."""
+        """Joint torques (J,) of the nominal frictionless model; gravity (3,), base axes [m/s²]."""
 
 
 PlantMaker = Callable[[PlantRequest], Plant]

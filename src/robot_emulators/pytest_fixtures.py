@@ -12,20 +12,20 @@ from robot_emulators.serving import Device, medrue, netft, ur5
 
 @pytest.fixture
 def ur_robot() -> Iterator[Device]:
-    """A UR5 with its controller, as long as the test runs."""
+    """Fixture: an emulated UR5 controller that serves while the test runs."""
     with ur5(box="off") as robot:
         yield robot
 
 
 @pytest.fixture
 def netft_box() -> Iterator[Device]:
-    """A Net F/T box, as long as the test runs."""
+    """Fixture: an emulated Net F/T box that serves while the test runs."""
     with netft() as box:
         yield box
 
 
 @pytest.fixture
 def cia402_drives() -> Iterator[Device]:
-    """Six CiA 402 drives on a CAN bus, as long as the test runs."""
+    """Fixture: six emulated CiA 402 drives on a CAN bus that serve while the test runs."""
     with medrue() as drives:
         yield drives

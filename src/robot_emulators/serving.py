@@ -26,7 +26,7 @@ EMULATORS = {
 
 
 def load(name: str) -> type[Emulator]:
-    """An emulator's class by name.
+    """Return the class of an emulator by its name.
 
     Raises:
         SettingError: there is no such emulator; lists what exists.

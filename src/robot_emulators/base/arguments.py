@@ -27,25 +27,25 @@ class Argument:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a finite number (true and false are none)."""
+    """Whether a value is a finite int or float; booleans do not count as numbers."""
     plain = isinstance(value, int | float) and not isinstance(value, bool)
     return plain and abs(value) <= float_info.max
 
 
 def number(low: float, high: float, default: float | None = None) -> Argument:
-    """Rule for a number from low to high."""
+    """Return the rule that a value is a finite number from ``low`` to ``high``."""
     return Argument(
         lambda v: is_number(v) and low <= v <= high, f"a number {low:g} … {high:g}", default, float
     )
 
 
 def above(low: float) -> Argument:
-    """Rule for a number above low."""
+    """Return the rule that a value is a finite number greater than ``low``."""
     return Argument(lambda v: is_number(v) and v > low, f"a number above {low:g}", parse=float)
 
 
 def integer(low: int, high: int, default: int | None = None) -> Argument:
-    """Rule for a whole number from low to high; as text also hexadecimal."""
+    """Return the rule for an integer from ``low`` to ``high``; its text may be hexadecimal."""
     return Argument(
         lambda v: is_number(v) and v == int(v) and low <= v <= high,
         f"a whole number {low} … {high}", default, lambda word: int(word, 0),
@@ -53,21 +53,21 @@ def integer(low: int, high: int, default: int | None = None) -> Argument:
 
 
 def word(known: Collection[str], default: str | None = None) -> Argument:
-    """Rule for one of the known words."""
+    """Return the rule that a value is one of the words in ``known``."""
     return Argument(
         lambda v: isinstance(v, str) and v in known, f"one of {', '.join(known)}", default
     )
 
 
 def text(default: str = "", pattern: str = ".*", what: str = "text") -> Argument:
-    """Rule for a text of a pattern."""
+    """Return the rule that a value is a text that matches the regular expression ``pattern``."""
     return Argument(
         lambda v: isinstance(v, str) and bool(re.fullmatch(pattern, v, re.DOTALL)), what, default
     )
 
 
 def flag(default: bool | None = None) -> Argument:
-    """Rule for true or false; as text on or off."""
+    """Return the rule that a value is True or False; its text form is ``on`` or ``off``."""
     return Argument(
         lambda v: isinstance(v, bool), "true or false (on or off)", default,
         {"on": True, "off": False}.__getitem__,
@@ -75,14 +75,13 @@ def flag(default: bool | None = None) -> Argument:
 
 
 def setting(default: Any, argument: Argument, text: str) -> Any:
-    """Make a field of `Settings`: its default, the rule for its value, and a text on its
-    meaning."""
+    """Make a field of `Settings` from its default, the rule for its value and its help text."""
     return field(default=default, metadata={"argument": argument, "text": text})
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of an emulator, or of a part of it; each field is made by `setting`.
+    """Base class of an emulator's settings; each field is made by `setting` and checked.
 
     Raises:
         SettingError: names the value and what it must be.
@@ -96,7 +95,7 @@ class Settings:
 
 
 def described(*kinds: type[Settings]) -> dict[str, str]:
-    """Name of each setting → text on its meaning and default."""
+    """Return name → help text, with the default, of each setting of these classes."""
     return {f.name: f.metadata["text"] for kind in kinds for f in fields(kind)}
 
 

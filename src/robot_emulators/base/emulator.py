@@ -22,8 +22,8 @@ class Options:
 
     Attributes:
         host: address of this machine to serve at, 127.0.0.1 … 127.255.255.254.
-        seed: of what an emulator draws at random.
-        setting: of this kind of emulator, name → text.
+        seed: seed of the emulator's random numbers.
+        setting: name → text of the settings that this kind of emulator has.
     """
 
     host: str = "127.0.0.1"
@@ -32,11 +32,11 @@ class Options:
 
 
 class Emulator(ABC):
-    """Serves a device's protocols on this machine, to nobody else.
+    """Base class of servers that speak a device's protocols, to clients on this machine only.
 
     Args:
-        options: address, seed, settings.
-        make_plant: makes the robot behind it.
+        options: address, seed and settings of the emulator.
+        make_plant: makes the robot model behind the emulator, a `Plant`.
 
     Raises:
         SettingError: the host is not one of 127.0.0.0/8, or an option is impossible.
@@ -64,7 +64,7 @@ class Emulator(ABC):
         self.failure: BaseException | None = None
 
     def start(self) -> dict[str, str]:
-        """Begin to serve; return the address of each link by its name, for instance ``host:port``.
+        """Begin to serve; return link name → address (for instance ``host:port``).
 
         Raises:
             EmulatorError: a port is taken or not allowed; names it and the remedy.
@@ -77,18 +77,17 @@ class Emulator(ABC):
         return self.addresses
 
     def fail(self, error: BaseException) -> None:
-        """Report, from any thread, that this emulator no longer serves and why."""
+        """Record an error, from any thread, as the reason why this emulator no longer serves."""
         self.failure = self.failure or error
         self.failed.set()
 
     @abstractmethod
     def serve(self) -> dict[str, str]:
-        """Begin to serve clients: the part of `start` that each kind fills in; `stop` follows if it
-        raises."""
+        """Open the device's links; return link name → address. If it raises, `stop` follows."""
 
     @abstractmethod
     def stop(self) -> None:
-        """Close all links; may be called twice."""
+        """Close all links of the emulator; may be called twice."""
 
     def __enter__(self) -> Self:
         self.start()

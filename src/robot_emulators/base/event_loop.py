@@ -28,8 +28,8 @@ class LoopThread:
     Its timers are as exact as the kernel's `select`; asyncio's default rounds up to milliseconds.
 
     Args:
-        name: of the thread.
-        broken: called in the thread with the error of a callback that nobody caught.
+        name: name of the thread.
+        broken: called in the thread with each exception that a callback did not catch.
     """
 
     def __init__(self, name: str, broken: Callable[[Exception], None]) -> None:
@@ -39,7 +39,7 @@ class LoopThread:
 
     @property
     def inside(self) -> bool:
-        """Whether the caller runs in this thread."""
+        """Whether the calling code runs in the loop's own thread."""
         return threading.current_thread() is self._thread
 
     def start(self) -> None:
@@ -49,22 +49,22 @@ class LoopThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread; its connections must be closed. May be called twice."""
+        """Stop the loop and join its thread; close its connections first. May be called twice."""
         if self._thread is not None and self._thread.is_alive():
             self.soon(self.loop.stop)
             self._thread.join(_JOIN_S)
 
     def soon(self, task: Task) -> None:
-        """Run a task in the thread, from any thread; it is dropped while no loop runs."""
+        """Schedule ``task`` in the loop, from any thread; without a running loop it is dropped."""
         if self._thread is not None:
             with contextlib.suppress(RuntimeError):  # the loop is closed
                 self.loop.call_soon_threadsafe(task)
 
     def call(self, task: Callable[[], T], seconds: float = _JOIN_S) -> T:
-        """Run a task in the thread and wait for its result.
+        """Run ``task`` in the loop's thread, wait for it and return its result.
 
         Raises:
-            TimeoutError: it has not begun within some seconds, and never will.
+            TimeoutError: it has not ended within ``seconds``; if not begun it never will.
         """
         asked: Future[T] = Future()
 
@@ -90,7 +90,7 @@ class LoopThread:
             self.loop.close()
 
     async def _end(self) -> None:
-        """Wait, in the thread, for tasks that end and connections that close."""
+        """Wait, before the loop closes, until its tasks have ended and connections have closed."""
         tasks = asyncio.all_tasks() - {asyncio.current_task()}
         await asyncio.gather(*tasks, return_exceptions=True)
         for _ in range(2):
@@ -105,11 +105,11 @@ class Listener(Generic[C]):
     """Serves the clients of a TCP port in a loop; the port can be closed for a while.
 
     Args:
-        thread: of the loop.
-        address: host and number of the port, 0 for any.
-        what: is served there, for messages.
-        connect: makes the connection of a new client.
-        most: clients at a time; further ones are hung up on.
+        thread: thread that runs the loop.
+        address: host and port number, 0 for any free port.
+        what: name of the service, for error messages.
+        connect: makes the connection object of a new client.
+        most: largest number of clients at a time; further ones are disconnected.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class Listener(Generic[C]):
         self._tasks: set[asyncio.Task[Any]] = set()
 
     def open(self) -> None:
-        """Begin to accept clients; the loop must run.
+        """Begin to accept clients at the port; the loop must be running.
 
         Raises:
             EmulatorError: the port is taken or not allowed.
@@ -138,13 +138,12 @@ class Listener(Generic[C]):
         self._thread.soon(lambda: self._thread.loop.add_reader(one, self._accept, one))
 
     def close(self) -> None:
-        """Stop accepting and close all connections; only in the loop's thread."""
+        """Stop accepting clients and close all connections; call it in the loop's thread."""
         self.unlisten(float("inf"))
         self.hang_up()
 
     def unlisten(self, until: float) -> None:
-        """Stop accepting until a time of `time.monotonic` [s]; clients stay. Only in the loop's
-        thread."""
+        """Stop accepting until a `time.monotonic` time [s]; call it in the loop's thread."""
         if self._reopen is not None:
             self._reopen.cancel()
         if self._socket is not None:
@@ -180,7 +179,7 @@ class Listener(Generic[C]):
 
 
 def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
-    """Error for a port that is taken or not allowed."""
+    """Return the error that says why a port could not be opened: in use or not permitted."""
     return EmulatorError(
         f"cannot serve {what} at {host}:{port} ({os.strerror(error.errno or 0)}): end what listens "
         "there, or give another host or port (--host 127.x.x.x)"
@@ -188,7 +187,7 @@ def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
 
 
 class Connection(asyncio.Protocol):
-    """Connection of one TCP client; the kernel holds at most ``kernel`` bytes sent to it."""
+    """Server side of one TCP client; the kernel's send buffer holds ``kernel`` bytes at most."""
 
     transport: asyncio.Transport
 
@@ -196,7 +195,7 @@ class Connection(asyncio.Protocol):
         self._listener, self._kernel = listener, kernel
 
     def welcome(self) -> None:
-        """Begin to serve the client."""
+        """Begin to serve the client that has just connected."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
@@ -216,16 +215,16 @@ class Connection(asyncio.Protocol):
 
     @property
     def closed(self) -> bool:
-        """Whether the connection has ended or is about to."""
+        """Whether this connection has ended or is being closed."""
         return self.transport.is_closing()
 
     @property
     def waiting(self) -> int:
-        """Bytes that wait for the client beyond what the kernel holds."""
+        """Number of bytes for this client that the kernel's send buffer has not taken yet."""
         return self.transport.get_write_buffer_size()
 
     def close(self, reset: bool = False) -> None:
-        """End the connection, with a TCP reset on request; what waits is dropped."""
+        """End the connection (``reset``: by a TCP reset); bytes not yet sent are dropped."""
         if reset and not self.closed:
             self._socket().setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self.transport.abort()

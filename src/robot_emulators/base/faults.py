@@ -28,14 +28,14 @@ Handler = Callable[["TimedFault"], None]
 
 @dataclass(frozen=True)
 class TimedFault:
-    """One fault of an emulator, with its time.
+    """One fault that an emulator shall have, and when.
 
     Attributes:
-        link: of the emulator, for instance ``rtde``.
-        kind: what happens.
+        link: link of the emulator that fails, for instance ``rtde``.
+        kind: what fails, for instance ``stall``.
         at: when, seconds after the emulator was ready.
         seconds: how long, 0 where it happens once or for ever.
-        values: the further arguments of the kind.
+        values: name → value of further arguments of this kind of fault.
     """
 
     link: str
@@ -46,13 +46,12 @@ class TimedFault:
 
     @property
     def end(self) -> float:
-        """`time.monotonic` [s] at which the fault ends if it begins now; infinite without a
-        duration."""
+        """`time.monotonic` [s] at which the fault ends if it begins now; inf without a duration."""
         return time.monotonic() + self.seconds if self.seconds else float("inf")
 
 
 def read(path: str | Path) -> tuple[TimedFault, ...]:
-    """Read a script, sorted by time.
+    """Read the faults of a TOML script, sorted by time.
 
     Raises:
         FaultError: names the file, the entry and the field.
@@ -69,7 +68,7 @@ def read(path: str | Path) -> tuple[TimedFault, ...]:
 
 
 def parse(raw: Any, where: str) -> TimedFault:
-    """Check one entry of a script of faults and make it a fault.
+    """Check one raw entry of a fault script and return it as a `TimedFault`.
 
     Raises:
         FaultError: an entry is wrong; names the field.
@@ -107,14 +106,14 @@ class Faults:
         handler: Handler | None = None,
         arguments: Mapping[str, Argument] | None = None,
     ) -> None:
-        """Register a kind of fault of a link, with its further arguments by name.
+        """Register that a link can have a kind of fault, with the rules of its further arguments.
 
-        Without a handler the fault lasts, and `now` shows it.
+        The handler is called at its start. Without one it is a state that `now` reports.
         """
         self._kinds[link, kind] = handler, arguments or {}
 
     def now(self, link: str, kind: str) -> Mapping[str, Any] | None:
-        """Values of a lasting fault that is under way, else None."""
+        """Argument values of a registered fault while it lasts; None when it is not active."""
         end, values = self._active.get((link, kind), (0.0, {}))
         if time.monotonic() < end:
             return values
@@ -122,16 +121,16 @@ class Faults:
         return None
 
     def any(self, link: str) -> bool:
-        """Whether a lasting fault of a link is under way, or was until a moment ago."""
+        """Whether some fault of a link may be active; one that has just ended may still count."""
         return any(key[0] == link for key in list(self._active))
 
     def clear(self, link: str) -> None:
-        """End the lasting faults of a link."""
+        """End all active faults of a link."""
         for key in [key for key in list(self._active) if key[0] == link]:
             self._active.pop(key, None)
 
     def check(self, faults: Iterable[TimedFault], where: str) -> None:
-        """Refuse faults that no link knows, and values that their kind does not take.
+        """Check that each fault is registered for its link and that its values are allowed.
 
         Raises:
             FaultError: lists what exists, or names the value.
@@ -152,7 +151,7 @@ class Faults:
                     raise FaultError(f"{where}: {name}: {key} = {value!r} must be {argument.what}")
 
     def inject(self, fault: TimedFault) -> None:
-        """Start a fault now, with the default of every value that is not given."""
+        """Start a fault now; arguments that it leaves out have their defaults."""
         fault = self._placed(fault)
         self.check([fault], "fault")
         key = fault.link, fault.kind
@@ -165,20 +164,20 @@ class Faults:
             handler(replace(fault, values=values))
 
     def _placed(self, fault: TimedFault) -> TimedFault:
-        """The fault with a link: where it names none, the first link that has its kind."""
+        """Return the fault with its link; if it names none, the first link that has its kind."""
         links = (link for link, kind in self._kinds if kind == fault.kind)
         return fault if fault.link else replace(fault, link=next(links, ""))
 
     def start(self, script: tuple[TimedFault, ...]) -> None:
-        """Begin to run a script in a thread; errors of its faults become warnings."""
+        """Start a thread that injects a script's faults on time; their errors become warnings."""
         threading.Thread(target=self._run, args=(script,), daemon=True).start()
 
     def listen(self, lines: TextIO, answer: Callable[[str], None]) -> None:
-        """Read faults as JSON lines in a thread until the input ends, and answer each one."""
+        """Start a thread that injects faults from JSON lines until their end; each is answered."""
         threading.Thread(target=self._take, args=(lines, answer), daemon=True).start()
 
     def stop(self) -> None:
-        """Start no further fault."""
+        """Inject no further fault from scripts or JSON lines."""
         self._stopped.set()
 
     def _run(self, script: tuple[TimedFault, ...]) -> None:

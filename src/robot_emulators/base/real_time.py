@@ -31,7 +31,7 @@ class CycleClock:
 
     @property
     def due(self) -> float:
-        """Deadline of the next cycle [s]."""
+        """Deadline of the next cycle, in `time.monotonic` seconds."""
         return self._begun + (self._cycles + 1) * self.period
 
     @property
@@ -40,7 +40,7 @@ class CycleClock:
         return max(0.0, self.due - time.monotonic())
 
     def advance(self) -> int:
-        """Count one cycle as done; return how many further deadlines have passed already."""
+        """Count a cycle as done; return how many later deadlines have passed already."""
         self._cycles += 1
         behind = time.monotonic() - self._begun - self._cycles * self.period
         if behind > self._give_up:
@@ -51,7 +51,7 @@ class CycleClock:
 
 
 class CycleThread:
-    """A thread that runs a step every period."""
+    """A thread that calls a function once per period, in real time."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class CycleThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread; may be called twice."""
+        """Stop and join the thread; may be called twice."""
         self._stopped.set()
         if self._thread.is_alive():
             self._thread.join(_JOIN_S)
@@ -88,7 +88,7 @@ class CycleThread:
 
 @contextmanager
 def given_way() -> Iterator[None]:
-    """Let this process's real-time threads wait for Python neither long nor often, in the block.
+    """Keep other Python code from delaying this process's real-time threads during the block.
 
     Threads change more often, and the cyclic garbage collection leaves out all that exists already:
     a full one of this package's modules stops every thread for some 50 ms.

@@ -28,7 +28,7 @@ _EXPEDITED = 4
 
 
 class Abort(enum.IntEnum):
-    """Why an SDO transfer ends early; source: CiA 301, table of SDO abort codes."""
+    """CiA 301's SDO abort codes: why a node refuses a transfer (table of SDO abort codes)."""
 
     TOGGLE = 0x05030000
     COMMAND = 0x05040001
@@ -47,7 +47,7 @@ class Abort(enum.IntEnum):
 
 
 class AbortError(Exception):
-    """An SDO transfer that the node refuses, with CiA 301's code."""
+    """An SDO transfer that the node refuses; holds CiA 301's abort code."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"0x{code:08X}")
@@ -56,10 +56,10 @@ class AbortError(Exception):
 
 @dataclass
 class Entry:
-    """One value of the dictionary.
+    """One value of a node's object dictionary, with its type and limits.
 
     Attributes:
-        size: of a number [byte], 0 for a text.
+        size: bytes of a number, 0 for a text.
         signed: whether the number has a sign.
         access: ``ro``, ``rw``, ``wo`` or ``const``.
         mapped: whether a PDO may carry it.
@@ -67,7 +67,7 @@ class Entry:
         low: smallest number that may be written, None where its type decides.
         high: largest number that may be written, None where its type decides.
         check: runs before a number is written; raises `AbortError`.
-        value: the present one.
+        value: the present value.
     """
 
     size: int
@@ -88,7 +88,7 @@ class Entry:
         return self.access in ("rw", "wo")
 
     def parsed(self, raw: bytes) -> int:
-        """Number that bytes on the bus stand for.
+        """Number that little-endian bytes from the bus state for this entry.
 
         Raises:
             AbortError: wrong length, or a value that is not allowed.
@@ -105,14 +105,14 @@ class Entry:
         return value
 
     def raw(self) -> bytes:
-        """The value's bytes on the bus, little endian."""
+        """Present value of this entry as it is sent on the bus, little endian."""
         if isinstance(self.value, bytes):
             return self.value
         return (self.value % (1 << 8 * self.size)).to_bytes(self.size, "little")
 
 
 class Objects:
-    """The object dictionary of a node, from the text of an EDS file."""
+    """A node's object dictionary, key → value, built from the text of its EDS file."""
 
     def __init__(self, text: str, node: int) -> None:
         sheet = _parsed(text)
@@ -138,13 +138,13 @@ class Objects:
         self._entries[key].value = value
 
     def reset(self, area: range) -> None:
-        """Set the values of all indices in an area to those after power-up."""
+        """Set every object with an index in ``area`` to its value after power-up."""
         for (index, _), entry in self._entries.items():
             if index in area:
                 entry.value = entry.default
 
     def entry(self, key: Key) -> Entry:
-        """The entry of a key.
+        """Entry of the object with this index and subindex.
 
         Raises:
             AbortError: there is none.
@@ -156,13 +156,13 @@ class Objects:
         return entry
 
     def pack(self, keys: Sequence[Key]) -> bytes:
-        """Bytes of values one after the other, as a PDO carries them."""
+        """Concatenate the bytes of these objects' values, as a PDO carries them."""
         return b"".join(self._entries[key].raw() for key in keys)
 
 
 @functools.cache
 def _parsed(text: str) -> configparser.RawConfigParser:
-    """Parse the sections of an EDS file; drives of one kind share it."""
+    """Parse an EDS file into its sections; the result is cached and shared: do not change it."""
     sheet = configparser.RawConfigParser()
     sheet.read_string(text)
     return sheet
@@ -183,7 +183,7 @@ def _entry(section: configparser.SectionProxy, node: int) -> Entry:
 
 
 class SdoServer:
-    """Answers the SDO requests of a client."""
+    """Answers a client's SDO requests to read and write a node's object dictionary."""
 
     def __init__(
         self, objects: Objects, locked: Callable[[Key], None], written: Callable[[Key], None]
@@ -194,7 +194,7 @@ class SdoServer:
         self._left, self._toggle = b"", 0
 
     def answer(self, request: bytes) -> list[bytes]:
-        """Frames that answer a request of 8 bytes."""
+        """Return the data of the response frames to a request of 8 bytes."""
         if len(request) < 8:
             return []
         try:
@@ -213,7 +213,7 @@ class SdoServer:
             return [self._aborted(struct.unpack_from("<HB", request, 1), abort.code)]
 
     def _aborted(self, key: Key, code: int) -> bytes:
-        """The abort frame; it ends the transfer under way, whose key it names."""
+        """Return the abort frame for an object and a code, and drop the transfer under way."""
         if self._transfer is not None:
             key, self._transfer = self._transfer, None
         return struct.pack("<BHBI", 0x80, *key, code)

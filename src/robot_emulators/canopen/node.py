@@ -31,18 +31,18 @@ _POSITIONING = (0x84, 0x85, 0x86)
 
 
 def _register(code: int) -> int:
-    """Bits of the error register (0x1001) that an error code sets."""
+    """Bits that a CiA 301 error code sets in the error register (object 0x1001)."""
     return 0x01 | (0x20 if code >> 8 in _POSITIONING else _REGISTER.get(code >> 12, 0))
 
 
 class Node:
-    """A node without a device profile.
+    """A CANopen node without a device profile.
 
     Args:
-        node: id, 1 … 127.
+        node: CANopen node id, 1 … 127.
         send: puts a frame on the bus.
-        sheet: text of its EDS file, which defines its objects.
-        lock: held while it acts.
+        sheet: text of the node's EDS file, which defines its objects.
+        lock: held while the node handles a frame or a tick.
     """
 
     def __init__(
@@ -66,22 +66,22 @@ class Node:
         self._forget()
 
     def on_reset(self) -> None:
-        """React to a reset of the node: all objects have their defaults again."""
+        """Hook: the node was reset and all objects have their defaults again."""
 
     def on_reset_communication(self) -> None:
-        """React to a reset of the communication, which is as after power-up again."""
+        """Hook: communication was reset; its objects have their defaults again."""
 
     def on_sync(self, t: float) -> None:
-        """React to a SYNC at a time [s] while operational, after its RPDOs were taken."""
+        """Hook: a SYNC came at time t [s] in OPERATIONAL; its RPDOs are already written."""
 
     def on_written(self, keys: Sequence[Key]) -> None:
-        """React to objects of the profile that were written, in this order."""
+        """Hook: a client has written these objects of the device profile, in this order."""
 
     def on_connection_lost(self, code: int) -> None:
-        """React to a silent master, or to leaving OPERATIONAL."""
+        """Hook: the master went silent, or the node left OPERATIONAL; ``code`` says why."""
 
     def refresh(self, t: float) -> None:
-        """Update the values that change by themselves, at a time [s]."""
+        """Hook: update, at time t [s], objects that change by themselves, before they are sent."""
 
     def boot(self, everything: bool = True) -> None:
         """Boot: send the boot-up message and wait in PRE-OPERATIONAL."""
@@ -111,7 +111,7 @@ class Node:
             self._take(t, frame)
 
     def tick(self, t: float) -> None:
-        """Do what is due at a time [s]: heartbeat, events, errors."""
+        """Send what is due at time t [s] (heartbeat, TPDOs); check others' heartbeats."""
         with self.lock:
             self.now = t
             self._watch_others(t)
@@ -120,13 +120,13 @@ class Node:
             self._beat(t)
 
     def error(self, code: int) -> None:
-        """Raise an error: send it, keep it, and show it in the error register."""
+        """Send an emergency message with an error code and enter it in the error objects."""
         self._errors.add(code)
         self._show_errors()
         self._emergency(code)
 
     def clear(self, *codes: int) -> None:
-        """Clear errors; their end is sent with the last one."""
+        """Clear errors by code; when none is left, send the emergency message of error-free."""
         gone = self._errors & set(codes)
         self._errors -= gone
         self._show_errors()
@@ -134,7 +134,7 @@ class Node:
             self._emergency(0)
 
     def change(self, state: int) -> None:
-        """Enter an NMT state."""
+        """Enter an NMT state, such as OPERATIONAL."""
         if state == self.state:
             return
         if self.state == OPERATIONAL:
@@ -248,8 +248,7 @@ class Node:
             self.change(PRE_OPERATIONAL)
 
     def _derive_ids(self) -> None:
-        """Derive from the objects, after one was written, the nodes whose heartbeats are watched
-        (0x1016), the RPDO of each CAN id, and the set of ids that the node accepts."""
+        """Derive watched heartbeats (0x1016), CAN id → RPDO and accepted ids from the objects."""
         words = [self.objects[key] for key in self._consumers]
         nodes = {w >> 16 & 0x7F for w in words if w & 0xFFFF and 0 < w >> 16 & 0xFF < 0x80}
         self._heard = {n: self._heard.get(n, 0.0) for n in nodes}
@@ -260,7 +259,7 @@ class Node:
         self._ids = frozenset(always | set(self._by_id) | {0x700 + n for n in nodes})
 
     def _check_state(self, key: Key) -> None:
-        """Refuse to write parameters of PDOs, other than event timers, in OPERATIONAL."""
+        """Raise `AbortError` for writing PDO parameters in OPERATIONAL, event timers excepted."""
         if 0x1400 <= key[0] < 0x1C00 and self.state == OPERATIONAL and key[1] != 5:
             raise AbortError(Abort.STATE)
 

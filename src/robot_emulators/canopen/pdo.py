@@ -21,10 +21,10 @@ are refused."""
 
 
 class Pdo:
-    """A PDO in a node's dictionary.
+    """A process data object (PDO): which objects of a node it carries, and when.
 
     Args:
-        objects: of the node.
+        objects: the node's object dictionary.
         index: of its communication parameters: an RPDO, which writes what it carries, from 0x1400
             on, a TPDO from 0x1800 on. Its mapping is 0x200 further.
     """
@@ -40,7 +40,7 @@ class Pdo:
         self.forget()
 
     def forget(self) -> None:
-        """Reset what was received and sent, as the node enters or leaves OPERATIONAL."""
+        """Forget past transfers, as the node enters or leaves OPERATIONAL."""
         self.heard = self.sent = 0.0
         """When it was last received or transmitted [s], 0 for never."""
         self.waiting: list[tuple[Key, int]] | None = None
@@ -50,7 +50,7 @@ class Pdo:
 
     @property
     def can_id(self) -> int | None:
-        """CAN id of the PDO; None while it is switched off."""
+        """CAN id of this PDO; None while it is switched off."""
         value = self._objects[self.index, 1]
         return None if value & _OFF else value & _ID
 
@@ -65,11 +65,11 @@ class Pdo:
 
     @property
     def timer(self) -> float:
-        """Event timer [s], 0 where it is off."""
+        """Event timer of this PDO [s]; 0 if it is off."""
         return self._objects[self.index, 5] / 1000.0
 
     def keys(self) -> list[Key]:
-        """Objects that the PDO carries, in order."""
+        """Index and subindex of each object that this PDO carries, in order."""
         entries = [self._objects[self._map, k + 1] for k in range(self._objects[self._map, 0])]
         return [(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
 
@@ -78,8 +78,7 @@ class Pdo:
         return self._objects.pack(self.keys())
 
     def unpack(self, data: bytes) -> list[tuple[Key, int]]:
-        """Parse data into values of the PDO's objects; empty if they are too short, or a value is
-        out of range."""
+        """Object key and value of each number in an RPDO's data; empty if too short or invalid."""
         entries = [(key, self._objects.entry(key)) for key in self.keys()]
         ends = list(itertools.accumulate((entry.size for _, entry in entries), initial=0))
         if len(data) < ends[-1]:
@@ -116,7 +115,7 @@ class Pdo:
         return data
 
     def late(self, t: float) -> bool:
-        """Whether an RPDO has not come again for longer than its event timer, at a time [s]."""
+        """Whether, at time t [s], an RPDO's event timer has run out since it was last received."""
         return self.heard > 0.0 and 0.0 < self.timer < t - self.heard
 
     def _check_id(self, value: int) -> None:
@@ -147,7 +146,7 @@ class Pdo:
         self._check_carried(entry)
 
     def _check_carried(self, word: int) -> None:
-        """Refuse to map what a PDO of this direction must not carry, or in another length."""
+        """Raise `AbortError` if this PDO may not carry the object that a mapping word names."""
         key = (word >> 16, word >> 8 & 0xFF)
         entry = self._objects.entry(key) if key in self._objects else None
         if (

@@ -38,7 +38,7 @@ _SLOW_STOPS = (1, 5)
 
 
 class AxisState(enum.Enum):
-    """State of the power drive system; the value is its part of the statusword."""
+    """State of CiA 402's power drive system; the value is its bit pattern in the statusword."""
 
     DISABLED = 0x40
     READY = 0x21
@@ -50,7 +50,7 @@ class AxisState(enum.Enum):
 
 
 class Command(enum.Enum):
-    """Command that a controlword gives to a drive."""
+    """Command of CiA 402's state machine that a controlword gives to a drive."""
 
     VOLTAGE_OFF = enum.auto()
     QUICK_STOP = enum.auto()
@@ -60,7 +60,7 @@ class Command(enum.Enum):
 
 
 def command(word: int) -> Command | None:
-    """The command of a controlword; None while its bit of the fault reset is set."""
+    """Decode the command of a controlword; None while its fault-reset bit (bit 7) is set."""
     if word & 0x80:
         return None
     if not word & 0x02:
@@ -115,12 +115,12 @@ class Axis:
 
     @property
     def command(self) -> float:
-        """Position that the servo shall have [count]."""
+        """Position that the servo shall take [count]: that of the present set-point."""
         return self._point.position
 
     @property
     def speed(self) -> float:
-        """Speed of the set-point [count/s]."""
+        """Speed of the present set-point [count/s]."""
         return self._point.speed
 
     @property
@@ -135,7 +135,7 @@ class Axis:
         return word | self._mode_bits()
 
     def _mode_bits(self) -> int:
-        """Bits 10, 12 and 13, whose meaning depends on the mode."""
+        """Statusword bits 10, 12 and 13, whose meaning depends on the operation mode."""
         still = not self._point.speed
         if self.mode == HOMING:
             bits = _BIT12 * self._homed | _BIT13 * self._homing_failed
@@ -150,17 +150,17 @@ class Axis:
 
     @property
     def driven(self) -> bool:
-        """Whether the drive is enabled, so that the axis follows targets."""
+        """Whether the drive is in OPERATION ENABLED, so that the axis follows its targets."""
         return self.state is AxisState.ENABLED
 
     def take_mode(self) -> None:
-        """Follow the mode that the master wrote; another one begins at rest."""
+        """Switch to the operation mode that the master wrote; a new mode starts at rest."""
         if self.mode != self._set[MODE]:
             self._forget()
         self.mode = self._set[MODE]
 
     def control(self, word: int) -> None:
-        """Obey a controlword (0x6040)."""
+        """Execute a controlword (object 0x6040): change the state of the drive as it commands."""
         rising, self._word = word & ~self._word, word
         if self.state is AxisState.FAULT:
             if rising & 0x80:
@@ -182,16 +182,16 @@ class Axis:
                 self._point = SetPoint(self.actual)
 
     def new_goal(self, target: float) -> None:
-        """Begin a set-point of profile position mode, at the rising edge of controlword's bit 4.
+        """Set the target [count] of profile position mode, in the place of the previous one.
 
-        It takes the place of the one that is followed.
+        The drive calls it at the rising edge of the controlword's bit 4.
         """
         if not self.driven or self.mode != PROFILE:
             return
         self._goal = self._within(target)
 
     def sync(self, t: float, target: float, period: float) -> None:
-        """Receive a target of cyclic synchronous position mode, to be reached in a period [s]."""
+        """Take a target [count] of cyclic synchronous position mode, to reach in a period [s]."""
         if not self.driven or self.mode != CYCLIC:
             return
         target = self._within(target)
@@ -223,7 +223,7 @@ class Axis:
         self.raised.append(code)
 
     def quick_stop(self, code: int) -> None:
-        """Stop without a command and stay in QUICK STOP ACTIVE."""
+        """Brake on the quick-stop ramp, stay in QUICK STOP ACTIVE and report an error code."""
         if self.driven:
             self._change(AxisState.QUICK_STOP)
             self.code = code
@@ -253,7 +253,7 @@ class Axis:
         return inside
 
     def _follow(self, t: float, seconds: float) -> None:
-        """Advance the set-point of an enabled axis by ``seconds``."""
+        """Move the set-point of an enabled axis for ``seconds``, as its operation mode demands."""
         settings, point = self._set, self._point
         if self.mode == CYCLIC and self._path.known:
             wanted = self._path.at(t)
@@ -279,5 +279,5 @@ class Axis:
             self._change(AxisState.DISABLED)
 
     def _brake(self, key: Key, seconds: float) -> None:
-        """Advance the set-point towards rest, at the deceleration that an object states."""
+        """Slow the set-point down for ``seconds``, at the deceleration in object ``key``."""
         self._point.to_speed(0.0, self._set[key], self._set[key], seconds)

@@ -32,16 +32,16 @@ ActiveFault = Callable[[str], Mapping[str, float] | None]
 
 
 class BoardEmulator:
-    """The NETCANOEM board, with its gauges, at an address of the bus.
+    """The NETCANOEM sensor board, which answers gauge requests on a CAN bus.
 
     Args:
         send: puts a frame on the bus.
-        base: upper seven bits of its ids.
-        slot: where the calibration of the mounted Mini40 is.
-        counts: per N and per N·m.
-        wrench: the load on the gauges at a time [s] → (6,).
+        base: upper seven bits of the board's CAN ids.
+        slot: number of the calibration that is the mounted Mini40's.
+        counts: counts per N and per N·m.
+        wrench: time [s] → load on the gauges (6,) [N, N·m].
         gauges: matrix (6, 6) from gauges [V] to wrenches; None: each channel has one, 10 to a volt.
-        fault: values of a kind of fault that is under way, else None.
+        fault: kind of fault → its values while it is active, else None.
     """
 
     def __init__(
@@ -59,18 +59,18 @@ class BoardEmulator:
         self._gauges = np.linalg.inv(self._matrix) * COUNTS_PER_VOLT
 
     def matrix(self) -> np.ndarray:
-        """Matrix (6, 6) of the active calibration, counts of unit per gauge count."""
+        """Active calibration (6, 6): wrench in counts of unit = matrix · gauge counts."""
         true = self._matrix / COUNTS_PER_VOLT * self.counts
         return np.asarray(true if self.active == self.slot else 0.5 * true, dtype=np.float32)
 
     def reset(self, now: float) -> None:
-        """Restart: calibration 0 is active, and a new base takes effect."""
+        """Restart the board at time ``now``: calibration 0 is active, a new base takes effect."""
         self.active = self.status = 0
         self.base = self._next_base
         self.silent_until = now + BOOT_S
 
     def hear(self, t: float, frame: Frame) -> None:
-        """Handle a frame from the bus at a time [s]."""
+        """Handle a CAN frame that arrives at time t [s]; requests to the board are answered."""
         if frame.extended or frame.can_id >> 4 != self.base:
             return
         if t < self.silent_until or self._fault("mute_board") is not None:
@@ -79,7 +79,7 @@ class BoardEmulator:
             self._send(Frame(self.base << 4 | op, reply))
 
     def gauges(self, t: float) -> np.ndarray:
-        """Gauge counts of the converter at a time [s] (6,), −32768 … 32767."""
+        """Gauge readings (6,) of the A/D converter at time t [s], −32768 … 32767 counts."""
         gain = 1.0 if self.active == self.slot else _OTHER_GAIN
         counts = np.rint(gain * self._gauges @ self._wrench(t))
         if (rail := self._fault("saturated_gauge")) is not None:
@@ -116,7 +116,7 @@ class BoardEmulator:
             self.status |= BAD_CALIBRATION
 
     def _pair(self, gauges: np.ndarray) -> list[tuple[int, bytes]]:
-        """The two frames of a gauge reading: status and even gauges, odd gauges."""
+        """Ids and data of the two frames of a gauge reading: status and even gauges; odd gauges."""
         bits = self._fault("status")
         status = self.status | (int(bits["bits"]) if bits else 0)
         word = status | (ANY_ERROR if status & ~1 else 0)

@@ -53,15 +53,15 @@ def rated(
     lower: int, upper: int, window: int, quick: float, speed: float, acceleration: float,
     torque: float,
 ) -> dict[Key, int]:  # fmt: skip
-    """Values after power-up that depend on the axis.
+    """Object → value after power-up, of a drive's objects that depend on its axis and motor.
 
     Args:
         lower, upper: software position limits [count].
         window: largest following error [count].
         quick: quick-stop deceleration [count/s²].
         speed: top speed [count/s].
-        acceleration: of profiles [count/s²].
-        torque: rated, of its motor [N·m, or N].
+        acceleration: acceleration of profile moves [count/s²].
+        torque: rated torque of the motor [N·m, or N].
     """
     top, rate = round(speed), round(acceleration)
     return {
@@ -128,7 +128,7 @@ class DriveEmulator(Node):
         self._report()
 
     def on_connection_lost(self, code: int) -> None:
-        """React as the abort connection option code says (CiA 402, 0x6007)."""
+        """React as the abort connection option code (0x6007) says; ``code`` is the error."""
         if not self.axis.driven:
             return
         option = self.objects[0x6007, 0]
@@ -147,9 +147,9 @@ class DriveEmulator(Node):
         Args:
             t: now [s].
             seconds: until the next call [s].
-            actual: where the axis is [count].
-            speed: of it [count/s].
-            effort: torque that its motor gives [N·m, or N], and its current [A].
+            actual: measured position of the axis [count].
+            speed: measured speed of the axis [count/s].
+            effort: torque of the motor [N·m, or N], and its current [A].
             due: when this call was due [s]; the axis moves evenly though calls are late.
         """
         self.now = t
@@ -174,7 +174,7 @@ class DriveEmulator(Node):
             self.axis.new_goal(self.objects[TARGET])
 
     def _report(self) -> None:
-        """Send the axis's new error codes before its state follows."""
+        """Send emergency messages for the axis's new error codes, and for their end."""
         while self.axis.raised:
             code = self.axis.raised.pop(0)
             if code:
@@ -186,11 +186,11 @@ class DriveEmulator(Node):
 
     @property
     def period(self) -> float:
-        """Interpolation period (0x60C2) [s]."""
+        """Interpolation period of the drive, from object 0x60C2 [s]."""
         return self.objects[0x60C2, 1] * 10.0 ** self.objects[0x60C2, 2]
 
     def refresh(self, t: float) -> None:
-        """Update the objects for this instant; between two steps of the plant the axis moves on."""
+        """Set the drive's feedback objects for time t [s], extrapolating the plant's last step."""
         axis, objects = self.axis, self.objects
         if not self.fails("frozen"):
             ahead = min(max(0.0, t - self._seen), _AHEAD_S) if self._seen else 0.0
@@ -218,5 +218,5 @@ class DriveEmulator(Node):
 
 
 def _thousandths(ratio: float) -> int:
-    """A ratio to a rating in thousandths, as an INTEGER16."""
+    """Ratio × 1000, rounded and limited to an INTEGER16, as CiA 402 states torque and current."""
     return min(max(round(1000.0 * ratio), -_MOST_THOUSANDTHS), _MOST_THOUSANDTHS)

@@ -32,7 +32,7 @@ class SetPoint:
     speed: float = 0.0
 
     def to_speed(self, wanted: float, up: float, down: float, seconds: float) -> None:
-        """Move for ``seconds`` towards a speed."""
+        """Accelerate (``up``) or brake (``down``) towards ``wanted`` [count/s] for ``seconds``."""
         faster = wanted * self.speed >= 0.0 and abs(wanted) > abs(self.speed)
         most = (up if faster else down) * seconds
         self.speed += min(max(wanted - self.speed, -most), most)
@@ -41,7 +41,7 @@ class SetPoint:
     def to_position(
         self, goal: float, top: float, up: float, down: float, seconds: float
     ) -> bool:  # fmt: skip
-        """Move for ``seconds`` towards a position; return whether it is reached."""
+        """Move to ``goal`` for ``seconds`` at speed ``top`` at most; return whether it is there."""
         way = goal - self.position
         slow = abs(self.speed) <= 3.0 * down * seconds
         if slow and abs(way) <= max(abs(self.speed) * seconds, _NEAR):
@@ -74,7 +74,7 @@ class Interpolation:
         self._lines.clear()
 
     def take(self, t: float, command: float, target: float, period: float) -> None:
-        """Add a target of the SYNC at time t [s], where the axis is at ``command`` [count]."""
+        """Add a target received with the SYNC at time t [s]; the axis is at ``command`` [count]."""
         line = Line(t, command, target, period, step=0.0)
         if self._lines and period == self._lines[-1].period > 0.0:
             last = self._lines[-1]
@@ -92,7 +92,7 @@ class Interpolation:
         return bool(self._lines)
 
     def at(self, t: float) -> float:
-        """Commanded position of the axis [count] at a time [s]."""
+        """Return the commanded position of the axis at time t [count]."""
         begin, start, end, period, step = next(
             (line for line in reversed(self._lines) if line.begin <= t), self._lines[0]
         )

@@ -43,7 +43,7 @@ _QUICK_S = 0.1
 
 
 class BusFaults:
-    """Carries out faults of the CAN bus; one is a second node with the sensor's ids."""
+    """Carries out timed faults of the CAN bus, such as a second node with the sensor's ids."""
 
     def __init__(
         self, faults: Faults, hub: Hub, drives: Sequence[DriveEmulator], board: BoardEmulator
@@ -80,7 +80,7 @@ class BusFaults:
             faults.on("can", kind, handler, more)
 
     def names(self, node: int, kind: str) -> bool:
-        """Whether a fault of a kind is under way that names a node."""
+        """Whether a fault of this kind is active for this node id."""
         values = self._faults.now("can", kind)
         return values is not None and values["node"] == node
 
@@ -97,7 +97,7 @@ class BusFaults:
             self._board.silent_until = 0.0
 
     def _answer_as_sensor(self, t: float, frame: Frame) -> None:
-        """Answer the sensor's gauge requests too, as a node with the same ids does."""
+        """Answer gauge requests a second time, as another node with the sensor's ids would."""
         base = self._board.base << 4
         asked = frame.can_id == base and not frame.data
         if asked and self._faults.now("can", "id_clash") is not None:
@@ -105,7 +105,7 @@ class BusFaults:
             self._impostor(Frame(base | 1, bytes(6)))
 
     def _garbage(self, fault: TimedFault) -> None:
-        """Send random frames, but no NMT, SYNC or what would reconfigure something."""
+        """Send random CAN frames, except NMT, SYNC and those that reconfigure a node."""
         sensor = [self._board.base << 4 | k for k in range(16) if k not in _SETTING]
         ids = [*sensor, 0x181, 0x182, 0x081, 0x701, 0x581, 0x123, 0x7FF]
         for _ in range(int(fault.values["count"])):
@@ -126,7 +126,7 @@ _NODES = Argument(
 
 @dataclass(frozen=True)
 class BusSettings(Settings):
-    """Settings of the CAN bus: its port and its nodes; the sensor's slot and counts."""
+    """Settings of the emulated CAN bus: TCP port, bus name, drive ids and sensor board."""
 
     port: int = setting(29536, rules.integer(0, 65535), "TCP port of the bus (29536)")
     channel: str = setting("can0", rules.text(), "name of the bus (can0)")
@@ -145,7 +145,7 @@ class BusSettings(Settings):
 
 
 class RealTimePlant:
-    """Steps the robot at 250 Hz towards the positions that the drives' servos command."""
+    """Steps a robot at 250 Hz in real time to the positions that its drives command."""
 
     def __init__(
         self, body: Plant, counts: np.ndarray, lock: threading.RLock,
@@ -158,7 +158,7 @@ class RealTimePlant:
         self._readings: tuple[float, np.ndarray] = (0.0, np.zeros((_READINGS, 6)))
 
     def wrench(self, t: float) -> np.ndarray:
-        """Reading of the sensor at a time [s] of `time.monotonic` (6,)."""
+        """Sensor reading (6,) [N, N·m] at a `time.monotonic` time [s]."""
         begun, rows = self._readings
         k = int((t - begun) / CYCLE_S * len(rows))
         return np.asarray(rows[min(max(k, 0), len(rows) - 1)])
@@ -168,7 +168,7 @@ class RealTimePlant:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop the clock; may be called twice."""
+        """Stop stepping the robot; may be called twice."""
         self._thread.stop()
 
     def _step(self, due: float) -> None:
@@ -192,7 +192,7 @@ class RealTimePlant:
 
 
 class MedrueEmulator(Emulator):
-    """Six CiA 402 drives and an ATI Mini40 with NETCANOEM on one CAN bus."""
+    """Emulator of MedRUE: six CiA 402 drives and an ATI Mini40 on one CAN bus."""
 
     name = "medrue"
     title = "MedRUE: CiA 402 drives and ATI Mini40 on CAN (socketcand)"
@@ -234,7 +234,7 @@ class MedrueEmulator(Emulator):
         self.hub.stop()
 
     def _rated(self, arm: Arm, j: int, counts: float) -> dict[Key, int]:
-        """Limits and ratings of axis ``j`` of the arm, with ``counts`` per m or rad."""
+        """Object → value after power-up of the drive of axis ``j``; ``counts`` per m or rad."""
         slides, top = arm.linear[j], arm.speed[j] * counts
         return rated(
             lower=int(np.ceil(arm.lower[j] * counts)),

@@ -39,7 +39,7 @@ _KINDS: dict[str, dict[str, dict[str, Argument]]] = {
 
 
 class Box:
-    """Serves the readings of a plant's sensor; another object steps the plant in real time."""
+    """A Net F/T box that serves a plant's sensor readings; the caller steps the plant."""
 
     def __init__(
         self, body: Plant, host: str, faults: Faults, settings: BoxSettings | None = None,
@@ -61,7 +61,7 @@ class Box:
         self._web: Web | None = None
 
     def start(self) -> dict[str, str]:
-        """Begin to serve; return the addresses of ``rdt`` and ``http``.
+        """Begin to serve; return the addresses of the links ``rdt`` and ``http``.
 
         Raises:
             EmulatorError: a port is taken or not allowed; names it.
@@ -82,7 +82,7 @@ class Box:
         return {"rdt": f"{host}:{port}", "http": "{}:{}".format(*self._web.address)}
 
     def stop(self) -> None:
-        """Close both ports; may be called twice."""
+        """Close the RDT and HTTP ports; may be called twice."""
         if self._web is not None:
             self._web.stop()
         if self._rdt is not None:
@@ -94,7 +94,7 @@ class Box:
 
     @property
     def counters(self) -> Counter[str]:
-        """Counts of records ``sent``, ``dropped``, ``duplicated`` …, and of datagrams."""
+        """Number of RDT records ``sent``, ``dropped``, ``duplicated`` …, and of datagrams."""
         return Counter() if self._rdt is None else self._rdt.counters
 
     def _bind(self) -> socket.socket:
@@ -127,7 +127,7 @@ class Box:
 
 
 class NetftEmulator(Emulator):
-    """A Net Box with its sensor on a UR5 that rests at home."""
+    """Emulator of a Net F/T box whose sensor is on a UR5 at rest in its home pose."""
 
     name = "netft"
     title = "ATI Net F/T: RDT over UDP, netftapi2.xml over HTTP"

@@ -60,7 +60,7 @@ _HOST = re.compile(r"(?:localhost|[0-9]{1,3}(?:\.[0-9]{1,3}){3})(?::([0-9]{1,5})
 
 
 class Pages:
-    """Web pages of the box; requests to them change the pace of RDT and the sensing."""
+    """Web pages of a Net F/T box; requests to them change RDT's rate and the sensor's settings."""
 
     def __init__(self, settings: BoxSettings, pace: Pace, sensing: Sensing) -> None:
         self._settings, self._pace, self._sensing = settings, pace, sensing
@@ -109,7 +109,7 @@ class Pages:
         }  # fmt: skip
 
     def _scale(self, kind: str) -> dict[str, str]:
-        """Units, counts and ratings as a configuration (``cfg``) or a calibration (``cal``)."""
+        """XML elements of units, counts and ratings for a configuration or calibration page."""
         s = self._settings
         si = np.repeat([units.NEWTON[s.force_unit], units.NEWTON_METRE[s.torque_unit]], 3)
         counts = self._sensing.per_si * si
@@ -142,13 +142,13 @@ def _row(values: np.ndarray) -> str:
 
 
 def is_ours(host: str | None, origin: str | None, site: str | None, port: int) -> bool:
-    """Whether a request comes from a program, or from a page of this server itself.
+    """Whether an HTTP request comes from a program or from a page of this server itself.
 
     Args:
-        host: its field Host, None where there is none.
-        origin: its field Origin.
-        site: its field Sec-Fetch-Site.
-        port: at which the server listens.
+        host: the request's Host field, None where there is none.
+        origin: the request's Origin field.
+        site: the request's Sec-Fetch-Site field.
+        port: port at which this server listens.
     """
     name = _HOST.fullmatch(host or "localhost")
     here = name is not None and name[1] in (None, str(port))
@@ -160,7 +160,7 @@ class _Server(ThreadingHTTPServer):
     reply: Callable[[str, str], tuple[str, str, bytes]]
 
     def server_bind(self) -> None:
-        """Bind without asking a name server for this machine's name."""
+        """Bind the port without the base class's DNS look-up of this machine's name."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = "netft", self.server_address[1]
 
@@ -174,7 +174,7 @@ class _Handler(BaseHTTPRequestHandler):
             super().handle()
 
     def do_GET(self) -> None:
-        """Serve a GET, or a POST of a form."""
+        """Answer an HTTP GET, or a POST of a form, that passes the check of its origin."""
         fields, port = self.headers, self.server.server_port
         if not self.path.startswith("/"):
             self.send_error(400)
@@ -194,11 +194,11 @@ class _Handler(BaseHTTPRequestHandler):
     do_POST = do_GET
 
     def log_message(self, format: str, *arguments: object) -> None:
-        """Print nothing: the emulator's terminal shows its links alone."""
+        """Print nothing, unlike the base class, so that the terminal shows only the links."""
 
 
 class Web:
-    """Serves ``answer(target, body)`` → (status, content type, text) at an address.
+    """HTTP server that answers each request by ``answer(target, body)`` → (status, type, text).
 
     Raises:
         OSError: the address is taken or not allowed.
@@ -216,7 +216,7 @@ class Web:
         self._thread.start()
 
     def stop(self) -> None:
-        """Close the port and end all requests; may be called twice."""
+        """Close the HTTP port and end all requests; may be called twice."""
         self._stopped.set()
         self._thread.join(_DEADLINE_S)
 

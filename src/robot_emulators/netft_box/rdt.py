@@ -42,14 +42,14 @@ _REQUESTS = 16
 
 
 class Request(NamedTuple):
-    """A client's request: its command, and the number of samples, 0 for endless."""
+    """A client's RDT request: its command, and the number of samples wanted, 0 for endless."""
 
     command: int
     samples: int
 
 
 def parse(data: bytes) -> Request | None:
-    """Parse a datagram as a request; None if the box knows no such request."""
+    """Parse a datagram as an RDT request; None if it is none that the box knows."""
     if len(data) != REQUEST.itemsize:
         return None
     row = np.frombuffer(data, REQUEST)[0]
@@ -60,13 +60,13 @@ def parse(data: bytes) -> Request | None:
 
 
 def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> bytes:
-    """Bytes of n records in a row.
+    """Return the bytes of n consecutive RDT records.
 
     Args:
         first: rdt_sequence of the first; it wraps after 2³² − 1.
         ft: (n,) ft_sequence of each, taken modulo 2³².
         status: (n,) status words.
-        counts: (n, 6) of int32's size.
+        counts: (n, 6) force and torque counts, within int32.
     """
     rows = np.empty(len(ft), RECORD)
     rows["rdt"] = (first + np.arange(len(ft), dtype=np.int64)) & 0xFFFFFFFF
@@ -77,7 +77,7 @@ def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> 
 
 
 class FaultySender:
-    """Sends records with faults; ``counters`` say how many, and what became of the rest."""
+    """Sends RDT records with the active faults; ``counters`` count what became of them."""
 
     def __init__(self, sock: socket.socket, faults: Faults, seed: int) -> None:
         self._socket, self._faults = sock, faults
@@ -86,7 +86,7 @@ class FaultySender:
         self.counters: Counter[str] = Counter()
 
     def send(self, data: memoryview, group: int, to: Address) -> None:
-        """Send records in datagrams of ``group`` records at most."""
+        """Send RDT records to a client, at most ``group`` of them in a datagram."""
         size = group * _SIZE
         parts = [data[k : k + size] for k in range(0, len(data), size)]
         faulty = self._faults.any("rdt") or self._held is not None
@@ -111,12 +111,12 @@ class FaultySender:
         return self._faults.now("rdt", kind)
 
     def _hit(self, kind: str) -> bool:
-        """Draw whether a fault of a kind takes this datagram, by its share."""
+        """Draw at random whether an active fault of this kind affects the datagram at hand."""
         values = self._now(kind)
         return values is not None and bool(self._random.random() < values["share"])
 
     def _changed(self, parts: list[memoryview]) -> list[memoryview]:
-        """Drop some datagrams, double some, and delay some by one place."""
+        """Apply the faults drop, duplicate and swap to datagrams; return those to send."""
         out: list[memoryview] = []
         for part in parts:
             if self._hit("drop"):
@@ -136,7 +136,7 @@ class FaultySender:
         return out
 
     def _spoil(self, record: bytes, to: Address) -> None:
-        """Send, besides a record, datagrams that are no records or come from another port."""
+        """Send invalid datagrams, or valid ones from another port, beside a genuine record."""
         random = self._random
         spoilt: list[bytes] = []
         if self._now("short") is not None:
@@ -154,24 +154,24 @@ class FaultySender:
 
 @dataclass
 class Pace:
-    """Settings of RDT: rate of records [Hz], records in a buffered datagram, whether it is on."""
+    """RDT settings: record rate [Hz], records per buffered datagram, and whether RDT is on."""
 
     rate: float
     buffer: int = 10
     on: bool = True
 
     def every(self, internal: int) -> int:
-        """Samples from one record to the next; so the rate is rounded up."""
+        """Sensor samples from one record to the next; the record rate is thereby rounded up."""
         return max(1, int(internal / self.rate))
 
 
 @dataclass
 class RecordStream:
-    """Records that answer one request, to a client's address.
+    """Records that answer one RDT request, to a client's address.
 
     Attributes:
-        tick: sample of the next record to send; records are ``every`` so many samples apart.
-        buffered: several records a datagram.
+        tick: sample number of the next record to send; records are ``every`` samples apart.
+        buffered: whether a datagram carries several records.
         left: records still to send, None for endless.
         sequence: rdt_sequence of the next record to make.
     """
@@ -185,7 +185,7 @@ class RecordStream:
 
 
 class Rdt:
-    """Streams what ``sensing`` measures to the client that asked last."""
+    """RDT server: streams sensor records to the client that sent the last request."""
 
     def __init__(
         self, thread: LoopThread, sock: socket.socket, sensing: Sensing, pace: Pace, faults: Faults,
@@ -201,22 +201,22 @@ class Rdt:
         sock.setblocking(False)
 
     def start(self) -> None:
-        """Begin to answer; in the loop's thread."""
+        """Begin to answer RDT requests; call it in the loop's thread."""
         self._loop.add_reader(self._socket, self._listen)
         self._turn(time.monotonic())
 
     def stop(self) -> None:
-        """End the stream; in the loop's thread. The socket is the caller's."""
+        """End streaming; call it in the loop's thread. The caller closes the socket."""
         self._loop.remove_reader(self._socket)
         if self._timer is not None:
             self._timer.cancel()
 
     def forget(self) -> None:
-        """Drop the request under way, as a box does that was switched off and on."""
+        """Drop the request being answered, as a box does that is switched off and on."""
         self._stream = None
 
     def answer(self, request: Request, sender: Address, now: float) -> None:
-        """Execute a request."""
+        """Execute a client's RDT request: start or stop streaming, or zero the sensor."""
         if request.command == BIAS:
             self._sensing.zero()
             self._unmake()
@@ -233,7 +233,7 @@ class Rdt:
             )
 
     def _turn(self, due: float) -> None:
-        """Send the records that are due, on absolute deadlines [s]."""
+        """Send the records that are due at the deadline [s] and schedule the next turn."""
         now = time.monotonic()
         self._sensing.observe()
         wait = _IDLE_S
@@ -244,7 +244,7 @@ class Rdt:
         self._timer = self._loop.call_at(due, self._turn, due)
 
     def _unmake(self) -> None:
-        """Discard records that are made but not sent; they are made anew."""
+        """Discard records that were made ahead but not sent, so that they are made anew."""
         if self._stream is not None:
             made = len(self._ready) // _SIZE
             self._stream.sequence = (self._stream.sequence - made) & 0xFFFFFFFF
@@ -293,7 +293,7 @@ class Rdt:
                 self._stream = None
 
     def _take(self, stream: RecordStream, n: int) -> memoryview:
-        """Return the next n records; all that the plant can give by now are made at once."""
+        """Return the bytes of the stream's next n records; others are made ahead if possible."""
         made = len(self._ready) // _SIZE
         if made < n:
             first, every = stream.tick + made * stream.every, stream.every

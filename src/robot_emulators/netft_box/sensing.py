@@ -37,7 +37,7 @@ does not know its robot; below it, a late cycle would change the readings."""
 
 @dataclass(frozen=True)
 class BoxSettings(Settings):
-    """Settings of a box at power-up."""
+    """Settings of a Net F/T box at power-up: units, counts, rate and ports."""
 
     rdt_port: int = setting(49152, integer(0, 65535), "UDP port of RDT, default 49152")
     http_port: int = setting(
@@ -59,7 +59,7 @@ class BoxSettings(Settings):
 
 
 class Sensing:
-    """A transducer and its electronics, sampled at `INTERNAL_RATE` since power-up."""
+    """A force/torque sensor and its electronics, sampled at `INTERNAL_RATE` since power-up."""
 
     def __init__(self, body: Plant, settings: BoxSettings, faults: Faults) -> None:
         self._body, self._faults = body, faults
@@ -82,37 +82,37 @@ class Sensing:
         self._drawn = 0
 
     def observe(self) -> None:
-        """Update the offset between this machine's clock and the body's; to be called often."""
+        """Update the offset between this machine's clock and simulated time; call it often."""
         due, newest = self._body.newest
         self._offset = due - newest
 
     def simulated(self, host: float) -> float:
-        """Simulated time that is reported when this machine's clock shows ``host`` [s]."""
+        """Simulated time [s] of the sample taken when this machine's clock shows ``host`` [s]."""
         return host - self._offset - self._lag
 
     def warm_up(self) -> None:
-        """Draw a block of noise, so that later draws need not load modules."""
+        """Read the plant's sensor once, so that later readings need not load modules."""
         self._body.readings(self._body.newest[1] + 1e-6 * np.arange(64))
 
     def tick(self, host: float) -> int:
-        """Number of the newest sample at a time of this machine [s]."""
+        """Number of the newest sample at a time of this machine's clock [s]."""
         return int((host - self._power_up) * self.rate)
 
     def host(self, tick: float) -> float:
-        """Time at which a sample is taken, on this machine's clock [s]."""
+        """Time on this machine's clock [s] at which a sample, by its number, is taken."""
         return self._power_up + tick / self.rate
 
     def ahead(self, tick: int, every: int) -> int:
-        """Number of samples from ``tick`` on, ``every`` apart, that the body can give."""
+        """Number of samples, from ``tick`` on and ``every`` apart, that the plant can give now."""
         behind = self._body.newest[1] - self.simulated(self.host(tick))
         return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
 
     def stale(self, now: float) -> bool:
-        """Whether the body is so late that its last reading is repeated."""
+        """Whether the plant is so late at time ``now`` [s] that its last reading is repeated."""
         return now - self._body.newest[0] > _STALE_S
 
     def sample(self, tick: int, every: int, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Counts (n, 6) and status words (n,) of n samples."""
+        """Force/torque counts (n, 6) and status words (n,) of n samples, ``every`` ticks apart."""
         t = self.simulated(self.host(tick))
         values, flagged = self._body.readings(t + np.arange(n) * (every / self.rate))
         if not np.isfinite(values.sum()):
@@ -142,34 +142,34 @@ class Sensing:
         return np.tile(self._frozen, (len(counts), 1)), status
 
     def zero(self) -> None:
-        """Set the software bias: the present reading is zero from now on."""
+        """Take the present reading as the bias that is subtracted from now on."""
         with self._lock:
             self.bias = self._raw.copy()
 
     @property
     def newest(self) -> np.ndarray:
-        """Counts (6,) of the newest sample."""
+        """Force/torque counts (6,) of the newest sample, bias subtracted."""
         return self._raw - self.bias
 
     def set_bias(self, channel: int, counts: float) -> None:
-        """Set one channel's zero [count]."""
+        """Set the bias of one channel [count]."""
         with self._lock:
             self.bias = np.where(np.arange(6) == channel, counts, self.bias)
 
     def restart(self) -> None:
-        """Switch power off and on: samples are counted from 0 and the zero is lost."""
+        """Switch the box off and on: samples count from 0 and the bias is 0."""
         with self._lock:
             self._power_up = time.monotonic()
             self.bias = np.zeros(6)
             self._skew = (0.0, 0.0, 1.0)
 
     def rescale(self, factor: float) -> None:
-        """Change the calibration: multiply counts per newton and newton metre."""
+        """Change the calibration: multiply counts per N and per N·m by a factor."""
         with self._lock:
             self.per_si, self.bias = factor * self.per_si, factor * self.bias
 
     def stamps(self, ticks: np.ndarray) -> np.ndarray:
-        """ft_sequence (n,) of samples: their number, unless the clock runs wrong."""
+        """ft_sequence (n,) of samples: their numbers, drifting under the fault ``skew``."""
         since, stamp, last = self._skew
         wrong = self._fault("skew")
         factor = wrong["factor"] if wrong else 1.0
@@ -179,7 +179,7 @@ class Sensing:
         return np.asarray(np.rint(stamp + factor * (ticks - since)), dtype=np.int64)
 
     def _flicker(self, counts: np.ndarray) -> np.ndarray:
-        """Make the last bit of counts without noise flicker, as converters do."""
+        """Toggle the last bit of noise-free counts (n, 6), as an A/D converter would."""
         if (counts[0] == counts[-1]).all() and (counts == counts[0]).all():
             counts[:, 5] += (self._drawn + np.arange(len(counts))) & 1
             self._drawn += len(counts)

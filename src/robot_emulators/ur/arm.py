@@ -23,10 +23,10 @@ _SLACK = 1.02
 
 
 class WrenchEstimate:
-    """Turns the load that the robot measures into the controller's wrench.
+    """Turns the load that the robot measures into the wrench that its controller reports.
 
     Args:
-        payload: as the installation states it.
+        payload: load of the tool, as the installation states it.
         at_tcp: torques about the TCP, else about the flange's centre.
     """
 
@@ -42,7 +42,7 @@ class WrenchEstimate:
         self.wrench = np.zeros(6)
 
     def carry(self, mass: float, cog: np.ndarray, inertia: np.ndarray | None = None) -> None:
-        """Set the payload: mass [kg], CoG (3,) [m]. Without inertia the old one stays; on an
+        """Set the payload: mass [kg], CoG (3,) [m], inertia (6,) [kg·m²] (None: unchanged); on an
         e-Series a CoG of zeros keeps the old CoG."""
         keep = not self._at_tcp and not cog.any()
         self.payload = Payload(
@@ -52,7 +52,7 @@ class WrenchEstimate:
         )
 
     def zero(self) -> None:
-        """Make the present wrench read as zero."""
+        """Subtract the present wrench from what is reported from now on."""
         self._zero = self._zero + self.wrench
         self.wrench = np.zeros(6)
 
@@ -78,9 +78,9 @@ class ForceMode:
 
     Attributes:
         frame: pose of the task frame in the base (6,).
-        selection: 1 where an axis yields (6,).
-        wrench: that the robot shall exert, task axes (6,) [N, N·m].
-        limits: highest speed of each axis that yields (6,) [m/s, rad/s].
+        selection: 1 for each compliant axis, else 0 (6,).
+        wrench: wrench that the robot shall exert, in task axes (6,) [N, N·m].
+        limits: highest speed of each compliant axis (6,) [m/s, rad/s].
     """
 
     frame: np.ndarray
@@ -89,7 +89,7 @@ class ForceMode:
     limits: np.ndarray
 
     def twist(self, measured: np.ndarray, scaling: float) -> np.ndarray:
-        """Velocity (6,) of the TCP in base axes at a measured wrench (6,) in base axes."""
+        """TCP velocity (6,) [m/s, rad/s] for a measured wrench (6,), both in base axes."""
         rotation, _ = matrix(self.frame)
         exerted = np.concatenate([rotation.T @ measured[:3], rotation.T @ measured[3:]])
         limits = np.abs(self.limits)
@@ -99,7 +99,7 @@ class ForceMode:
 
 
 class ControlledArm:
-    """Steps the robot along the active motion, within the joints' limits."""
+    """Steps a robot along its active motion, within the joints' limits."""
 
     def __init__(self, plant: Plant, estimate: WrenchEstimate) -> None:
         self.plant, self.estimate = plant, estimate
@@ -119,7 +119,7 @@ class ControlledArm:
         self.restart()
 
     def restart(self) -> None:
-        """Reset what clients can set to the values after power-up; the arm stays where it is."""
+        """Reset TCP, speed slider and force mode's gain to power-up values; nothing moves."""
         self.tcp = NO_TOOL.copy()
         self.slider = self.force_scaling = 1.0
 
@@ -128,11 +128,11 @@ class ControlledArm:
         return bool(np.abs(self.qd).max() > 1e-4)
 
     def moves_by(self, motion: ArmMotion) -> bool:
-        """Whether a motion moves the arm, or will once the arm may move again."""
+        """Whether this motion moves the arm now, or will once a safety stop is over."""
         return motion is (self._interrupted if self._frozen else self.motion)
 
     def start(self, motion: ArmMotion) -> None:
-        """Make a motion the active one."""
+        """Make a motion the active one; during a safety stop, the one that follows it."""
         if self._frozen:
             self._interrupted = motion
             return
@@ -140,7 +140,7 @@ class ControlledArm:
         self.motion = motion
 
     def brake(self, deceleration: float, seconds: float | None = None) -> Braking:
-        """Come to rest; the motion that moved the arm ends."""
+        """Begin to brake all joints, in place of the active motion; return this braking motion."""
         braking = Braking(deceleration, seconds)
         if self._frozen:
             self._interrupted = None
@@ -157,14 +157,14 @@ class ControlledArm:
             self._interrupted = None
 
     def freeze(self) -> None:
-        """Brake, and keep the interrupted motion until `thaw`."""
+        """Brake for a safety stop or pause; the interrupted motion is kept until `thaw`."""
         if not self._frozen:
             self._interrupted, self._frozen = self.motion, True
             self.motion = Braking(SAFE_DECELERATION)
             self.motion.begin(self._plain, self.qd)
 
     def thaw(self, go_on: bool) -> None:
-        """Continue the interrupted motion, or drop it."""
+        """End a safety stop or pause: continue the interrupted motion (``go_on``) or drop it."""
         if not self._frozen:
             return
         self._frozen = False
@@ -173,14 +173,14 @@ class ControlledArm:
             self.start(waiting)
 
     def end_force_mode(self) -> None:
-        """Make all axes stiff again, where they are."""
+        """Leave force_mode: all axes are position-controlled again, where they are."""
         self.force = None
         self._plain = self.q.copy()
         if self.motion is not None:
             self.motion.begin(self._plain, self.qd)
 
     def cycle(self) -> str | None:
-        """Take one control cycle; return why the safety system has to stop the arm, else None."""
+        """Move for one control cycle; return the reason for a safety stop, if there is one."""
         dt = self.plant.cycle
         violation = None
         try:
@@ -223,7 +223,7 @@ class ControlledArm:
         return None
 
     def _emergency_step(self, dt: float) -> np.ndarray:
-        """Joint values (6,) of the cycle of a violation, in which braking begins."""
+        """Start braking; return the joint values (6,) after the first cycle of it."""
         self.freeze()
         assert self.motion is not None
         self._next_plain = self.motion.step(self._plain, dt)

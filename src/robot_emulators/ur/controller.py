@@ -47,13 +47,13 @@ maker's driver and ur_rtde state."""
 
 
 class Controller:
-    """The robot's controller without its network.
+    """The emulated UR controller without its network: power, safety, program and arm.
 
     Attributes:
         announce: called with each message for clients of the primary interface.
         address: from which programs open connections; empty: from any.
-        popup: a popup waits for someone to close it.
-        freedrive: the arm may be pushed by hand.
+        popup: whether a popup waits for someone to close it.
+        freedrive: whether the arm may be pushed by hand.
     """
 
     def __init__(self, settings: ControllerSettings, plant: Plant) -> None:
@@ -79,11 +79,11 @@ class Controller:
 
     @property
     def now(self) -> float:
-        """Time of the last control cycle (`time.monotonic`, [s])."""
+        """Time of the latest control cycle, in `time.monotonic` seconds."""
         return self.modes.now
 
     def cycle(self, now: float) -> None:
-        """Take one control cycle at a time of `time.monotonic` [s]."""
+        """Run one control cycle at a `time.monotonic` time [s]: modes, program, arm and outputs."""
         self.modes.tick(now)
         if self._uploaded is not None and self._uploaded.done():
             code, self._uploaded = self._uploaded, None
@@ -100,7 +100,7 @@ class Controller:
         self._say_safety()
 
     def upload(self, programs: Iterable[str]) -> None:
-        """Receive programs; each but a secondary one ends the one that plays."""
+        """Run URScript programs; each stops the running one, unless it is a secondary program."""
         for text in programs:
             secondary = is_secondary(text)
             if self.now < self.script_denied_until or not (secondary or self.modes.ready):
@@ -110,7 +110,7 @@ class Controller:
             self._start(text, at_once=secondary)
 
     def load(self, name: str) -> bool:
-        """Load a program by its file's name without starting it; return False if there is none.
+        """Load a program by its file name without starting it; return False if there is none.
 
         Raises:
             ProgramFileError: it cannot be played.
@@ -123,7 +123,7 @@ class Controller:
         return loaded is not None
 
     def play(self) -> bool:
-        """Continue after a pause, or start the loaded program; return False if neither is due."""
+        """Resume a paused program or start the loaded one; return False if there is neither."""
         if not self.modes.ready or self.modes.runtime is Runtime.PLAYING:
             return False
         if self.modes.runtime is Runtime.PAUSED and self.program is not None:
@@ -139,14 +139,14 @@ class Controller:
         return True
 
     def pause(self) -> bool:
-        """Brake and hold the program; return False where none plays."""
+        """Brake the arm and pause the program; return False if none runs."""
         if self.modes.runtime is not Runtime.PLAYING:
             return False
         self._hold()
         return True
 
     def stop_program(self) -> None:
-        """End the program and what is being compiled, braking; registers keep their values."""
+        """Stop the program and any compilation, and brake; registers keep their values."""
         self._uploaded = None
         if self.program is not None:
             self.program.close()
@@ -160,7 +160,7 @@ class Controller:
             self.arm.brake(SAFE_DECELERATION / 3)
 
     def protective_stop(self, error: Event = PROTECTIVE_STOP) -> None:
-        """Brake at once; the program is paused until someone unlocks and plays."""
+        """Brake at once and pause the program until someone unlocks and plays it."""
         stopped = self.modes.protective_stop()
         self._say_safety()
         if stopped:
@@ -168,18 +168,18 @@ class Controller:
         self._hold()
 
     def emergency_stop(self, until: float) -> None:
-        """Press the emergency button until a time [s]."""
+        """Press the emergency button until a `time.monotonic` time [s]."""
         self.modes.emergency_stop(until)
         self._hold()
 
     def power_off(self) -> None:
-        """Switch the power off, which ends the program."""
+        """Switch the arm's power off, which stops the program."""
         self.stop_program()
         self.modes.power_off()
         self.arm.freeze()
 
     def reboot(self) -> None:
-        """Reset everything to its state after switching on; the arm stays where it is."""
+        """Reset the controller to its state after power-up; the arm stays where it is."""
         self.stop_program()
         self.modes = Modes(self.settings.power, self.now)
         self.terminals = Terminals()
@@ -201,14 +201,14 @@ class Controller:
         self._tolerated = self.settings.protective_force
 
     def _start(self, text: str, at_once: bool = False) -> bool:
-        """Begin a program, a long one once it is compiled; return False where its text is none."""
+        """Begin a program, a long one after compiling; return False if its text is invalid."""
         if at_once or len(text) < _LONG:
             return self._attempt(lambda: compiled(self.settings.version, text))
         self._uploaded = self.compiling(text)
         return True
 
     def _attempt(self, code: Callable[[], Code]) -> bool:
-        """Begin an interpreted program; announce, and return False, where its text is none."""
+        """Compile and begin a program; if its text is invalid, announce this and return False."""
         try:
             program = ScriptProgram(self, code())
         except ScriptFaultError as error:
@@ -221,7 +221,7 @@ class Controller:
         return True
 
     def compiling(self, text: str) -> Future[Code]:
-        """Compile a program in another thread, so that no control cycle waits for it."""
+        """Compile a program in a thread, so that no control cycle waits; return its future."""
         return self._compiler.submit(compiled, self.settings.version, text)
 
     def _begin(self, program: ScriptProgram | ExternalControl) -> None:
@@ -258,7 +258,7 @@ class Controller:
         self.arm.freeze()
 
     def _pressed_too_hard(self) -> bool:
-        """Whether the force is above its limit, which is higher after a stop: the arm may leave."""
+        """Whether the contact force exceeds its limit (raised after a stop, to let the arm go)."""
         force = float(np.linalg.norm(self.estimate.wrench[:3]))
         if force < self.settings.protective_force:
             self._tolerated = self.settings.protective_force
@@ -275,7 +275,7 @@ class Controller:
 
 
 def functions(version: Version) -> Table:
-    """Functions that URScript programs may call under a version of the software."""
+    """Table of the functions that URScript programs may call in this software version."""
     generation = 0 if version[0] < 5 else 1 if version[0] < 10 else 2
     missing = {
         name for names, since in _SINCE.items() if version[:2] < since[generation]
@@ -286,7 +286,7 @@ def functions(version: Version) -> Table:
 
 @lru_cache(_KEPT)
 def compiled(version: Version, text: str) -> Code:
-    """Compile a program for this software.
+    """Compile a URScript program for this software version.
 
     Raises:
         ScriptFaultError: the text is no program.

@@ -25,7 +25,7 @@ _TOO_EARLY = (
 
 
 class Dashboard(Conversation):
-    """Answers the commands of one client of the dashboard server."""
+    """One client's conversation with the dashboard server: answers its commands."""
 
     def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
         self._controller, self._peer = controller, peer
@@ -138,7 +138,7 @@ class Dashboard(Conversation):
         return "Flight Report generated with id: 00000000-0000-0000-0000-000000000001"
 
     def _choose(self, name: str, known: Sequence[str], wrong: str, done: str, word: str) -> str:
-        """Set a field of the controller to a known word; return the answer."""
+        """Set the controller's field to ``word`` if it is known; return ``done`` or ``wrong``."""
         if word.upper() not in known:
             return wrong.format(word)
         setattr(self._controller, name, word.upper())

@@ -27,7 +27,7 @@ NO_TOOL = np.zeros(6)
 
 
 def matrix(pose: np.ndarray) -> Transform:
-    """Transform of a pose (6,)."""
+    """Rotation matrix (3, 3) and position (3,) of a pose (6,) with a rotation vector."""
     x, y, z = pose[3:].tolist()
     angle = sqrt(x * x + y * y + z * z)
     if angle < 1e-12:
@@ -44,12 +44,12 @@ def matrix(pose: np.ndarray) -> Transform:
 
 
 def vector(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Pose (6,) of a rotation matrix and a position."""
+    """Pose (6,), position and rotation vector, of a rotation matrix (3, 3) and a position (3,)."""
     return np.concatenate([position, rotation_vector(rotation)])
 
 
 def compose(first: Transform, second: Transform) -> Transform:
-    """Transform of ``second`` after ``first``."""
+    """Product of two transforms: ``second`` is expressed in the axes of ``first``."""
     return first[0] @ second[0], first[0] @ second[1] + first[1]
 
 
@@ -58,7 +58,7 @@ def pose_trans(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def rotation_vector(r: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) of a matrix, of length ≤ π."""
+    """Rotation vector (3,) [rad] of a rotation matrix (3, 3), of length ≤ π."""
     (a, b, c), (d, e, f), (g, h, i) = r.tolist()
     trace = a + e + i
     if trace > 2.9999999:
@@ -80,13 +80,13 @@ def _near_half_turn(r: np.ndarray, trace: float, skew: np.ndarray) -> np.ndarray
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Vector product of (3,) and (3,); numpy's own takes twenty times as long."""
+    """Cross product of two vectors (3,); numpy's own takes twenty times as long."""
     (x, y, z), (u, v, w) = a.tolist(), b.tolist()
     return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 class UnreachableError(Exception):
-    """A target to which the arm has no way."""
+    """The target of a motion cannot be reached by the arm."""
 
 
 class Kinematics:
@@ -98,26 +98,26 @@ class Kinematics:
         self._chain = lru_cache(_REMEMBERED)(self._chain_of)
 
     def flange(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R_base_flange (3, 3) and its origin (3,) [m]."""
+        """R_base_flange (3, 3) and the flange's origin (3,) [m] at joint values q (6,)."""
         rotation, position, _ = self._chain(tuple(q.tolist()))
         return rotation, position
 
     def transform(self, q: np.ndarray, tcp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R_base_tcp (3, 3) and the TCP (3,) [m]."""
+        """R_base_tcp (3, 3) and the TCP's position (3,) [m] at q (6,); tcp (6,) in flange axes."""
         return compose(self.flange(q), matrix(tcp))
 
     def pose(self, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-        """Pose (6,) of the TCP."""
+        """Pose (6,) of the TCP in the base at joint values q (6,)."""
         return vector(*self.transform(q, tcp))
 
     def jacobian(self, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-        """Jacobian (6, 6): velocity and angular velocity of the TCP, base axes, per joint speed."""
+        """Jacobian (6, 6) at q: TCP velocity and angular velocity, base axes, per joint speed."""
         return self.jacobian_and_transform(q, tcp)[0]
 
     def jacobian_and_transform(
         self, q: np.ndarray, tcp: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The TCP's Jacobian (6, 6) in base axes, R_base_tcp (3, 3) and its position (3,) [m]."""
+        """Jacobian (6, 6) of the TCP in base axes, R_base_tcp (3, 3) and its position (3,) [m]."""
         rotation, position, axes = self._chain(tuple(q.tolist()))
         rotation, position = compose((rotation, position), matrix(tcp))
         result = np.empty((6, 6))
@@ -132,7 +132,7 @@ class Kinematics:
         return (after - before) / (2.0 * _STEP_S)
 
     def rates(self, q: np.ndarray, tcp: np.ndarray, twist: np.ndarray) -> np.ndarray:
-        """Joint speeds (6,) for a velocity of the TCP (6,), damped near singular poses.
+        """Joint speeds (6,) for a TCP velocity (6,), by an inverse damped near singular poses.
 
         Raises:
             UnreachableError: the TCP is so far away that there are none.
@@ -140,7 +140,7 @@ class Kinematics:
         return _solve(self.jacobian(q, tcp), twist)
 
     def follow(self, pose: np.ndarray, tcp: np.ndarray, near: np.ndarray) -> np.ndarray | None:
-        """Joint values close to ``near`` (6,) for a pose close to theirs, None without any."""
+        """Joint values (6,) for a TCP pose, by iteration from ``near`` (6,); None if it fails."""
         goal_rotation, goal = matrix(pose)
         q = np.array(near)
         for _ in range(_TRIES):
@@ -157,7 +157,7 @@ class Kinematics:
         return q if np.abs(goal - position).max() < 1e-4 else None
 
     def inverse(self, pose: np.ndarray, tcp: np.ndarray, near: np.ndarray) -> np.ndarray | None:
-        """The joint values (6,) nearest to ``near`` for a pose of the TCP, None without any."""
+        """Joint values (6,) for a TCP pose, the solution nearest to ``near``; None without any."""
         tool_rotation, tool = matrix(tcp)
         rotation, position = matrix(pose)
         rotation = rotation @ tool_rotation.T
@@ -171,7 +171,7 @@ class Kinematics:
         return np.asarray(solutions[np.abs(solutions - near).sum(axis=1).argmin()])
 
     def _solutions(self, rotation: np.ndarray, position: np.ndarray) -> Iterator[list[float]]:
-        """All joint values that bring the flange to a pose, eight at most.
+        """Yield all joint values that bring the flange to a pose, eight at most.
 
         Joints 1, 5 and 6 follow from the pose, 2 to 4 from a triangle, as their axes are parallel:
         Hawkins 2013, "Analytic inverse kinematics for the Universal Robots UR-5/UR-10 arms".
@@ -207,13 +207,13 @@ class Kinematics:
         return bool(((q >= self.lower) & (q <= self.upper)).all())
 
     def elbow(self, q: np.ndarray) -> np.ndarray:
-        """Position (3,) of the elbow [m]."""
+        """Position (3,) of the elbow in the base [m] at joint values q (6,)."""
         return np.array(self._chain(tuple(q.tolist()))[2][2][1])
 
     def _chain_of(
         self, q: tuple[float, ...]
     ) -> tuple[np.ndarray, np.ndarray, list[tuple[list[float], list[float]]]]:
-        """Flange, and axis and origin of each joint; plain numbers are faster than arrays here."""
+        """Flange transform, and axis and origin of each joint, at q; plain floats save time."""
         x, y, z, p = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]
         axes = []
         for angle, (a, d, ca, sa) in zip(q, self._links, strict=True):

@@ -21,13 +21,13 @@ PAUSED, RESUMED = "PROGRAM_XXX_PAUSED", "PROGRAM_XXX_RESUMED"
 
 @dataclass(frozen=True)
 class Event:
-    """A message that clients of the primary interface receive.
+    """A message about an event that clients of the primary interface receive.
 
     Attributes:
-        kind: of `SAID` … `FAULT`.
-        source: number of the part that sends it.
-        fields: of this kind, packed.
-        text: at the end.
+        kind: message type, `SAID` … `FAULT`.
+        source: number of the controller part that sends it.
+        fields: packed fields of this message type.
+        text: text at the end of the message.
     """
 
     kind: int
@@ -36,7 +36,7 @@ class Event:
     text: str = ""
 
     def packed(self, timestamp: float) -> bytes:
-        """Bytes of the message, at the controller's time [s]."""
+        """Bytes of the whole message with the controller's time stamp [s]."""
         micros = max(0, round(timestamp * 1e6))
         head = struct.pack(">BQBB", MESSAGE, micros, self.source, self.kind)
         payload = head + self.fields + _encoded(self.text)
@@ -53,44 +53,44 @@ def _titled(title: str) -> bytes:
 
 
 def version(numbers: tuple[int, int, int, int], date: str) -> Event:
-    """Message of the software's version; the first one that a client gets."""
+    """Make the message that states the software version; the first one a client gets."""
     major, minor, bugfix, build = numbers
     fields = struct.pack(">BBii", major, minor, bugfix, build)
     return Event(VERSION, _ROBOT, _titled("URControl") + fields, date)
 
 
 def said(text: str) -> Event:
-    """Message of a program's textmsg."""
+    """Make the message that a program sends by textmsg."""
     return Event(SAID, _INTERFACE, b"", text)
 
 
 def popup_shown(text: str, title: str, flags: tuple[bool, bool, bool]) -> Event:
-    """Message of a program's popup; flags: warning, error, blocking."""
+    """Make the message of a program's popup; flags: warning, error, blocking."""
     return Event(POPUP, _INTERFACE, struct.pack(">IB???", 0, 0, *flags) + _titled(title), text)
 
 
 def safety(mode: int) -> Event:
-    """Message that the safety mode is now ``mode``."""
+    """Make the message that the safety mode is now ``mode``."""
     return Event(SAFETY, _ROBOT, struct.pack(">iiBII", 0, 0, mode, 1, 0))
 
 
 def error(code: int, argument: int, text: str) -> Event:
-    """Message of a warning by its code: ``C code A argument``."""
+    """Make the message of a warning with a code and argument, shown as ``C code A argument``."""
     return Event(ERROR, _ROBOT, struct.pack(">iiiII", code, argument, _WARNING, 1, 0), text)
 
 
 def key(title: str, text: str) -> Event:
-    """Message that a program began or ended: ``PROGRAM_XXX_STARTED`` and its name."""
+    """Make the message that a program began or ended: ``PROGRAM_XXX_STARTED`` and its name."""
     return Event(KEY, _INTERFACE, struct.pack(">ii", 0, 0) + _titled(title), text)
 
 
 def runtime_fault(line: int, column: int, text: str) -> Event:
-    """Message that a program cannot go on, at a line and column of its text, from 1."""
+    """Make the message that a program failed at a line and column of its text, from 1."""
     return Event(FAULT, _INTERFACE, struct.pack(">II", max(0, line), max(0, column)), text)
 
 
 def stopped_because(why: str) -> Event:
-    """Message that gives the reason of a stop by the safety system.
+    """Make the message that gives the reason of a stop by the safety system.
 
     A controller has a code for each cause, C153A0 and others; the emulator has one, and a text.
     """

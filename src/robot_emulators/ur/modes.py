@@ -12,7 +12,7 @@ _BOOT_S = 0.5
 
 
 class RobotMode(IntEnum):
-    """State of the arm's power and brakes."""
+    """State of the arm's power and brakes; the numbers are those of RTDE's ``robot_mode``."""
 
     POWER_OFF = 3
     POWER_ON = 4
@@ -37,7 +37,7 @@ class Runtime(IntEnum):
 
 
 class Modes:
-    """State of power, safety and program; each change takes its time.
+    """Modes of power, safety and program; a change of mode takes as long as on a controller.
 
     Attributes:
         now: time of the last control cycle (`time.monotonic`, [s]).
@@ -61,16 +61,16 @@ class Modes:
 
     @property
     def protective(self) -> bool:
-        """Whether the safety system has stopped the arm."""
+        """Whether the arm is in a protective stop."""
         return self.safety is SafetyMode.PROTECTIVE_STOP
 
     @property
     def ready(self) -> bool:
-        """Whether the arm may move."""
+        """Whether the arm may move: brakes released and no stop active."""
         return self.robot is RobotMode.RUNNING and self.safety is SafetyMode.NORMAL
 
     def tick(self, now: float) -> None:
-        """Finish the changes of mode that are due at a time [s]."""
+        """Complete the changes of mode that are due at a `time.monotonic` time [s]."""
         self.now = now
         if self._next is not None and now >= self._next[0]:
             self.robot, self._next = self._next[1], None
@@ -80,31 +80,30 @@ class Modes:
             self.safety = SafetyMode.NORMAL
 
     def power_on(self) -> None:
-        """Switch the power on: from off to idle, after booting."""
+        """Switch the arm's power on: from off to idle, after the boot time."""
         if self.robot is RobotMode.POWER_OFF and self.safety is SafetyMode.NORMAL:
             self.robot, self._next = RobotMode.POWER_ON, (self.now + _BOOT_S, RobotMode.IDLE)
 
     def power_off(self) -> None:
-        """Switch the power off in any mode."""
+        """Switch the arm's power off, at once and from any mode."""
         self.robot, self._next = RobotMode.POWER_OFF, None
 
     def release_brakes(self) -> None:
-        """Release the brakes: from off or idle to running, which takes time."""
+        """Release the brakes, from off or idle; the arm is running some time later."""
         if self.safety is SafetyMode.NORMAL and self.robot is not RobotMode.RUNNING:
             steps = 2 if self.robot is RobotMode.POWER_OFF else 1
             self.robot = RobotMode.POWER_ON if steps == 2 else self.robot
             self._next = (self.now + steps * _BOOT_S, RobotMode.RUNNING)
 
     def protective_stop(self) -> bool:
-        """Stop the arm by its safety system until it is unlocked; return False if it is stopped
-        already."""
+        """Enter a protective stop, until it is unlocked; return False if there is one already."""
         if self.safety is not SafetyMode.NORMAL:
             return False
         self.safety, self.stopped_at, self._unlocked_at = SafetyMode.PROTECTIVE_STOP, self.now, 0.0
         return True
 
     def unlock(self) -> bool:
-        """End a protective stop; return False if it is too early."""
+        """End a protective stop; return False if its minimum time has not passed."""
         if self.protective and self.now - self.stopped_at < UNLOCK_AFTER_S:
             return False
         if self.protective:
@@ -112,12 +111,11 @@ class Modes:
         return True
 
     def unlock_at_once(self) -> None:
-        """End a protective stop without the waiting time, which the pendant's client keeps
-        itself."""
+        """End a protective stop without its minimum time, which the caller has waited for."""
         if self.protective:
             self._unlocked_at = self.now + _UNLOCK_S
 
     def emergency_stop(self, until: float) -> None:
-        """Press the emergency button until a time [s]; the arm has no power after it."""
+        """Press the emergency button until a `time.monotonic` time [s]; then power is off."""
         self.safety, self._emergency_ends = SafetyMode.ROBOT_EMERGENCY_STOP, until
         self.power_off()

@@ -25,7 +25,7 @@ _GAIN = 300.0
 
 
 class Profile:
-    """Speed profile over a length: a trapezoid."""
+    """Trapezoidal speed profile over a path of given length."""
 
     def __init__(self, length: float, speed: float, acceleration: float) -> None:
         self.length, self._a = length, acceleration
@@ -35,12 +35,12 @@ class Profile:
 
     @classmethod
     def lasting(cls, length: float, seconds: float) -> "Profile":
-        """A profile of a duration [s], a fifth of it for start and end each."""
+        """Make a profile of a duration [s]; accelerating and braking take a fifth of it each."""
         speed = max(length, 1e-12) / (0.8 * seconds)
         return cls(length, speed, speed / (0.2 * seconds))
 
     def at(self, t: float) -> float:
-        """Length covered after a time [s]."""
+        """Path length covered at a time [s] after the start."""
         if t >= self.duration:
             return self.length
         if t < self._ramp:
@@ -53,11 +53,11 @@ class Profile:
 
 @dataclass(frozen=True)
 class Pace:
-    """Speeds and times of a move.
+    """Speed, acceleration or duration of a move.
 
     Attributes:
-        speed, acceleration: of its way.
-        seconds: that it takes, instead of these; 0: as these say.
+        speed, acceleration: along the path, [m/s, m/s²] or [rad/s, rad/s²].
+        seconds: duration that replaces them; 0: they decide.
         top: speeds (6,) of the joints, for whose sake a move in a given time takes longer.
     """
 
@@ -68,7 +68,7 @@ class Pace:
 
 
 class ArmMotion(ABC):
-    """A motion under way.
+    """A motion that moves the arm, stepped once a control cycle.
 
     Attributes:
         done: whether it has ended.
@@ -80,11 +80,11 @@ class ArmMotion(ABC):
 
     @abstractmethod
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
-        """Start from joint values and speeds (6,), for the first time or after a pause."""
+        """Start or resume the motion at joint values and speeds (6,)."""
 
     @abstractmethod
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """The next target (6,) after q, a time [s] later.
+        """Joint target (6,) of the next control cycle, ``dt`` [s] after the target q (6,).
 
         Raises:
             UnreachableError: the way ends here.
@@ -92,11 +92,11 @@ class ArmMotion(ABC):
 
 
 class Braking(ArmMotion):
-    """Bring all joints to rest at the same moment.
+    """Motion that brings all joints to rest at the same moment.
 
     Args:
         deceleration: of the fastest joint [rad/s²].
-        seconds: to rest, instead of the deceleration.
+        seconds: time to rest, which replaces the deceleration.
     """
 
     def __init__(self, deceleration: float, seconds: float | None = None) -> None:
@@ -118,7 +118,7 @@ class Braking(ArmMotion):
 
 
 class _Planned(ArmMotion):
-    """A move along a known way, which begins once the arm has braked from any speed."""
+    """A move along a path known in advance, begun once the arm has braked to rest."""
 
     scaled = True
 
@@ -145,7 +145,7 @@ class _Planned(ArmMotion):
         return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
 
     def _least(self, q: np.ndarray) -> float:
-        """Least time [s] in which the joints can go the way, by its steepest part."""
+        """Least duration [s] that the joints' speed and acceleration limits allow for this path."""
         before, steepest = q, np.zeros(6)
         with contextlib.suppress(UnreachableError):
             for k in range(1, _LOOKS + 1):
@@ -157,15 +157,15 @@ class _Planned(ArmMotion):
 
     @abstractmethod
     def _plan(self, q: np.ndarray) -> float:
-        """Plan the way from q (6,); return its length."""
+        """Plan the path from joint values q (6,); return its length [rad or m]."""
 
     @abstractmethod
     def _at(self, share: float, q: np.ndarray) -> np.ndarray:
-        """Joint values at a share, 0 … 1, of the way."""
+        """Joint values (6,) at a fraction of the path's length, 0 … 1; q (6,) is near to them."""
 
 
 class ToJoints(_Planned):
-    """movej: all joints start and arrive together; speed of the one that goes farthest."""
+    """movej: all joints start and arrive together; the pace is that of the longest way."""
 
     def __init__(self, goal: np.ndarray, pace: Pace) -> None:
         super().__init__(pace)
@@ -180,7 +180,7 @@ class ToJoints(_Planned):
 
 
 class ToPose(_Planned):
-    """movel: the TCP goes straight and turns about one axis."""
+    """movel: the TCP moves on a straight line and turns about a fixed axis."""
 
     def __init__(
         self, kinematics: Kinematics, tcp: np.ndarray, goal: np.ndarray, pace: Pace
@@ -209,7 +209,7 @@ class ToPose(_Planned):
 
 
 class ToArc(ToPose):
-    """movec: the TCP goes on a circle through a pose (6,) to another, and turns about one axis."""
+    """movec: the TCP moves on a circle through a pose (6,) to another and turns about one axis."""
 
     def __init__(
         self, kinematics: Kinematics, tcp: np.ndarray, poses: tuple[np.ndarray, np.ndarray],
@@ -243,7 +243,7 @@ class ToArc(ToPose):
 
 
 class Servo(ArmMotion):
-    """servoj: follow a target that is given again and again, smoothed by the lookahead time."""
+    """servoj: the joints follow a target that is set repeatedly, smoothed by the lookahead time."""
 
     def __init__(self) -> None:
         self._goal = np.zeros(6)
@@ -251,14 +251,14 @@ class Servo(ArmMotion):
         self._rate = 1.0
 
     def aim(self, goal: np.ndarray, lookahead: float, gain: float) -> None:
-        """Take a new target (6,) [rad]."""
+        """Set a new joint target (6,) [rad], with servoj's lookahead time [s] and gain."""
         self._goal = goal
         lag = min(max(lookahead, 0.03), 0.2) * _GAIN / min(max(gain, 100.0), 2000.0)
         self._rate = 2.0 / max(lag, 0.03)
 
     @property
     def lag(self) -> float:
-        """Time by which the arm is behind a moving target [s]."""
+        """Time by which the joints trail a moving target [s]."""
         return 2.0 / self._rate
 
     def distance(self, q: np.ndarray) -> np.ndarray:
@@ -269,7 +269,7 @@ class Servo(ArmMotion):
         self._speed = np.array(qd)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Next target (6,) by a critically damped second order, exact for a target at rest."""
+        """Joint target (6,) after ``dt`` [s], from a critically damped second-order filter."""
         w, miss = self._rate, q - self._goal
         fade, slope = exp(-w * dt), self._speed + w * miss
         self._speed = (self._speed - w * dt * slope) * fade
@@ -277,7 +277,7 @@ class Servo(ArmMotion):
 
 
 class JointSpeed(ArmMotion):
-    """speedj: joint speeds that are reached with an acceleration and then kept for ever."""
+    """speedj: the joints accelerate to given speeds and keep them until another motion."""
 
     def __init__(self) -> None:
         self._goal, self._speed = np.zeros(6), np.zeros(6)
@@ -285,30 +285,30 @@ class JointSpeed(ArmMotion):
 
     @property
     def reached(self) -> bool:
-        """Whether the speeds are those that were last commanded."""
+        """Whether the joints have reached the speeds last commanded."""
         return bool(np.abs(self._speed - self._goal).max() < _STILL)
 
     def aim(self, speed: np.ndarray, acceleration: float) -> None:
-        """Take new speeds (6,) [rad/s] and the acceleration towards them [rad/s²]."""
+        """Set new joint speeds (6,) [rad/s] and the acceleration towards them [rad/s²]."""
         self._goal, self._rate = speed, max(acceleration, 0.01)
 
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
         self._speed = np.array(qd)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Target (6,) after ``dt`` [s]: speeds change to the wanted ones at the acceleration."""
+        """Joint target (6,) after ``dt`` [s]; the speeds approach the commanded ones."""
         change, most = self._goal - self._speed, self._rate * dt
         largest = float(np.abs(change).max())
         self._speed = self._speed + change * (most / max(largest, most))
         return np.asarray(q + self._rates(q) * dt)
 
     def _rates(self, q: np.ndarray) -> np.ndarray:
-        """Joint speeds (6,)."""
+        """Joint speeds (6,) [rad/s] that the present command demands at q (6,)."""
         return self._speed
 
 
 class ToolSpeed(JointSpeed):
-    """speedl: velocity of the TCP in base axes [m/s, rad/s], reached with an acceleration."""
+    """speedl: the TCP accelerates to a velocity in base axes [m/s, rad/s] and keeps it."""
 
     def __init__(self, kinematics: Kinematics, tcp: np.ndarray) -> None:
         super().__init__()
@@ -322,10 +322,10 @@ class ToolSpeed(JointSpeed):
 
 
 class ToolTrack(ToolSpeed):
-    """servoc: go straight towards a pose that is given again and again, and stay there."""
+    """servoc: the TCP moves straight to a pose that is set repeatedly, and stays there."""
 
     def track(self, pose: np.ndarray, speed: float, acceleration: float) -> None:
-        """Take a new pose (6,), the speed [m/s] and the acceleration [m/s²]."""
+        """Set a new target pose (6,), the TCP's speed [m/s] and its acceleration [m/s²]."""
         self._pose, self._top, self._rate = pose, max(speed, 1e-4), max(acceleration, 0.01)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:

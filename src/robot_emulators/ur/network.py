@@ -15,18 +15,18 @@ _HOLDS = 1 << 18
 
 
 class Conversation(ABC):
-    """The server's side of one connection."""
+    """The server's protocol with one client, fed with the bytes that it sends."""
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> bool:
-        """Handle bytes from the client; return False to end the connection."""
+        """Handle bytes from the client at time ``now`` [s]; False closes the connection."""
 
     def end(self) -> None:  # noqa: B027 - most conversations hold nothing
-        """Clean up after the connection is gone."""
+        """Release what this client held, after its connection has closed."""
 
 
 class Peer(Connection):
-    """Connection of one client to a port of the controller."""
+    """TCP connection of one client to a port of the controller."""
 
     def __init__(self, port: "Port") -> None:
         super().__init__(port, _KERNEL_HOLDS)
@@ -48,8 +48,8 @@ class Peer(Connection):
             self.close()
 
     def send(self, data: bytes, most: int = 0) -> None:
-        """Send what the kernel accepts and keep the rest, up to ``most`` bytes or the usual limit;
-        close a client for whom more would wait."""
+        """Send bytes to the client and keep what the kernel does not accept yet; close the client
+        if more than ``most`` bytes, or the usual limit, would have to be kept."""
         if self.closed:
             return
         self._held += data
@@ -58,12 +58,12 @@ class Peer(Connection):
             self.close()
 
     def send_or_skip(self, data: bytes) -> None:
-        """Send unless something older still waits."""
+        """Send bytes to the client; drop them if earlier ones still wait."""
         if not self._held and not self.waiting:
             self.send(data)
 
     def tick(self) -> None:
-        """Pause or resume reading, and send what waits."""
+        """Pause reading and sending while a fault blocks this client; else resume both."""
         if self.closed:
             return
         if self._quiet():
@@ -73,7 +73,7 @@ class Peer(Connection):
             self._flush()
 
     def _quiet(self) -> bool:
-        """Whether, at present, no data pass between the server and this client."""
+        """Whether a fault blocks this client, so that no data pass either way."""
         return self._port.suffers("stall") or (self._deaf and self._port.suffers("deaf"))
 
     def _flush(self) -> None:
@@ -83,13 +83,13 @@ class Peer(Connection):
 
 
 class Port(Listener[Peer]):
-    """One listening port of the controller and its clients.
+    """One listening TCP port of the controller, with its clients and faults.
 
     Args:
-        thread: of the loop that serves it.
+        thread: thread of the loop that serves it.
         address: host and number of the port.
-        faults: of the emulator.
-        name: of the link, under which its faults are registered.
+        faults: registry of the emulator's faults.
+        name: name of the link, under which its faults are registered.
         answer: makes the conversation with a new client.
     """
 
@@ -104,11 +104,11 @@ class Port(Listener[Peer]):
             faults.on(name, kind)
 
     def suffers(self, kind: str) -> bool:
-        """Whether a lasting fault of this port is under way."""
+        """Whether a lasting fault of this kind is active on this port."""
         return self._faults.now(self._name, kind) is not None
 
     def handlers(self) -> dict[str, Callable[[TimedFault], None]]:
-        """Handlers of faults that act at once, by kind; they run in the loop's thread."""
+        """Fault kind → handler of the faults that act at once; they run in the loop's thread."""
         return {
             "fin": lambda fault: self.hang_up(),
             "rst": lambda fault: self.hang_up(reset=True),
@@ -116,6 +116,6 @@ class Port(Listener[Peer]):
         }
 
     def tick(self) -> None:
-        """Count a control cycle, for all clients."""
+        """Let each client resume or pause after a control cycle."""
         for peer in list(self.clients):
             peer.tick()

@@ -36,11 +36,11 @@ _RUNNING, _OFF, _IDLE = 253, 239, 255
 
 
 class Outputs:
-    """Keeps `Controller.values` up to date.
+    """Computes the output fields of the controller, `Controller.values`, every cycle.
 
     Args:
-        controller: whose.
-        shared: ft_raw_wrench shows the body's sensor, else that of the arm.
+        controller: controller whose fields are updated.
+        shared: whether ft_raw_wrench shows the flange sensor, else the arm's own estimate.
     """
 
     def __init__(self, controller: Controller, shared: bool) -> None:
@@ -53,7 +53,7 @@ class Outputs:
         self._count = 0
 
     def update(self, timestamp: float, wanted: Set[str]) -> None:
-        """Update the outputs after a cycle; those that take long only if they are in ``wanted``."""
+        """Update the output fields after a cycle; costly ones only if ``wanted`` names them."""
         controller = self._controller
         self._count += 1
         outputs: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
@@ -84,8 +84,7 @@ class Outputs:
         }
 
     def _efforts(self) -> dict[str, Values]:
-        """Outputs of torques and currents: wanted ones, by a model without friction, and those that
-        the drives report."""
+        """Output fields of joint torque and current: targets (frictionless model), actual ones."""
         arm = self._controller.arm
         plant, gravity = arm.plant, self._controller.estimate.gravity
         wanted = plant.model_torques(arm.q, arm.qd, arm.qdd, gravity)
@@ -147,21 +146,21 @@ class Outputs:
 
 
 class Timestamp:
-    """Seconds since the controller was switched on: the robot's simulated time, with its errors."""
+    """Controller clock: seconds since power-up, the robot's simulated time with clock errors."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self._offset = -plant.time
 
     def now(self) -> float:
-        """Time stamp of the newest state [s]."""
+        """Time stamp of the robot's newest state [s]."""
         return self._offset + self._plant.time
 
     def jump(self, by: float) -> None:
-        """Move the clock by a time [s], also for time in which the loop stood still."""
+        """Shift the clock by a time [s], for instance one in which the loop stood still."""
         self._offset += by
 
     def restart(self, at: float) -> None:
-        """Set the clock near zero at a time of `time.monotonic` [s]."""
+        """Set the clock near zero, as at a power-up at the `time.monotonic` time ``at`` [s]."""
         off = max(0.0, at - time.monotonic())
         self._offset = -self._plant.time - (off if off != float("inf") else 0.0)

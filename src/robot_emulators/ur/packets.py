@@ -81,12 +81,12 @@ _UPPER_RANGE = ((3, 9, 0), (5, 3, 0))
 
 
 def packet(kind: int, payload: bytes = b"") -> bytes:
-    """Bytes of a packet of a type."""
+    """Bytes of an RTDE packet: header with the packet type, and payload."""
     return struct.pack(">HB", HEADER + len(payload), kind) + payload
 
 
 def text(message: str, source: str, level: int, version: int) -> bytes:
-    """Bytes of a text message in the format of a protocol version."""
+    """Bytes of an RTDE text message, laid out as the protocol version demands."""
     said, by = message.encode()[:255], source.encode()[:255]
     if version == 1:
         return packet(TEXT, bytes([level]) + said)
@@ -94,20 +94,20 @@ def text(message: str, source: str, level: int, version: int) -> bytes:
 
 
 def names(raw: bytes) -> list[str] | None:
-    """Names in a recipe, which commas join; None where the list is longer than allowed."""
+    """Field names in a recipe's comma-separated text; None if it is longer than allowed."""
     if len(raw) > _LONGEST_NAMES:
         return None
     return [name for name in raw.decode("latin-1").split(",") if name]
 
 
 class Splitter:
-    """Cuts a stream of bytes into packets; ``held`` is an unfinished one."""
+    """Cuts a stream of bytes into RTDE packets; ``held`` is an unfinished one."""
 
     def __init__(self) -> None:
         self.held = bytearray()
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Type and payload of each packet that is complete.
+        """Add received bytes; return type and payload of each packet that is now complete.
 
         Raises:
             EmulatorError: a header states less than its own size.
@@ -127,10 +127,10 @@ class Splitter:
 
 
 class Recipe:
-    """Fields in the order in which a packet holds them.
+    """Fields of an RTDE data packet, in order.
 
     Args:
-        number: of the recipe; None in protocol 1, where data packets do not carry it.
+        number: recipe id; None in protocol 1, where data packets do not carry it.
         fields: name → type.
     """
 
@@ -142,13 +142,13 @@ class Recipe:
         self._widths = tuple(int(FORMATS[kind][:-1] or 1) for kind in self.types)
 
     def pack(self, values: Mapping[str, Values]) -> bytes:
-        """Pack values by name into a data packet."""
+        """Pack values by field name into the bytes of a data packet."""
         flat = chain.from_iterable([values[name] for name in self.names])
         head = b"" if self.number is None else bytes([self.number])
         return packet(DATA, head + self._struct.pack(*flat))
 
     def unpack(self, payload: bytes) -> dict[str, Values] | None:
-        """Unpack values by name from the start of a payload; None if it is too short."""
+        """Values by field name from the start of a payload; None if it is too short."""
         if len(payload) < self._struct.size:
             return None
         flat = self._struct.unpack_from(payload)
@@ -160,7 +160,7 @@ class Recipe:
 
 
 def outputs(version: Version) -> dict[str, str]:
-    """Types of the outputs that a version of the software sends, by their names."""
+    """Field name → type of the RTDE outputs that a software version offers."""
     fields = _listed(_OUTPUTS) | _registers("output", version) | _registers("input", version)
     return {
         name: kind for name, kind in fields.items()
@@ -169,12 +169,12 @@ def outputs(version: Version) -> dict[str, str]:
 
 
 def inputs(version: Version) -> dict[str, str]:
-    """Types of the inputs that a version of the software takes, by their names."""
+    """Field name → type of the RTDE inputs that a software version accepts."""
     return _listed(_INPUTS) | _registers("input", version)
 
 
 def zero(kind: str) -> Values:
-    """Value 0 of a type."""
+    """Zeros of an RTDE type, as a tuple with one element for each number of a vector."""
     if kind == "BOOL":
         return (False,)
     number: float | int = 0.0 if "DOUBLE" in kind or kind.endswith("D") else 0

@@ -43,7 +43,7 @@ _DATE = "08-03-2022, 12:00:00"
 
 
 def robot_state(controller: Controller, timestamp: float) -> bytes:
-    """Message of the robot's state, at the controller's time [s]."""
+    """Bytes of the primary interface's robot state message, with the controller's time [s]."""
     modes, values, terminals = controller.modes, controller.values, controller.terminals
     settings, arm = controller.settings, controller.arm
     slider, analog, types = terminals.slider, terminals.analog, terminals.analog_types
@@ -84,7 +84,7 @@ def robot_state(controller: Controller, timestamp: float) -> bytes:
 
 
 def _joint(values: Mapping[str, Values], k: int) -> bytes:
-    """Bytes of a joint: position, target, speed, current, voltage, temperatures and mode."""
+    """Bytes of joint k: position, target, speed, current, voltage, temperatures and mode."""
     *numbers, mode = (values[name][k] for name in _JOINT)
     return pack(">3d4fB", *numbers, 0.0, mode)
 
@@ -94,8 +94,7 @@ def _flat(rows: Iterable[Iterable[float]]) -> list[float]:
 
 
 class Primary:
-    """Server of the primary and secondary interfaces, ports 30001 and 30002: sends the robot's
-    state."""
+    """Servers of the primary and secondary interfaces, ports 30001 and 30002."""
 
     def __init__(self, controller: Controller, clock: Timestamp) -> None:
         self._controller, self._clock = controller, clock
@@ -108,16 +107,16 @@ class Primary:
 
     @property
     def wanted(self) -> frozenset[str]:
-        """Outputs that the next message shows."""
+        """Names of the output fields that the next robot state message contains."""
         return FIELDS if self._readers and self._due <= self._controller.now else frozenset()
 
     def primary(self, peer: Peer) -> "ScriptClient":
-        """Make the conversation with a client of port 30001: states and messages."""
+        """Make the conversation with a client of port 30001, who gets states and messages."""
         self._listeners.add(peer)
         return self.secondary(peer)
 
     def secondary(self, peer: Peer) -> "ScriptClient":
-        """Make the conversation with a client of port 30002: states."""
+        """Make the conversation with a client of port 30002, who gets states alone."""
         version = messages.version(self._controller.settings.version, _DATE)
         peer.send(version.packed(self._clock.now()))
         self._readers.add(peer)
@@ -138,7 +137,7 @@ class Primary:
             self._send([packed])
 
     def cycle(self, now: float) -> None:
-        """Send the robot state where it is due."""
+        """Send the robot state message to all clients if it is due at time ``now`` [s]."""
         if now < self._due:
             return
         self._due = max(self._due + PERIOD_S, now)

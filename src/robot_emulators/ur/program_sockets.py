@@ -12,7 +12,7 @@ _HOLDS = 1 << 16
 
 
 class Link:
-    """A TCP connection of a program; it is dialled at once, and `open` tells when it is made."""
+    """TCP connection that a program opens without waiting; `open` says when it is made."""
 
     def __init__(self, address: str, port: int, source: str) -> None:
         self.held = bytearray()
@@ -32,7 +32,7 @@ class Link:
 
     @property
     def open(self) -> bool:
-        """Whether the connection is open; it becomes `lost` if it could not be made."""
+        """Whether the connection is open; `lost` is set if it could not be made."""
         if not self._open and not self.lost and select.select([], [self._socket], [], 0.0)[1]:
             self._open = not self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if not self._open:
@@ -40,25 +40,25 @@ class Link:
         return self._open and not self.lost
 
     def read(self, count: int) -> bytes | None:
-        """Take ``count`` bytes; None if fewer have come."""
+        """Take ``count`` received bytes; None if fewer have arrived."""
         if len(self.held) < count:
             self._hear()
         return self._taken(count) if len(self.held) >= count else None
 
     def until(self, end: bytes) -> bytes | None:
-        """Take the bytes received before an end mark, and drop the mark; None until it has come."""
+        """Take the received bytes before an end mark and drop the mark; None if it is missing."""
         if end not in self.held:
             self._hear()
         at = self.held.find(end)
         return self._taken(at + len(end))[:at] if at >= 0 else None
 
     def all(self) -> bytes | None:
-        """Take all bytes that have come; None if there are none."""
+        """Take all received bytes; None if there are none."""
         self._hear()
         return self._taken(len(self.held)) if self.held else None
 
     def send(self, data: bytes) -> bool:
-        """Send data at once; a peer that does not take all of them loses the connection."""
+        """Send bytes without waiting; close the connection if the peer does not take them all."""
         if not self.open:
             return False
         try:
@@ -92,10 +92,10 @@ class Link:
 
 
 class Links:
-    """The connections of one program by name.
+    """TCP connections of one program, by name.
 
     Args:
-        source: address from which they are made; any where it is empty or unspecified.
+        source: local address from which they are made; any if it is empty or unspecified.
     """
 
     def __init__(self, source: str) -> None:
@@ -103,8 +103,7 @@ class Links:
         self._links: dict[str, Link] = {}
 
     def dial(self, address: str, port: int, name: str) -> Link | None:
-        """Begin a connection under a name; None if the address or port is wrong, or there are too
-        many.
+        """Begin to open a named connection; None if the address is invalid or there are too many.
 
         Names of hosts are not looked up, as that would hold up the control cycle.
         """
@@ -118,12 +117,12 @@ class Links:
         return None
 
     def of(self, name: str) -> Link | None:
-        """Find the connection of a name that is open or holds unread bytes; else None."""
+        """Named connection that is open or has unread bytes; None if there is none."""
         link = self._links.get(name)
         return link if link is not None and (link.open or link.held) else None
 
     def hang_up(self, name: str) -> None:
-        """Close the connection of a name."""
+        """Close the connection of this name."""
         link = self._links.pop(name, None)
         if link is not None:
             link.close()

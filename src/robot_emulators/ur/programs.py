@@ -23,19 +23,18 @@ _MOVES = {"MoveJ": "movej", "MoveL": "movel", "MoveP": "movep"}
 
 
 class ProgramFileError(Exception):
-    """A file that holds no program, or none that is understood here."""
+    """A program file that contains no program or an unsupported one."""
 
 
 class Loaded(NamedTuple):
-    """A program that can be played: its file's name, and URScript, which is empty where it is asked
-    for over the network."""
+    """A loaded program: file name and URScript text (empty if it is fetched from a computer)."""
 
     name: str
     text: str
 
 
 def load(folder: Path | None, name: str) -> Loaded | None:
-    """Load a program by its file's name, whose folders are ignored; None if the folder has none.
+    """Load a program of a folder by its file name; None if the folder has no such file.
 
     Raises:
         ProgramFileError: the file is no program that can be played; says why.
@@ -64,7 +63,7 @@ def _text(path: Path) -> str:
 
 
 def _converted(data: bytes, name: str) -> str:
-    """URScript of the program file ``name``; empty for an External Control node alone."""
+    """URScript of a .urp program file ``name``; empty if all it has is an External Control node."""
     try:
         if data[:2] == b"\x1f\x8b":
             data = zlib.decompressobj(16 + zlib.MAX_WBITS).decompress(data, _LARGEST)
@@ -77,14 +76,14 @@ def _converted(data: bytes, name: str) -> str:
 
 
 class _Converter:
-    """Converts nodes of a program to URScript."""
+    """Converts the node tree of a .urp program to URScript."""
 
     def __init__(self, root: ET.Element, name: str) -> None:
         self._root, self._name = root, name
         self._parents = {child: parent for parent in root.iter() for child in parent}
 
     def text(self) -> str:
-        """URScript of the whole program; empty where its only node asks a computer for it."""
+        """URScript of the whole program; empty if all it has is an External Control node."""
         nodes = _children(self._root)
         main = [child for node in nodes if node.tag == "MainProgram" for child in _children(node)]
         contributed = [node for node in self._root.iter() if node.tag == "Contributed"]
@@ -174,7 +173,7 @@ class _Converter:
         return "".join(words)
 
     def _variable(self, node: ET.Element) -> str:
-        """Name of a variable, if need be from the place to which the node refers."""
+        """Name of the variable in a node, or in the node to which it refers."""
         for step in node.get("reference", "").split("/"):
             if step == "..":
                 node = self._parents.get(node, node)
@@ -200,6 +199,6 @@ def _children(node: ET.Element) -> list[ET.Element]:
 
 
 def _word(name: str) -> str:
-    """Make a name that URScript accepts."""
+    """Turn a name into an identifier that URScript accepts."""
     kept = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name)
     return kept if kept and not kept[0].isdigit() else f"_{kept}"

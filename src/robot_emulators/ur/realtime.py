@@ -31,12 +31,12 @@ _ENDS = {
 
 
 def size(version: Version) -> int:
-    """Bytes of a message of this version of the software."""
+    """Length [byte] of the realtime interface's message in this software version."""
     return next(n for since, n in reversed(_ENDS.items()) if since <= version[:2])
 
 
 def state(values: Mapping[str, Values], timestamp: float, bytes_: int) -> bytes:
-    """Message of ``bytes_`` bytes, from RTDE's outputs, at the controller's time [s]."""
+    """Realtime message of ``bytes_`` bytes, from output values and the controller's time [s]."""
     numbers = [timestamp, *(float(x) for x in _numbers(values))][: (bytes_ - 4) // 8]
     return pack(f">i{len(numbers)}d", bytes_, *numbers)
 
@@ -47,7 +47,7 @@ def _numbers(values: Mapping[str, Values]) -> Iterator[float]:
 
 
 class Realtime:
-    """Server of port 30003."""
+    """Server of the realtime interface, port 30003."""
 
     def __init__(self, controller: Controller, clock: Timestamp) -> None:
         self._controller, self._clock = controller, clock
@@ -56,16 +56,16 @@ class Realtime:
 
     @property
     def wanted(self) -> frozenset[str]:
-        """Outputs that the next message shows."""
+        """Names of the output fields that the next realtime message contains."""
         return frozenset(name for name, _ in _FIELDS) if self._readers else frozenset()
 
     def answer(self, peer: Peer) -> ScriptClient:
-        """Make the conversation with a client, who may send programs too."""
+        """Make the conversation with a new client, who may also send programs."""
         self._readers.add(peer)
         return ScriptClient(self._controller)
 
     def cycle(self) -> None:
-        """Send the state; a client that still waits for an older one is passed over."""
+        """Send the robot's state to each client that has received the previous ones."""
         self._readers = {peer for peer in self._readers if not peer.closed}
         if self._readers:
             packed = state(self._controller.values, self._clock.now(), self._size)

@@ -36,24 +36,24 @@ class Inputs:
         self._owners: dict[str, Hashable] = {}
 
     def claim(self, owner: Hashable, names: Sequence[str]) -> list[str]:
-        """Reserve inputs; return their types, or why not: none is reserved unless all are free."""
+        """Reserve inputs for a client, all or none; return their types or what prevents it."""
         types = [self._type(owner, name) for name in names]
         if IN_USE not in types and NOT_FOUND not in types:
             self._owners.update(dict.fromkeys(names, owner))
         return types
 
     def release(self, owner: Hashable) -> None:
-        """Free what a client holds."""
+        """Free the inputs that a client has reserved."""
         self._owners = {name: held for name, held in self._owners.items() if held != owner}
 
     def write(self, values: dict[str, Values], now: float) -> None:
-        """Set the inputs to the values of one packet."""
+        """Set inputs to the values of one RTDE packet, received at time ``now`` [s]."""
         self.values.update(values)
         self.at.update(dict.fromkeys(values, now))
         self._written(values)
 
     def clear(self) -> None:
-        """Set all inputs to zero, as after switching on."""
+        """Set all inputs to zero, as after power-up."""
         self.values = {name: zero(kind) for name, kind in self.fields.items()}
         self.at.clear()
 
@@ -64,7 +64,7 @@ class Inputs:
 
 
 class Terminals:
-    """Holds the outputs of the control box.
+    """States of the control box's outputs.
 
     Attributes:
         bits: digital outputs: 8 standard, 8 configurable, 2 of the tool.
@@ -79,7 +79,7 @@ class Terminals:
         self.slider = 1.0
 
     def take(self, written: dict[str, Values]) -> None:
-        """Set the outputs that one packet wrote."""
+        """Set the outputs that the values of one RTDE packet name."""
         groups = (("standard", 0, 0xFF), ("configurable", _CONFIGURABLE, 0xFF), ("tool", _TOOL, 3))
         for name, first, most in groups:
             mask = written.get(f"{name}_digital_output_mask", (0,))[0] & most
@@ -102,11 +102,11 @@ class Offer:
     """Outputs and inputs that an RTDE session may use.
 
     Attributes:
-        version: of the controller's software.
-        rate: of its control cycle [Hz].
-        outputs: name → type of what it sends.
-        inputs: what it takes.
-        fault: values of a kind of lasting fault that is under way, else None.
+        version: software version of the controller.
+        rate: rate of its control cycle [Hz].
+        outputs: name → type of each output field.
+        inputs: input fields and their owners.
+        fault: kind of lasting fault → its values while active, else None.
     """
 
     version: tuple[int, int, int, int]
@@ -117,7 +117,7 @@ class Offer:
 
 
 class RtdeSession(Conversation):
-    """Session of one RTDE client: answers its packets.
+    """Session of one RTDE client: answers its packets and streams its recipe.
 
     Attributes:
         burst: data packets that a fault holds back.
@@ -152,7 +152,7 @@ class RtdeSession(Conversation):
         return True
 
     def due(self) -> bool:
-        """Count one control cycle; return whether this client gets a packet in it."""
+        """Count one control cycle; return whether this client gets a data packet in it."""
         if not self.started or self.output is None:
             return False
         self._phase += self._share
@@ -227,7 +227,7 @@ class RtdeSession(Conversation):
         self._answer(wire.PAUSE, bytes([1]))
 
     def _data(self, payload: bytes) -> None:
-        """Write input data: a short payload is dropped, of a long one the start is used."""
+        """Write a client's input data; a short payload is dropped, excess bytes are ignored."""
         recipe = self.inputs.get(payload[0]) if payload else None
         values = None if recipe is None else recipe.unpack(payload[1:])
         if values is not None:
@@ -235,7 +235,7 @@ class RtdeSession(Conversation):
 
 
 class Rtde:
-    """Server of RTDE: a session for each client of its port."""
+    """RTDE server: one session for each client of its port."""
 
     def __init__(self, offer: Offer) -> None:
         self._offer = offer
@@ -243,18 +243,18 @@ class Rtde:
         self._sessions: dict[Peer, RtdeSession] = {}
 
     def answer(self, peer: Peer) -> RtdeSession:
-        """Make the session of a new client."""
+        """Make the RTDE session of a new client."""
         self._sessions[peer] = session = RtdeSession(self._offer, peer.send)
         return session
 
     @property
     def wanted(self) -> set[str]:
-        """Names of the outputs that some client receives."""
+        """Names of the outputs that at least one client receives."""
         recipes = [session.output for session in self._sessions.values() if session.started]
         return {name for recipe in recipes if recipe is not None for name in recipe.names}
 
     def stream(self, values: Mapping[str, Values]) -> None:
-        """Send each client its packet, with values of all outputs by name, if it is due."""
+        """Send each client whose packet is due its data packet, from output values by name."""
         self._sessions = {p: s for p, s in self._sessions.items() if not p.closed}
         if self._offer.fault("freeze") is None:
             self._frozen = None
@@ -274,18 +274,18 @@ class Rtde:
                     session.burst += data
 
     def hang_up(self, reset: bool) -> None:
-        """Close connections of those clients that set up inputs."""
+        """Close the connections of clients with an input recipe; ``reset``: by a TCP reset."""
         for peer, session in self._sessions.items():
             if session.inputs:
                 peer.close(reset)
 
     def inject(self, data: bytes) -> None:
-        """Put bytes into the stream of every client that gets data."""
+        """Insert raw bytes into the data stream of every client."""
         for peer, session in self._sessions.items():
             if session.started:
                 peer.send(data)
 
     def say(self, message: str, level: int) -> None:
-        """Send a text message to every client."""
+        """Send an RTDE text message of this level to every client."""
         for peer, session in self._sessions.items():
             peer.send(wire.text(message, "twin", level, session.protocol))

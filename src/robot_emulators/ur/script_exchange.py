@@ -33,7 +33,7 @@ _SENT: dict[str, Callable[[Any], bytes]] = {
 
 
 def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int | None]:
-    """Name of a register's field, and its bit if several share the field, else None."""
+    """Name of the RTDE field of a register, and its bit if several registers share the field."""
     where = real(address, "an address")
     if where != int(where):
         raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
@@ -68,7 +68,7 @@ def _write(kind: str, program: ScriptProgram, address: Any, value: Any) -> None:
 
 
 def int32(value: Any) -> int:
-    """Whole number of 32 bits that a value is."""
+    """Convert a value to an integer of 32 bits; others raise a `ScriptFaultError`."""
     whole = int(real(value, "a value"))
     if not -(2**31) <= whole < 2**31:
         raise ScriptFaultError(f"{whole} is no 32 bit integer")
@@ -82,7 +82,7 @@ for _word, (_kind, _type) in _KINDS.items():
 
 
 def _bit(group: str, n: float) -> int:
-    """Index of an output's bit; standard outputs from 8 on are the tool's."""
+    """Bit of digital output ``n`` of a group; standard outputs from 8 on are the tool's."""
     if group == "standard" and n >= 8:
         group, n = "tool", n - 8
     first, count = _GROUPS[group]
@@ -111,19 +111,19 @@ for _group in _GROUPS:
     "get_tool_digital_in",
 )  # fmt: skip
 def digital_in(program: ScriptProgram, n: float) -> bool:
-    """False: nothing is wired to the inputs."""
+    """Return False, the state of a digital input to which nothing is wired."""
     return False
 
 
 @TABLE.add("get_standard_analog_in", "get_analog_in")
 def analog_in(program: ScriptProgram, n: float) -> float:
-    """Zero: nothing is wired to the inputs."""
+    """Return 0, the value of an analog input to which nothing is wired."""
     return 0.0
 
 
 @TABLE.add("set_standard_analog_out", "set_analog_out")
 def set_standard_analog_out(program: ScriptProgram, n: float, f: float) -> None:
-    """Set an analog output, as a fraction of its range."""
+    """Set analog output n to the fraction f of its range."""
     if n not in (0, 1):
         raise ScriptFaultError(f"there is no analog output {n:g}")
     program.controller.terminals.analog[int(n)] = min(max(f, 0.0), 1.0)
@@ -133,7 +133,7 @@ def set_standard_analog_out(program: ScriptProgram, n: float, f: float) -> None:
 def socket_open(
     program: ScriptProgram, address: str, port: float, socket_name: str = _NAME
 ) -> Steps:
-    """Open a connection: True once it is made, False after 2 s."""
+    """Open a TCP connection; return True once it is open, False if it is not after 2 s."""
     link = yield from dialled(program.controller, program.links, address, int(port), socket_name)
     if link is not None:
         return True
@@ -150,7 +150,7 @@ def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
 def _waited(
     program: ScriptProgram, name: str, timeout: float, read: Callable[[Link], bytes | None]
 ) -> Steps:
-    """Wait for the bytes of a read, None after the timeout [s]; a timeout of zero never ends.
+    """Wait until ``read`` returns received bytes; None after the timeout [s], if it is not 0.
 
     A read that finds the connection closed takes a control cycle, so that no program can spin.
     """
@@ -176,8 +176,8 @@ def _count(number: float) -> int:
 def socket_read_binary_integer(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read ``number`` 32 bit integers: a list of their count and themselves; of 0 and not-a-numbers
-    if they do not come in time."""
+    """Read ``number`` 32-bit integers; return their count and themselves, or 0 and NaNs if they do
+    not arrive before the timeout [s]."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(4 * count))
     if data is None:
@@ -189,8 +189,8 @@ def socket_read_binary_integer(
 def socket_read_byte_list(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read ``number`` bytes: a list of their count and themselves; of 0 and −1s if they do not come
-    in time."""
+    """Read ``number`` bytes; return their count and themselves, or 0 and −1s if they do not arrive
+    before the timeout [s]."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(count))
     return [0] + [-1] * count if data is None else [count, *data]
@@ -200,7 +200,7 @@ def socket_read_byte_list(
 def socket_read_line(
     program: ScriptProgram, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read a line without its end; empty if none comes in time."""
+    """Read a line; return it without its end, empty if none arrives before the timeout [s]."""
     data = yield from _waited(program, socket_name, timeout, lambda link: link.until(b"\n"))
     return "" if data is None else data.decode("latin-1").rstrip("\r")
 
@@ -209,7 +209,7 @@ def socket_read_line(
 def socket_get_var(
     program: ScriptProgram, name: str, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Ask ``GET name``; return the whole number of the answer ``name value``, 0 without one."""
+    """Send ``GET name``; return the integer of the reply ``name value``, 0 without one."""
     if not _send(program, socket_name, f"GET {name}\n".encode()):
         yield
         return 0

@@ -38,7 +38,7 @@ def _joints(program: ScriptProgram, goal: Any) -> np.ndarray:
 
 
 def _pose(program: ScriptProgram, goal: Any) -> np.ndarray | None:
-    """Pose (6,) of a goal (a pose or joint values); None where the arm cannot be there."""
+    """Pose (6,) of a goal, which is a pose or joint values; None if the arm cannot reach it."""
     arm = program.arm
     if not isinstance(goal, Pose):
         return arm.kinematics.pose(_joints(program, goal), arm.tcp)
@@ -105,7 +105,7 @@ def _check_fractions(a: float, v: float, r: float) -> None:
 def optimovej(
     program: ScriptProgram, q: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """Move as `movej`, with fractions of the top speed and acceleration."""
+    """Move as `movej`; a and v are fractions of the top acceleration and speed."""
     _check_fractions(a, v, r)
     yield from movej(program, q, a * _OPTIMO, v * _OPTIMO)
 
@@ -114,13 +114,13 @@ def optimovej(
 def optimovel(
     program: ScriptProgram, pose: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """Move as `movel`, with fractions of the top speed and acceleration."""
+    """Move as `movel`; a and v are fractions of the top acceleration and speed."""
     _check_fractions(a, v, r)
     yield from movel(program, pose, a * _OPTIMO_TOOL, v * _OPTIMO_TOOL)
 
 
 def _kept(program: ScriptProgram, new: M) -> M:
-    """The present motion if it is of the kind of ``new``, to be continued; else ``new``."""
+    """Return the active motion if it is of the class of ``new``, to continue it; else ``new``."""
     motion = program.arm.motion
     return motion if type(motion) is type(new) else new
 
@@ -130,7 +130,7 @@ def servoj(
     program: ScriptProgram, q: Six, a: float = 0, v: float = 0, t: float = 0.002,
     lookahead_time: float = 0.1, gain: float = 300,
 ) -> Steps:  # fmt: skip
-    """Follow joint values that are given again and again; the call takes ``t`` [s]."""
+    """Set joint targets (6,) to follow; programs call it repeatedly, each call takes ``t`` [s]."""
     servo = _kept(program, motions.Servo())
     servo.aim(q, lookahead_time, gain)
     yield from program.during(servo, program.cycles(t))
@@ -140,7 +140,7 @@ def servoj(
 def servoc(
     program: ScriptProgram, pose: Six, a: float = 1.2, v: float = 0.25, r: float = 0.0
 ) -> Steps:
-    """Follow poses that are given again and again, at a tool speed."""
+    """Set the pose (6,) that the TCP follows at speed v [m/s]; programs call it repeatedly."""
     arm = program.arm
     track = _kept(program, motions.ToolTrack(arm.kinematics, arm.tcp.copy()))
     track.track(pose, v, a)
@@ -149,8 +149,8 @@ def servoc(
 
 @TABLE.add()
 def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
-    """Move at joint speeds until something else moves the arm; takes ``t`` [s], 0: until
-    reached."""
+    """Move at joint speeds qd (6,) [rad/s] until another motion; return after ``t`` [s] or, if that
+    is 0, as soon as the speeds are reached."""
     motion = _kept(program, motions.JointSpeed())
     motion.aim(qd, a)
     yield from program.during(motion, _until(program, t, motion))
@@ -158,7 +158,7 @@ def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
 
 @TABLE.add()
 def speedl(program: ScriptProgram, xd: Six, a: float, t: float = 0.0, aRot: Any = "a") -> Steps:
-    """Move the TCP at a velocity until something else moves the arm."""
+    """Move the TCP at a velocity (6,) [m/s, rad/s] until another motion; return after t [s]."""
     arm = program.arm
     motion = _kept(program, motions.ToolSpeed(arm.kinematics, arm.tcp.copy()))
     motion.aim(xd, a)
@@ -190,7 +190,7 @@ def stopj(program: ScriptProgram, a: float = 2.0) -> Steps:
 
 @TABLE.add()
 def stopl(program: ScriptProgram, a: float = 3.0, aRot: Any = "a") -> Steps:
-    """Come to rest at a deceleration of the TCP [m/s²]."""
+    """Brake the TCP to rest at a deceleration [m/s²]."""
     arm = program.arm
     twist = arm.kinematics.jacobian(arm.q, arm.tcp) @ arm.qd
     speed = max(float(np.linalg.norm(twist[:3])), 0.1 * float(np.abs(arm.qd).max()))
@@ -202,8 +202,8 @@ def force_mode(
     program: ScriptProgram, task_frame: Six, selection_vector: Six, wrench: Six, type: float,
     limits: Six,
 ) -> None:  # fmt: skip
-    """Let the arm yield until it exerts a wrench (6,) [N, N·m]; types 1 and 3, which turn the task
-    frame, act as type 2."""
+    """Make the selected axes of the task frame compliant, to exert a wrench (6,) [N, N·m]; types 1
+    and 3, which turn the task frame, act as type 2."""
     program.arm.force = ForceMode(task_frame, selection_vector, wrench, limits)
 
 

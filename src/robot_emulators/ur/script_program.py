@@ -36,11 +36,11 @@ _AT_ONCE = "rtde_control"
 
 
 class ScriptProgram:
-    """Plays a program.
+    """A URScript program that runs in the controller.
 
     Attributes:
-        name: of the program.
-        secondary: whether it runs beside the program that plays.
+        name: name of the program.
+        secondary: whether it runs beside the main program.
         direct: whether its commands act in the same control cycle, else in the next.
         links: its TCP connections.
     """
@@ -57,7 +57,7 @@ class ScriptProgram:
         self._watchdogs: dict[str, tuple[float, float, str]] = {}
 
     def cycle(self, now: float) -> bool:
-        """Take one control cycle; False at its end."""
+        """Run the program for one control cycle; return False when it has ended."""
         self.history.appendleft(self.arm.plant.q)
         late = self._late(now)
         if late == PAUSE:
@@ -71,11 +71,12 @@ class ScriptProgram:
             return False
 
     def close(self) -> None:
-        """Close all connections that the program opened."""
+        """Close all TCP connections that the program opened."""
         self.links.close()
 
     def watch(self, name: str, frequency: float, action: str) -> None:
-        """Pause or stop the program where an input is written less often [Hz].
+        """Pause or stop the program when RTDE clients write an input less often than ``frequency``
+        [Hz].
 
         Raises:
             ScriptFaultError: there is no such input or action.
@@ -96,7 +97,7 @@ class ScriptProgram:
         return ""
 
     def during(self, motion: ArmMotion, steps: Iterator[None]) -> Iterator[None]:
-        """Move the arm while a thread waits for steps; a thread that is killed lets it brake.
+        """Start a motion and run ``steps`` of the calling thread; if it is killed, the arm brakes.
 
         Raises:
             ScriptFaultError: another thread moves the arm.
@@ -116,7 +117,7 @@ class ScriptProgram:
             self._mover = None
 
     def until_done(self, motion: ArmMotion) -> Iterator[None]:
-        """Wait for a motion's end, or until another takes its place."""
+        """Start a motion and wait until it ends or another one replaces it."""
 
         def lasting() -> Iterator[None]:
             while not motion.done and self.arm.moves_by(motion):
@@ -125,12 +126,12 @@ class ScriptProgram:
         yield from self.during(motion, lasting())
 
     def cycles(self, seconds: float) -> Iterator[None]:
-        """Wait for a time, a control cycle at least."""
+        """Wait for a time [s], but at least one control cycle."""
         for _ in range(max(1, round(seconds / self.controller.settings.cycle))):
             yield
 
     def refuse(self, error: Event, why: str) -> Iterator[None]:
-        """Stop protectively; the program cannot go on after it.
+        """Trigger a protective stop with a message; the program cannot continue after it.
 
         Raises:
             ScriptFaultError: someone lets it go on.
@@ -143,7 +144,7 @@ class ScriptProgram:
 def dialled(
     controller: "Controller", links: Links, host: str, port: int, name: str
 ) -> Generator[None, None, Link | None]:
-    """Wait for a connection; None where it is not open after `DIAL_S`."""
+    """Wait until a TCP connection is open and return it; None if it is not after `DIAL_S` [s]."""
     link, end = links.dial(host, port, name), controller.now + DIAL_S
     while link is not None and not (link.open or link.lost) and controller.now < end:
         yield
@@ -151,7 +152,7 @@ def dialled(
 
 
 class ExternalControl:
-    """A program that the controller fetches from a computer when it plays."""
+    """A program whose URScript the controller fetches from a computer when it is started."""
 
     direct = False
     name = "external_control"
@@ -163,7 +164,7 @@ class ExternalControl:
         self._program: ScriptProgram | None = None
 
     def cycle(self, now: float) -> bool:
-        """Take one control cycle; False at its end."""
+        """Fetch or run the program for one control cycle; return False when it has ended."""
         if self._program is None:
             next(self._steps, None)
             return True

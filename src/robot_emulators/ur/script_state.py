@@ -69,7 +69,7 @@ def power(_: Any, base: Any, exponent: Any) -> Any:
 
 @TABLE.add()
 def norm(_: Any, a: Any) -> float:
-    """Length of a list, or size of a number."""
+    """URScript's norm: Euclidean length of a list, or absolute value of a number."""
     if isinstance(a, list):
         return math.sqrt(sum(real(v) ** 2 for v in a))
     return abs(real(a))
@@ -77,7 +77,7 @@ def norm(_: Any, a: Any) -> float:
 
 @TABLE.add("get_list_length", "length")
 def length(_: Any, v: Any) -> int:
-    """Number of elements of a list, or of characters of a text."""
+    """URScript's length: number of elements of a list, or of characters of a text."""
     if isinstance(v, list | str):
         return len(v)
     raise ScriptFaultError(f"{kind(v)} has no length")
@@ -89,7 +89,7 @@ def struct(_: Any, **fields: Any) -> dict[str, Any]:
 
 
 def made(pose: np.ndarray) -> Pose:
-    """Value of URScript for a pose (6,)."""
+    """Convert a pose (6,) from an array to a URScript pose."""
     return Pose(pose.tolist())
 
 
@@ -100,7 +100,7 @@ def pose_trans(_: Any, p_from: Six, p_from_to: Six) -> Pose:
 
 @TABLE.add()
 def pose_sub(_: Any, p_to: Six, p_from: Six) -> Pose:
-    """Difference of two poses: of their positions, and the rotation between."""
+    """URScript's pose_sub: difference of positions, and rotation from p_from to p_to."""
     (last, b), (first, a) = kinematics.matrix(p_to), kinematics.matrix(p_from)
     return made(kinematics.vector(last @ first.T, b - a))
 
@@ -119,7 +119,7 @@ def str_cat(_: Any, op1: str, op2: str) -> str:
 
 
 def _speed(program: ScriptProgram, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """Velocity (6,) of the TCP [m/s, rad/s] at joint values and speeds (6,)."""
+    """TCP velocity (6,) [m/s, rad/s] in base axes at joint values and speeds (6,)."""
     arm = program.arm
     return np.asarray(arm.kinematics.jacobian(q, arm.tcp) @ qd)
 
@@ -179,7 +179,7 @@ def sync(program: ScriptProgram) -> Steps:
 
 @TABLE.add()
 def sleep(program: ScriptProgram, t: float) -> Steps:
-    """Wait for a time [s]."""
+    """Let the calling thread wait for a time [s]."""
     if t > 0.0:
         yield from program.cycles(t)
 
@@ -188,13 +188,13 @@ def sleep(program: ScriptProgram, t: float) -> Steps:
 def rtde_set_watchdog(
     program: ScriptProgram, variable_name: str, min_frequency: float, action: str = "pause"
 ) -> None:
-    """Pause or stop the program where an input is written less often [Hz]."""
+    """Pause or stop the program when clients write an input less often than min_frequency [Hz]."""
     program.watch(variable_name, min_frequency, action)
 
 
 @TABLE.add()
 def get_actual_joint_positions_history(program: ScriptProgram, steps: float = 0) -> list[float]:
-    """Joint values ``steps`` control cycles ago, as far back as is known."""
+    """Joint values (6,) of ``steps`` control cycles ago, or the oldest that are stored."""
     history = program.history
     return [float(v) for v in history[min(max(int(steps), 0), len(history) - 1)]]
 
@@ -205,14 +205,14 @@ def _tcp(program: ScriptProgram, tcp: Any) -> np.ndarray:
 
 @TABLE.add()
 def get_forward_kin(program: ScriptProgram, q: Six | None = None, tcp: Any = _ACTIVE) -> Pose:
-    """Pose of joint values; the present ones if none are given."""
+    """Pose of the TCP at joint values q (6,); None stands for the present ones."""
     return made(program.arm.kinematics.pose(_state(program, q)[0], _tcp(program, tcp)))
 
 
 def _state(
     program: ScriptProgram, q: Six | None, qd: Six | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values and speeds (6,), the present ones where none are given."""
+    """Joint values and joint speeds (6,); an argument of None is replaced by the present ones."""
     plant = program.arm.plant
     return plant.q if q is None else q, plant.qd if qd is None else qd
 
@@ -221,7 +221,7 @@ def _state(
 def get_jacobian(
     program: ScriptProgram, q: Six | None = None, tcp: Any = _ACTIVE
 ) -> list[list[float]]:
-    """Rows of the Jacobian of the TCP in base axes."""
+    """Rows of the Jacobian (6, 6) of the TCP in base axes at joint values q (6,)."""
     jacobian = program.arm.kinematics.jacobian(_state(program, q)[0], _tcp(program, tcp))
     rows: list[list[float]] = jacobian.tolist()
     return rows
@@ -241,7 +241,7 @@ def get_jacobian_time_derivative(
 def get_mass_matrix(
     program: ScriptProgram, q: Six | None = None, include_rotors_inertia: bool = False
 ) -> list[list[float]]:
-    """Rows of the mass matrix [kg·m²] by the plant's model, whose rotors weigh nothing."""
+    """Rows of the model's joint-space mass matrix (6, 6) [kg·m²]; its rotors weigh nothing."""
     torques, (joints, _), still = program.arm.plant.model_torques, _state(program, q), np.zeros(6)
     columns = [torques(joints, still, unit, still[:3]).tolist() for unit in np.eye(6)]
     return [list(row) for row in zip(*columns, strict=True)]
@@ -258,7 +258,7 @@ def get_coriolis_and_centrifugal_torques(
 def solve(
     program: ScriptProgram, pose: Six, near: Six | None = None, tcp: Any = _ACTIVE
 ) -> np.ndarray:
-    """Joint values (6,) for a pose, near others or the present ones.
+    """Joint values (6,) for a pose of the TCP, nearest to ``near`` or to the present ones.
 
     Raises:
         ScriptFaultError: there are none.
@@ -287,7 +287,7 @@ def get_inverse_kin_has_solution(
     program: ScriptProgram, pose: Six, qnear: Six | None = None, maxPositionError: Any = 1e-10,
     maxOrientationError: Any = 1e-10, tcp: Any = _ACTIVE,
 ) -> bool:  # fmt: skip
-    """Whether there are joint values for a pose."""
+    """Whether inverse kinematics has a solution for this pose of the TCP."""
     try:
         solve(program, pose, qnear, tcp)
     except ScriptFaultError:
@@ -297,7 +297,7 @@ def get_inverse_kin_has_solution(
 
 @TABLE.add()
 def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
-    """Whether a pose or joint values can be taken."""
+    """Whether the arm can be at this pose, or at these joint values, within its limits."""
     goal = vector(pose, "pose")
     if isinstance(pose, Pose):
         return bool(get_inverse_kin_has_solution(program, goal))
@@ -306,7 +306,7 @@ def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
 
 @TABLE.add()
 def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
-    """Number of control cycles since something began to push against a direction, or 0."""
+    """Control cycles since a contact began that pushes against a direction; 0 without contact."""
     way = direction
     if way is None or not way.any():
         way = _speed(program, program.arm.plant.q, program.arm.plant.qd)
@@ -317,19 +317,19 @@ def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
 
 @TABLE.add()
 def set_tcp(program: ScriptProgram, pose: Six, tcp_name: Any = "") -> None:
-    """Set the TCP, in flange axes."""
+    """Set the pose (6,) of the TCP in flange axes."""
     program.arm.tcp = pose
 
 
 @TABLE.add()
 def set_gravity(program: ScriptProgram, d: Three) -> None:
-    """Set the acceleration that holds the robot against its weight [m/s²]."""
+    """Set gravity's reaction (3,) [m/s²] in base axes, (0, 0, 9.82) for an upright robot."""
     program.controller.estimate.gravity = -d
 
 
 @TABLE.add()
 def set_payload(program: ScriptProgram, m: float, cog: Three | None = None) -> None:
-    """Set mass [kg] and centre of gravity [m]; without one the old centre stays."""
+    """Set the payload's mass m [kg] and centre of gravity [m]; without cog the old one stays."""
     estimate = program.controller.estimate
     estimate.carry(m, estimate.payload.cog if cog is None else cog)
 
@@ -339,7 +339,7 @@ def set_target_payload(
     program: ScriptProgram, m: float, cog: Three, inertia: Six | None = None,
     transition_time: float = 0.0,
 ) -> None:  # fmt: skip
-    """Set mass [kg], centre of gravity [m], inertia [kg·m²]; at once, whatever the transition."""
+    """Set the payload's mass [kg], cog [m] and inertia [kg·m²], at once: no transition time."""
     program.controller.estimate.carry(m, cog, inertia)
 
 
@@ -348,9 +348,9 @@ def ft_rtde_input_enable(
     program: ScriptProgram, enable: bool, sensor_mass: float = 0.0,
     sensor_measuring_offset: Three | None = None, sensor_cog: Three | None = None,
 ) -> None:  # fmt: skip
-    """Accept a client's sensor; the arm goes on with its own."""
+    """Accept that a client provides wrenches; the emulator still uses the arm's own sensor."""
 
 
 @TABLE.add("set_tool_voltage", "force_mode_set_damping")
 def without_effect(program: ScriptProgram, value: Any = 0) -> None:
-    """Accept a setting that changes nothing in the emulator."""
+    """Accept a URScript setting that changes nothing in the emulator."""

@@ -45,7 +45,7 @@ _INJECT_S = 2.0
 
 
 class UREmulator(Emulator):
-    """A Universal Robots arm, a UR5 if none is named, whose controller is served here."""
+    """Emulator of a Universal Robots controller with its arm, by default a UR5."""
 
     name = "ur5"
     title = "Universal Robots UR5 and its kin: RTDE, dashboard and script ports"
@@ -109,7 +109,7 @@ class UREmulator(Emulator):
             self._box.stop()
 
     def soon(self, task: Callable[[], None]) -> None:
-        """Run a task in the loop's thread; return when it was done.
+        """Run ``task`` in the loop's thread and wait until it is done.
 
         Raises:
             EmulatorError: the loop has broken down or did not get to it in time.
@@ -124,7 +124,7 @@ class UREmulator(Emulator):
         raise EmulatorError(f"the emulator's loop has stopped: {why}")
 
     def _register(self) -> None:
-        """Register the faults of ports and robot; those at once run in the loop's thread."""
+        """Register handlers, run in the loop's thread, for the faults of ports and robot."""
         rtde, controller, timestamp = self.rtde, self.controller, self.timestamp
         named = Argument(lambda v: str(v) in controller.fields, "an output's name")
         for kind in ("freeze", "drop", "burst", "refuse_start", "in_use", "not_found"):
@@ -162,7 +162,7 @@ class UREmulator(Emulator):
         return lambda fault: self.soon(lambda: handler(fault))
 
     def restart(self, seconds: float) -> None:
-        """Cut the power of the control box for a time [s]."""
+        """Cut the control box's power for ``seconds``, closing all ports, then boot."""
         until = time.monotonic() + seconds
         self.controller.reboot()
         self._outputs.restart()
@@ -177,11 +177,11 @@ class UREmulator(Emulator):
         self._wait()
 
     def _wait(self, pause: float = 0.0) -> None:
-        """Schedule the next cycle, after a pause [s] at least."""
+        """Schedule the next control cycle, at the earliest after a pause [s]."""
         self._thread.loop.call_at(max(self._clock.due, time.monotonic() + pause), self._turn)
 
     def _turn(self) -> None:
-        """Take a control cycle at its deadline."""
+        """Run one control cycle at its deadline and schedule the next one."""
         clock = self._clock
         lost = clock.lost
         behind = clock.advance()

@@ -69,7 +69,7 @@ class ControllerSettings(Settings):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Take the model's series where none is stated."""
+        """Derive the controller series from the arm's model where it is not given."""
         if not self.series:
             object.__setattr__(self, "series", "cb3" if self.model in _CB3 else "e")
         if self.series == "cb3" and self.model not in _CB3:
@@ -86,7 +86,7 @@ class ControllerSettings(Settings):
 
     @property
     def reported_model(self) -> str:
-        """Name of the arm on the dashboard; of UR7e, UR12e and UR8 Long an assumption."""
+        """Model name that the dashboard reports; for UR7e, UR12e and UR8 Long an assumption."""
         return _SAME_TYPE.get(self.model, self.model).removesuffix("e").upper()
 
     @property
@@ -98,18 +98,18 @@ class ControllerSettings(Settings):
 
     @property
     def computer(self) -> tuple[str, int]:
-        """Address and port that external_control.urp asks."""
+        """Host and port from which external_control.urp fetches its program."""
         host, _, port = self.external_control.rpartition(":")
         return host, int(port)
 
     @property
     def cycle(self) -> float:
-        """Control cycle [s]."""
+        """Duration of a control cycle [s]."""
         return _SERIES[self.series][1]
 
     @property
     def wrench_error(self) -> tuple[float, float]:
-        """Error of the wrench that the arm measures: force [N] and torque [N·m], three σ.
+        """Error of the wrench that the arm itself measures: force [N] and torque [N·m], three σ.
 
         A CB3 infers it from its motors' currents: as users of Universal Robots' forum report. An
         e-Series has a sensor in its flange: the precision in UR5e's data sheet.
@@ -118,5 +118,5 @@ class ControllerSettings(Settings):
 
     @property
     def e_series(self) -> bool:
-        """Whether the controller is an e-Series or a later one, else a CB3."""
+        """Whether the controller is an e-Series or newer; False for a CB3."""
         return self.series != "cb3"

@@ -26,7 +26,7 @@ MOST = 1e6
 
 
 def number(value: Value, what: str) -> float:
-    """Check that a value is a number that a quantity of a robot can have."""
+    """Convert a URScript number to float; `ScriptFaultError` if no robot quantity is so large."""
     plain = real(value, what)
     if abs(plain) > MOST:
         raise ScriptFaultError(f"{what} = {plain:g} is no quantity of a robot")
@@ -34,7 +34,7 @@ def number(value: Value, what: str) -> float:
 
 
 def vector(value: Value, what: str, count: int = 6) -> np.ndarray:
-    """Check that a value is a list (count,) of numbers that a quantity of a robot can have."""
+    """Convert a URScript list of ``count`` numbers to an array; else `ScriptFaultError`."""
     if not isinstance(value, list) or len(value) != count:
         raise ScriptFaultError(f"{what} must be a list of {count} numbers")
     numbers = np.array([real(v, f"each element of {what}") for v in value])
@@ -55,13 +55,13 @@ _KINDS: dict[object, str] = {
 
 @dataclass(frozen=True)
 class Builtin:
-    """One function that URScript programs may call.
+    """One controller function that URScript programs may call.
 
     Attributes:
         act: called with the program's context and the arguments.
-        signature: of the function, with the names and defaults that programs use.
+        signature: parameter names and defaults that programs use.
         kinds: parameter → kind of `CONVERTERS`, where it has one.
-        waits: it makes `Steps`.
+        waits: whether it is a generator that yields once per control cycle (`Steps`).
     """
 
     act: Act
@@ -71,19 +71,19 @@ class Builtin:
 
     @property
     def parameters(self) -> list[str]:
-        """Names of the arguments, in order."""
+        """Parameter names of the function, in order."""
         return list(self.signature.parameters)[1:]
 
 
 class Table(dict[str, Builtin]):
-    """Functions by name; `add` is a decorator.
+    """Functions that URScript programs may call, by name; `add` is a decorator.
 
     The first parameter of a function is the context. One that makes `Steps` is a generator
     function.
     """
 
     def add(self, *names: str) -> Callable[[Act], Act]:
-        """Put a function into the table, by its own name or others."""
+        """Return a decorator that adds a function to the table, by its own name or these names."""
 
         def put(act: Act) -> Act:
             signature = inspect.signature(act)

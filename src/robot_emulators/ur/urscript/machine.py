@@ -28,12 +28,12 @@ _HELPERS = {
 
 
 def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
-    """Compile a program.
+    """Compile the text of a URScript program, which may call the functions of ``table``.
 
     A text of one function runs that function; other statements run as they come.
 
     Raises:
-        ScriptFaultError: the text is no program, or calls what nobody knows.
+        ScriptFaultError: syntax error, or a call of an unknown function.
     """
     if len(text) > LONGEST:
         raise ScriptFaultError(f"a program of more than {LONGEST} characters")
@@ -48,7 +48,7 @@ def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
 
 
 class Machine:
-    """Runs one program with its threads, one slice a control cycle each.
+    """Runs one URScript program with its threads, one slice a control cycle each.
 
     Attributes:
         current: number of the thread that runs now.
@@ -64,7 +64,7 @@ class Machine:
         self._left = MOST_IN_A_CYCLE
 
     def cycle(self) -> bool:
-        """Run until every thread waits; False at the program's end.
+        """Run each thread until it waits; return False when the program has ended.
 
         Raises:
             ScriptFaultError: the program cannot go on.
@@ -98,7 +98,7 @@ class Machine:
             raise ScriptFaultError(_in_words(error), *_place(error)) from error
 
     def _spend(self) -> None:
-        """Count a loop or a call, whose number before a wait is limited."""
+        """Count a loop pass or call; too many of them before the next wait raise an error."""
         self._left -= 1
         if self._left < 0:
             raise ScriptFaultError("infinite loop: the thread takes no time, it lacks a sync()")
@@ -111,7 +111,7 @@ class Machine:
         return self._count
 
     def _kill(self, number: Any) -> None:
-        """End a thread, if there is one of this number."""
+        """End the program's thread of this number, if it exists."""
         if isinstance(number, int) and number != self.current and number in self._threads:
             self._threads.pop(number).close()
 
@@ -121,7 +121,7 @@ class Machine:
 
 
 def _place(error: BaseException) -> tuple[int, int]:
-    """Line and column of a program's text, from 1, at which an error came up; (0, 0): nowhere."""
+    """Line and column, from 1, of the program text where an error arose; (0, 0) if unknown."""
     place, trace = (0, 0), error.__traceback__
     while trace is not None:
         code = trace.tb_frame.f_code
@@ -133,7 +133,7 @@ def _place(error: BaseException) -> tuple[int, int]:
 
 
 def _in_words(error: Exception) -> str:
-    """Text of a program's error, as a controller words it."""
+    """Text of a program's error, in the words of a controller."""
     if isinstance(error, NameError):  # the name as it stands in Python is quoted
         return values.NO_NAME.format(str(error).split("'")[1][2:])
     text = str(error)

@@ -34,7 +34,7 @@ _END = re.compile(r"end\b(?!\s*[=(])")
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """One token with its place, from 1."""
+    """One token of a URScript text, with its line and column from 1."""
 
     kind: str
     text: str
@@ -43,7 +43,7 @@ class Token:
 
 
 def tokens(text: str) -> list[Token]:
-    """All tokens of a program, with one that marks the end.
+    """Split a program's text into tokens; the last one marks the end.
 
     Raises:
         ScriptFaultError: a character that begins none.
@@ -71,12 +71,12 @@ def tokens(text: str) -> list[Token]:
 
 
 def is_secondary(text: str) -> bool:
-    """Whether a program runs beside the one that plays and changes nothing of it."""
+    """Whether a text is a secondary program (``sec``), which runs beside the main program."""
     return text.lstrip().startswith("sec ")
 
 
 class Collector:
-    """Assembles programs from the bytes of one connection."""
+    """Assembles program texts from the bytes that arrive at one connection."""
 
     def __init__(self) -> None:
         self._line = b""
@@ -86,11 +86,11 @@ class Collector:
 
     @property
     def held(self) -> int:
-        """Bytes of a program that is not complete."""
+        """Number of bytes of a program that is still incomplete."""
         return self._size + len(self._line)
 
     def feed(self, data: bytes) -> list[str] | None:
-        """Programs that are complete now; None where one exceeds the limit of size."""
+        """Add received bytes; return programs now complete, None if one exceeds the size limit."""
         *lines, self._line = (self._line + data).split(b"\n")
         taken = [self._take(raw.decode("latin-1")) for raw in lines]
         programs = [text for text in taken if text is not None]

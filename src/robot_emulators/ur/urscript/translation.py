@@ -48,7 +48,7 @@ _FRESH = (ast.Constant, ast.List, ast.Compare, ast.BoolOp, ast.UnaryOp)
 
 @dataclass
 class _Scope:
-    """Variables of a function: parameters, plain ones, and those declared local or shared."""
+    """Variables of one URScript function: parameters, assigned ones, declared local or shared."""
 
     around: "_Scope | None"
     parameters: set[str] = field(default_factory=set)
@@ -58,19 +58,19 @@ class _Scope:
 
     @property
     def bound(self) -> set[str]:
-        """Variables that are this function's own, as far as is known."""
+        """Names of the variables that belong to this function itself, as far as is known."""
         return self.parameters | self.plain | self.local
 
 
 @dataclass(frozen=True, eq=False)
 class Code:
-    """A compiled program.
+    """A compiled URScript program.
 
     Attributes:
-        name: of the program.
-        secondary: it runs beside the program that plays.
-        code: of a module with the generator function ``program``.
-        builtins: functions of the controller by the names under which it calls them.
+        name: name of the program.
+        secondary: whether it runs beside the main program.
+        code: code of a module with the generator function ``program``.
+        builtins: controller functions by the names under which the code calls them.
     """
 
     name: str
@@ -80,10 +80,10 @@ class Code:
 
 
 def translated(text: str, table: Mapping[str, Builtin]) -> Code:
-    """Translate a program's text to Python; it may call the functions of a table.
+    """Translate a URScript text to Python code, which may call the functions of ``table``.
 
     Raises:
-        ScriptFaultError: it is no program, or calls what nobody knows; says where.
+        ScriptFaultError: syntax error, or a call of an unknown function; says where.
     """
     return _Translator(lexer.tokens(text), table).program()
 
@@ -100,7 +100,7 @@ class _Translator:
         self._functions: list[tuple[_Scope, ast.FunctionDef]] = []
 
     def program(self) -> Code:
-        """Translate the whole text; one function alone is run as the program."""
+        """Translate the whole text; if it is one function, that function is the program."""
         start = self._tokens[0]
         name, secondary = "unnamed", False
         if self._is_whole():
@@ -128,7 +128,7 @@ class _Translator:
         return Code(name, secondary, compile(module, FILE, "exec"), acts)
 
     def _is_whole(self) -> bool:
-        """Whether the text is one function without parameters, from its first token to its end."""
+        """Whether the whole text is a single function without parameters."""
         self._skip_lines()
         kinds = [token.kind for token in self._tokens[self._at :]]
         marks = [token.text for token in self._tokens[self._at + 2 : self._at + 4]]
@@ -142,7 +142,7 @@ class _Translator:
         return True
 
     def _resolve(self, scope: _Scope, function: ast.FunctionDef, shared: set[str]) -> None:
-        """Declare whose a function's assigned variables are: its own, or of functions around it."""
+        """Declare each variable that a function assigns as Python's global, nonlocal or local."""
         enclosing, around = set[str](), scope.around
         while around is not None and around is not self._top:
             enclosing |= around.bound - around.shared
@@ -381,7 +381,7 @@ class _Translator:
         return items
 
     def _arguments(self) -> tuple[list[ast.expr], dict[str, ast.expr]]:
-        """Parse the arguments of a call: by place, and by name."""
+        """Parse the arguments of a call; return positional ones and keyword → value."""
         places: list[ast.expr] = []
         names: dict[str, ast.expr] = {}
         while not self._seen(")"):
@@ -432,7 +432,7 @@ class _Translator:
 def _generator(
     place: Token, name: str, parameters: list[str], body: list[ast.stmt]
 ) -> ast.FunctionDef:
-    """Make a generator function, which copies its arguments."""
+    """Make the AST of a generator function with this body, which first copies its arguments."""
     first: list[ast.stmt] = [
         ast.If(ast.Constant(False), [ast.Expr(ast.Yield(None))], []),
         ast.Expr(_call(place, "spend")),
@@ -454,7 +454,7 @@ def _declare(function: ast.FunctionDef, shared: set[str], enclosing: set[str]) -
 
 
 def _located(place: Token, node: T) -> T:
-    """The node at the place of a token, unless it has one."""
+    """Return an AST node, with the line and column of a token if it has none."""
     if not hasattr(node, "lineno"):
         column = place.column - 1
         more = {"lineno": place.line, "end_lineno": place.line, "col_offset": column}
@@ -477,7 +477,7 @@ def _truth(test: ast.expr) -> ast.expr:
 
 
 def _own_value(value: ast.expr) -> ast.expr:
-    """Expression that copies a list or struct, so that the value has one owner."""
+    """AST of an expression that copies a list or struct, so that no two variables share it."""
     return value if isinstance(value, _FRESH) else ast.Call(_name("copied"), [value], [])
 
 

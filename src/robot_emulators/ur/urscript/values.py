@@ -18,7 +18,7 @@ LONGEST_TEXT, LONGEST_LIST = 1 << 15, 1 << 12
 
 
 class ScriptFaultError(Exception):
-    """A program cannot go on.
+    """A URScript program failed and cannot continue.
 
     Attributes:
         text: what is wrong.
@@ -30,27 +30,27 @@ class ScriptFaultError(Exception):
         self.text, self.line, self.column = text, line, column
 
     def at(self, line: int, column: int) -> "ScriptFaultError":
-        """The error with a line and column of the program, unless it has them already."""
+        """Return this error with a line and column of the program, unless it has them."""
         return self if self.line else ScriptFaultError(self.text, line, column)
 
 
 class ProgramEndsError(Exception):
-    """The program ends here as its author wants (``halt``)."""
+    """Raised where a program ends itself by ``halt``."""
 
 
 class Pose(list[Any]):
-    """``p[x, y, z, rx, ry, rz]`` [m, rad]."""
+    """URScript's pose ``p[x, y, z, rx, ry, rz]``: position [m] and rotation vector [rad]."""
 
 
 def copied(value: Value) -> Value:
-    """Copy lists and structs, which are values: each variable has its own."""
+    """Return a URScript value; a list or struct is deeply copied, as each variable has its own."""
     if isinstance(value, list):
         return type(value)(copied(v) if isinstance(v, list | dict) else v for v in value)
     return {k: copied(v) for k, v in value.items()} if isinstance(value, dict) else value
 
 
 def shown(value: Value) -> str:
-    """Text of a value, as textmsg and str_cat write it."""
+    """Text of a URScript value, as textmsg and str_cat write it."""
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list):
@@ -62,14 +62,14 @@ def shown(value: Value) -> str:
 
 
 def truth(value: Value) -> bool:
-    """Whether a condition's value is true; raises `ScriptFaultError` for a value that is none."""
+    """Boolean of a condition's value; raises `ScriptFaultError` for a value of another type."""
     if isinstance(value, bool | int | float):
         return bool(value)
     raise ScriptFaultError(f"a condition must be true or false, not {kind(value)}")
 
 
 def kind(value: Value) -> str:
-    """Type of a value in words, such as ``a list``."""
+    """Type of a URScript value in words, such as ``a list``."""
     for of, word in ((bool, "a truth value"), (int | float, "a number"), (str, "a text"),
                      (Pose, "a pose"), (list, "a list"), (dict, "a struct")):  # fmt: skip
         if isinstance(value, of):
@@ -78,7 +78,7 @@ def kind(value: Value) -> str:
 
 
 def real(value: Value, what: str = "an argument") -> float:
-    """Check that a value is a finite number."""
+    """Convert a URScript value to a finite float; `ScriptFaultError` if it is none."""
     if isinstance(value, int | float) and math.isfinite(value):
         return float(value)
     raise ScriptFaultError(f"{what} must be a number, not {kind(value)}")
@@ -154,7 +154,7 @@ def _at(holder: list[Value], index: Value) -> int:
 
 
 def get(holder: Value, key: Value) -> Value:
-    """An element of a list by its index, or of a struct by its name."""
+    """Return an element of a URScript list by its index, or of a struct by its name."""
     if isinstance(holder, list):
         return holder[_at(holder, key)]
     if isinstance(holder, dict) and key in holder:
@@ -163,7 +163,7 @@ def get(holder: Value, key: Value) -> Value:
 
 
 def put(value: Value, holder: Value, key: Value) -> None:
-    """Change an element of a list or struct."""
+    """Set an element of a URScript list by its index, or of a struct by its name."""
     if isinstance(holder, list):
         holder[_at(holder, key)] = value
     elif isinstance(holder, dict) and key in holder:
