@@ -32,8 +32,8 @@ _FEW = 4
 
 @dataclass(frozen=True)
 class Health:
-    """Health of a driver's or transducer's device: its state, one sentence for people, empty when
-    all is well, and counters of readings, losses and restarts by name."""
+    """Health of a device: its state, a sentence on what is wrong (empty if all is well), and
+    counters of readings, losses and restarts by name."""
 
     state: State
     detail: str = ""
@@ -46,7 +46,7 @@ class Health:
 
 
 def by_age(age: float, what: str, counters: Mapping[str, float]) -> Health:
-    """Health of a link from the age [s] of its newest reading; ``what`` names the link."""
+    """Health of a link, stale or lost by the age [s] of its newest reading; ``what`` names it."""
     if age < STALE_S:
         return Health("ok", "", counters)
     state: State = "stale" if age < GONE_S else "lost"
@@ -54,7 +54,7 @@ def by_age(age: float, what: str, counters: Mapping[str, float]) -> Health:
 
 
 def wait_until(done: Callable[[], bool], seconds: float, pause: float = 0.005) -> bool:
-    """Wait until a condition holds, looking every ``pause`` [s]; False at the deadline [s]."""
+    """Poll ``done`` every ``pause`` [s]; return True once it holds, False after ``seconds``."""
     end = time.monotonic() + seconds
     while not done():
         if time.monotonic() > end:
@@ -64,7 +64,7 @@ def wait_until(done: Callable[[], bool], seconds: float, pause: float = 0.005) -
 
 
 def only_here(host: str) -> bool:
-    """Whether an address is this machine's own, where only emulators serve."""
+    """Whether ``host`` is a loopback address of this machine, where only emulators serve."""
     try:
         return ip_address(gethostbyname(host)).is_loopback
     except (OSError, UnicodeError, ValueError):
@@ -72,8 +72,8 @@ def only_here(host: str) -> bool:
 
 
 def connected(host: str, port: int, timeout: float) -> socket:
-    """A TCP connection to a host within a time [s]; an `OSError` if there is none, also where
-    ``host`` can be no name of a host."""
+    """Open a TCP connection to a host within ``timeout`` [s] and return it; an `OSError` if that
+    fails, also where ``host`` is no valid name of a host."""
     try:
         return create_connection((host, port), timeout)
     except UnicodeError as error:
@@ -81,7 +81,8 @@ def connected(host: str, port: int, timeout: float) -> socket:
 
 
 class ClockFit:
-    """Fits a device's clock to this machine's: a line through the least late of many readings.
+    """Fits a line from a device's clock to this machine's clock, through the least delayed
+    readings.
 
     Delays make readings late and never early, so only the least late one of each stretch counts. A
     stretch [s] is so long that one of its readings is in time.
@@ -93,7 +94,7 @@ class ClockFit:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all readings: the device's clock was set or restarted."""
+        """Forget all readings, because the device's clock was set or restarted."""
         self._marks.clear()
         self._best: tuple[float, float] | None = None
         self._ends = -math.inf
@@ -101,7 +102,7 @@ class ClockFit:
         self._offset = math.inf
 
     def add(self, device: float, host: float) -> None:
-        """Add a reading: its time on the device's clock and its arrival, both [s]."""
+        """Add one reading: its time on the device's clock and its arrival on this machine's [s]."""
         late = host - device
         if self._best is None or late < self._best[1]:
             self._best = (device, late)
@@ -117,19 +118,19 @@ class ClockFit:
                 self._slope, self._offset = float(line[0]), float(line[1])
 
     def host(self, device: float) -> float:
-        """Convert a time on the device's clock [s] to this machine's [s]: when a reading made then
-        arrives if nothing delays it."""
+        """Convert a time on the device's clock [s] to this machine's clock [s]: when a reading of
+        that time would arrive without delay."""
         return device + self._offset + self._slope * (device - self._from)
 
     @property
     def ppm(self) -> float | None:
-        """Rate of the device's clock above this machine's [1e-6]; None before `LEAST_S` of data."""
+        """Drift of the device's clock against this machine's [1e-6]; None before `LEAST_S` [s]."""
         long = len(self._marks) >= _FEW and self._marks[-1][0] - self._marks[0][0] >= LEAST_S
         return -1e6 * self._slope if long else None
 
 
 class Device:
-    """Hardware that is connected, used and closed: base of drivers and transducers."""
+    """Base class of drivers and transducers: hardware that is connected, used and closed."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -152,13 +153,13 @@ class Device:
             self._connected = True
 
     def close(self) -> None:
-        """Release the device; may be called twice."""
+        """Release the device and its connections; may be called twice."""
         if self._connected:
             self._connected = False
             self._close()
 
     def health(self) -> Health:
-        """State of the device, and what is wrong if anything."""
+        """Return the present health of the device, with a sentence on what is wrong."""
         return self._health() if self._connected else Health("closed", "call connect() first")
 
     def _connect(self) -> None:

@@ -28,11 +28,11 @@ class ArmSample:
     """Newest state of a robot's arm.
 
     Attributes:
-        t: `time.monotonic` of this machine when it arrived [s]; a simulated robot's own time.
-        device_time: on the robot's own clock [s], None where it has none.
+        t: arrival on this machine's `time.monotonic` [s]; a simulated robot's own time.
+        device_time: time on the robot's own clock [s], None where it has none.
         age: time between arrival and the call that returned this [s].
-        q, qd, target_q: joint values (J,) [rad or m], their speeds, and where the robot's own
-            controller wants them.
+        q, qd, target_q: joint values (J,) [rad or m], their speeds, and the targets of the robot's
+            own controller.
         mode: ``off``, ``idle``, ``running``, ``fault`` or what the device calls it.
         safety: ``normal``, ``protective stop``, ``emergency stop`` …
         program: ``playing``, ``paused``, ``stopped``; empty where the robot runs none.
@@ -60,33 +60,33 @@ class Applied:
 
     @property
     def ok(self) -> bool:
-        """Whether a target was sent."""
+        """Whether the target was sent to the robot."""
         return self.sent is not None
 
 
 def block_of(rows: Sequence[Mapping[str, float]]) -> Block:
-    """Turn rows (a mapping each) into columns by name."""
+    """Convert rows, each column name → value, to a block: column name → array (N,)."""
     dtypes = {"status": np.uint32, "saturated": np.uint32, "lost": np.int64}
     return {k: np.array([r[k] for r in rows], dtype=dtypes.get(k, float)) for k in rows[0]}
 
 
 @dataclass(frozen=True)
 class Reached:
-    """The result of a move: joint values (J,) and duration [s]."""
+    """Result of a finished move: joint values (J,) [rad or m] and duration [s]."""
 
     q: np.ndarray
     duration: float
 
 
 class Move(ABC):
-    """A move of a robot towards ``goal`` (J,): polled, awaited with a deadline, or cancelled."""
+    """A running move of a robot towards ``goal`` (J,): poll it, wait for it, or cancel it."""
 
     def __init__(self, goal: np.ndarray) -> None:
         self.goal = goal
         self._end: Reached | DriverError | None = None
 
     def poll(self) -> Reached | None:
-        """Return what the move reached, or None while it is under way; never blocks.
+        """Return the move's result, or None while it is still running; never blocks.
 
         Raises:
             DriverError: the move failed or was cancelled; the robot was stopped.
@@ -102,7 +102,8 @@ class Move(ABC):
         return self._end
 
     def wait(self, timeout: float | None = None) -> Reached:
-        """Block until the move ends, at most a timeout [s], or if None the move's own deadline.
+        """Wait until the move ends and return its result; at most ``timeout`` [s], by default its
+        own.
 
         Raises:
             LateError: it did not arrive in time; the robot was stopped.
@@ -120,17 +121,17 @@ class Move(ABC):
         return end
 
     def cancel(self) -> None:
-        """Stop the move and come to rest; harmless when it has ended."""
+        """Stop the move and bring the robot to rest; does nothing if it has ended."""
         if self._end is None:
             self._end = DriverError("the move was cancelled")
             self._halt()
 
     @abstractmethod
     def _advance(self) -> Reached | None:
-        """Return what the move reached, None while it lasts; raise DriverError if it failed."""
+        """Return the move's result, None while it is running; raise `DriverError` if it failed."""
 
     def _pause(self, timeout: float | None) -> None:
-        """Wait a little; raise `LateError` after a timeout [s] since the first such pause."""
+        """Sleep between polls; raise `LateError` when these have lasted ``timeout`` [s]."""
         return None
 
     def _failed(self, error: BaseException) -> None:
@@ -143,7 +144,7 @@ class Move(ABC):
 
 
 class Driver(Device, ABC):
-    """A robot with its sensor, simulated or real.
+    """Base class of drivers: a robot with its force/torque sensor, simulated or real.
 
     ``connect`` opens the link and moves nothing, ``activate`` makes it ready to move,
     ``deactivate`` ends that, ``close`` releases the link. As a context manager it is connected and
@@ -174,30 +175,30 @@ class Driver(Device, ABC):
             self._active = True
 
     def deactivate(self) -> None:
-        """Bring the robot to rest; commands are refused until `activate`."""
+        """Bring the robot to rest; commands are refused until the next `activate`."""
         if self._active:
             self._active = False
             self._deactivate()
 
     def close(self) -> None:
-        """Leave the device at rest and release it; may be called twice."""
+        """Bring the robot to rest and release it; may be called twice."""
         try:
             self.deactivate()
         finally:
             super().close()
 
     def read(self) -> ArmSample:
-        """The robot's newest state; never blocks."""
+        """Return the robot's newest state without blocking."""
         self._check_connected()
         return self._read()
 
     def read_wrench(self) -> WrenchSample:
-        """The sensor's newest reading; never blocks."""
+        """Return the force/torque sensor's newest reading without blocking."""
         self._check_connected()
         return self._read_wrench()
 
     def write(self, q: np.ndarray) -> Applied:
-        """Stream one target (J,); return what was sent, or why it was refused."""
+        """Send one target of a stream (J,); return what was sent, or why it was refused."""
         self._check_connected()
         if not self._active:
             return Applied(None, f"driver {self.name!r} is not active: call activate() first")
@@ -213,7 +214,7 @@ class Driver(Device, ABC):
         return self._move(start, goal, duration(self.robot, start, goal, self.limits.speed))
 
     def stop(self, kind: str = "soft") -> None:
-        """Come to rest: ``soft`` by braking, ``hard`` by the device's fastest stop."""
+        """Bring the robot to rest: ``soft`` by braking, ``hard`` by the device's fastest stop."""
         self._check_connected()
         self._stop(kind)
 
@@ -231,7 +232,7 @@ class Driver(Device, ABC):
         self.activate()
 
     def position(self) -> np.ndarray:
-        """Present joint values (J,) [rad or m]."""
+        """Return the present joint values (J,) [rad or m]."""
         self._check_connected()
         return self._position()
 
@@ -243,7 +244,7 @@ class Driver(Device, ABC):
         return self._touch(np.asarray(point, dtype=float))
 
     def settle(self) -> float:
-        """Wait until joints and wrench are steady; return the time that it took [s].
+        """Wait until the joints are at rest and the wrench is steady; return the time taken [s].
 
         Raises:
             LateError: they are not steady by the deadline.
@@ -252,7 +253,7 @@ class Driver(Device, ABC):
         return self._settle()
 
     def sample(self, n: int, rate: float) -> Block:
-        """Record n rows at rest, in columns ``t``, ``q1``…, ``fx``…``tz``, ``status``."""
+        """Record n rows at rest at ``rate`` [Hz]: columns ``t``, ``q1``…, ``fx``…, ``status``."""
         self._check_connected()
         return self._sample(n, rate)
 
@@ -264,16 +265,16 @@ class Driver(Device, ABC):
         yield from self._track(targets, rate)
 
     def full_scale(self) -> np.ndarray:
-        """Range of the sensor (6,) [N, N·m]; of several known ranges the smallest."""
+        """Measuring range of the sensor (6,) [N, N·m]; of several calibrations the smallest."""
         known = registry.load("sensors", self.robot.sensor)
         return np.asarray(known.calibration().range)
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
-        """Tell the device of the plan (N, J) that is about to run; most devices ignore it."""
+        """Announce the plan (N, J) that is about to run to the device; most devices ignore it."""
 
     @abstractmethod
     def metadata(self, mode: str, rate: float) -> Metadata:
-        """Metadata of a recording made with this driver."""
+        """Metadata of a recording by this driver in a mode (rest or motion) at ``rate`` [Hz]."""
 
     def _activate(self) -> None:
         """Switch the robot on; by default do nothing."""
@@ -339,7 +340,7 @@ def as_designed(
     sensor: str,
     noise_std: np.ndarray,
 ) -> Metadata:
-    """Metadata of the nominal robot; ``noise_std`` (6,) is of one row at rest [N, N·m]."""
+    """Recording metadata of the nominal robot; ``noise_std`` (6,): of a row at rest [N, N·m]."""
     nominal = robot.parameters.nominal
     tool, values = robot.tool(nominal), robot.values(nominal)
     on_flange = "mount.position.x" in robot.parameters.names

@@ -71,7 +71,8 @@ _WAIT_POLL_S = 0.005
 
 
 def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
-    """Stop the robot after an error, hard if unseen or beyond a limit; note a failed stop in it."""
+    """Stop the robot after an error, hard if it is out of sight or beyond a limit; a failed stop is
+    noted in the error."""
     try:
         stop("hard" if isinstance(error, LimitError | LinkError) else "soft")
     except DriverError as failed:
@@ -79,8 +80,8 @@ def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
 
 
 def check_ready(health: Health) -> None:
-    """Raise the error of a device whose health is not ok: `StoppedError` if the robot stopped or is
-    in fault, `LinkError` if it is silent or gone."""
+    """Raise the error of a device that is not ok: `StoppedError` if the robot stopped or is in
+    fault, `LinkError` if it is silent or gone."""
     if health.state in ("stopped", "fault"):
         raise StoppedError(health.detail)
     if not health.ok:
@@ -88,7 +89,7 @@ def check_ready(health: Health) -> None:
 
 
 class WatchedMove(Move):
-    """A move during which link, robot, wrench and deadline are monitored."""
+    """A running move that stops the robot on a problem of link, robot, wrench or deadline."""
 
     def __init__(self, driver: "LiveDriver", goal: np.ndarray, seconds: float) -> None:
         super().__init__(goal)
@@ -131,7 +132,7 @@ class WatchedMove(Move):
 
 
 def pace(due: float, period: float) -> float:
-    """Sleep until ``due`` [s]; return the next due time, a period after now if that was missed."""
+    """Sleep until ``due`` [s]; return the next deadline, a ``period`` [s] after it or after now."""
     now = time.monotonic()
     if now < due:
         time.sleep(due - now)
@@ -151,7 +152,7 @@ def settled(wrench: np.ndarray) -> bool:
 
 
 class LiveDriver(Driver):
-    """A robot that moves in this machine's time, with a transducer.
+    """Base class of drivers of real-time robots with a separate transducer.
 
     A device fills in ``_open``, ``_shut``, ``_read``, ``_begin``, ``_stream``, ``_stop``,
     ``_arm_health`` and, where it has them, ``_activate``, ``_deactivate``, ``_recover``.
@@ -188,11 +189,11 @@ class LiveDriver(Driver):
 
     @abstractmethod
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
-        """Start a move to rest at goal (J,) in some time [s]; returns at once."""
+        """Start a move that comes to rest at ``goal`` (J,) after ``seconds``; return at once."""
 
     @abstractmethod
     def _stream(self, q: np.ndarray, at: float) -> Applied:
-        """Send one target (J,) of a stream, within limits, for a time (`time.monotonic`, [s])."""
+        """Send a target (J,) within limits, to be reached at a `time.monotonic` time [s]."""
 
     @abstractmethod
     def _arm_health(self) -> Health: ...
@@ -210,7 +211,7 @@ class LiveDriver(Driver):
 
     @property
     def address(self) -> str:
-        """Address of the robot for messages; empty if only an emulator can be connected."""
+        """Address of the robot for error messages; empty if only emulators can be connected."""
         return self.name
 
     @property
@@ -250,7 +251,7 @@ class LiveDriver(Driver):
         return self._aim(q, time.monotonic())
 
     def _aim(self, q: np.ndarray, at: float, stops: int | None = None) -> Applied:
-        """Stream a target (J,) for a time (`time.monotonic`, [s]), unless a stop was requested."""
+        """Check a target (J,) for a `time.monotonic` time [s] and send it unless a stop came."""
         health, guarded = self._health(), self.limits.force or self.limits.torque
         late_sensor = health.state == "stale" and self._arm_health().ok
         if not health.ok and (guarded or not late_sensor):
@@ -280,7 +281,7 @@ class LiveDriver(Driver):
         return WatchedMove(self, goal, seconds / self.pace)
 
     def guard(self) -> None:
-        """Stop the robot, and raise, if the sensor reads more than the limits allow."""
+        """Stop the robot hard and raise `DriverError` if the wrench exceeds the limits."""
         try:
             self.limits.check_wrench(self._read_wrench().wrench)
         except DriverError:
@@ -318,7 +319,7 @@ class LiveDriver(Driver):
         return block_of(rows)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Stream the targets and come to rest, however that ends."""
+        """Stream the targets (N, J), yield the measured rows and stop at the end or on an error."""
         try:
             yield from self._streamed(targets, rate)
         except BaseException as error:
@@ -327,7 +328,7 @@ class LiveDriver(Driver):
         self.stop()
 
     def _streamed(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Stream the targets; rows lie at equal steps of the robot's own clock."""
+        """Stream the targets (N, J); yield rows at equal steps of the robot's own clock."""
         done, total = 0, len(targets)
         rows: list[dict[str, float]] = []
         waiting: deque[EvenRow] = deque()
@@ -355,7 +356,7 @@ class LiveDriver(Driver):
         raise LinkError(f"{self.name}: {total - done} rows of the motion never came")
 
     def _collect(self, even: Resampler, due: float, period: float) -> float:
-        """Feed all states that arrive until ``due`` [s] into ``even``; return the next due time."""
+        """Feed states that arrive by the next deadline to ``even``; return that deadline [s]."""
         until = due + period
         if time.monotonic() - until > max(period, self.lead):
             until = time.monotonic()  # stay late: a robot must not catch up by a jump
@@ -369,15 +370,14 @@ class LiveDriver(Driver):
             time.sleep(min(remaining, _POLL_S))
 
     def _states(self, after: float) -> Sequence[ArmSample]:
-        """States that arrived after a time [s], the oldest first: the newest one, unless a driver
-        keeps those before it."""
+        """States that arrived after a time [s], oldest first; by default the newest one alone."""
         arm = self._read()
         return [arm] if arm.t > after else []
 
     def _tracked(
         self, row: EvenRow, sent: deque[tuple[float, np.ndarray]]
     ) -> dict[str, float] | None:
-        """A row with wrench and target of its moment; None until the sensor has it."""
+        """Columns of one recorded row, with wrench and target; None until the sensor has read."""
         wrench = self.transducer.at(row.host)
         if wrench is None:
             if time.monotonic() - row.host < GONE_S:
@@ -402,11 +402,11 @@ class LiveDriver(Driver):
         return row | {"age": max(arm.age, wrench.age)}
 
     def _fresh_arm(self, after: float) -> ArmSample:
-        """Wait, at most `GONE_S`, for a state that arrived after a time [s] and is not stale."""
+        """Wait, at most `GONE_S`, for a fresh state that arrived after a time [s]; return it."""
         return self._fresh(self._read, self._arm_health, after)
 
     def _fresh_wrench(self) -> WrenchSample:
-        """Wait, at most `GONE_S`, for a reading that arrived after the last row's."""
+        """Wait, at most `GONE_S`, for a reading newer than the last row's; return it."""
         return self._fresh(self.transducer.read, self.transducer.health, self._last_row)
 
     def _fresh(

@@ -65,11 +65,11 @@ Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class SimMove(Move):
-    """A move of a simulated robot; each `poll` advances it by one control period.
+    """Move of a simulated robot; each `poll` advances it by one control period.
 
     Args:
         goal: joint values (J,).
-        steps: the robot's place after each period; the duration of the last one is above 0.
+        steps: joint values after each period; the last one has a duration above 0.
         halt: brings the robot to rest after some time of the move [s].
     """
 
@@ -96,18 +96,18 @@ class SimMove(Move):
 
 @dataclass(frozen=True)
 class SimOptions:
-    """The simulated robot and its sensor.
+    """Options of the simulated robot and its sensor.
 
     Attributes:
         robot: registry name.
         parameters: true values where they differ from nominal, by name, SI.
         noise: ``real``, ``white`` or ``off``.
-        seed: of the noise.
+        seed: seed of the noise.
         gravity: (3,) [m/s²], the robot's default if None.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
         limits: of its motion; half of top speed anywhere if None.
         effort: ``torque`` or ``current``: recordings have it as tau1… [N·m or N] or i1… [A], with
-            what the controller wants and the drives' temperatures; ``off``: they do not.
+            the controller's targets and the drives' temperatures; ``off``: they do not.
         tracker: standard deviation of a tracker's readings [m]: recordings at rest have the place
             of a target on the flange as mx my mz; 0: they do not.
         imu: standard deviation of an accelerometer's readings [m/s²]: recordings at rest have them
@@ -127,9 +127,10 @@ class SimOptions:
 
 
 class Beside:
-    """Simulates what is read at rest beside the wrench: by a tracker somewhere in the room of a
-    target somewhere on the flange, and by an accelerometer mounted anyhow, its scales off by 2 %
-    and its zeros by 0.3 m/s².
+    """Simulates a tracker and an accelerometer that are read at rest, besides the wrench sensor.
+
+    The tracker stands anywhere in the room, its target and the accelerometer are mounted anywhere
+    on the flange; the accelerometer's scales are off by 2 % and its zeros by 0.3 m/s².
 
     The rows of a pose share an error, as of the target's seat and the air, of half the noise of a
     row.
@@ -148,7 +149,7 @@ class Beside:
         self._before: np.ndarray | None = None
 
     def columns(self, q: np.ndarray, n: int) -> Block:
-        """Readings of n rows at joint values (J,)."""
+        """Simulate the readings of n rows at joint values (J,), as column name → values (n,)."""
         before = q if self._before is None else self._before
         scene = self._twin.scene(np.stack([before, q]), np.arange(2.0))
         rotation, position = (part[1] for part in self._twin.place(scene))
@@ -166,7 +167,7 @@ class Beside:
 
 
 class SimDriver(Driver):
-    """A robot in MuJoCo with its data-sheet sensor.
+    """Driver of a simulated robot: MuJoCo moves it, its sensor has data-sheet noise.
 
     Raises:
         NotFoundError: the robot has no MuJoCo model.
@@ -204,14 +205,14 @@ class SimDriver(Driver):
 
     @staticmethod
     def drive_faults() -> dict[str, str]:
-        """One line of text for each fault of a drive, by the name that ``effects`` take."""
+        """Name, as ``effects`` take it, → title of each fault that a simulated drive can have."""
         return {f"{PREFIX}{kind}": fault.title for kind, fault in FAULTS.items()}
 
     def _reported(
         self, options: SimOptions, active: tuple[ActiveEffect, ...], drives: Mapping[str, float],
         faults: tuple[str, ...],
     ) -> ReportedEfforts | None:  # fmt: skip
-        """Model of the efforts that simulated drives report; None if ``options.effort`` is off."""
+        """Make the model of the efforts that simulated drives report; None if they are off."""
         if options.effort not in ("torque", "current", "off"):
             raise ParameterError(f"effort {options.effort!r}: give torque, current or off")
         if options.effort == "off":
@@ -246,13 +247,13 @@ class SimDriver(Driver):
         return ArmSample(self._time, self._time, 0.0, plant.q, plant.qd, plant.target)
 
     def _read_wrench(self) -> WrenchSample:
-        """Simulate one row at rest, which takes a microsecond of simulated time."""
+        """Simulate one sensor reading at rest; a microsecond of simulated time passes."""
         block = self._sample(1, 1e6)
         reading, status = np.array([block[c][0] for c in CHANNELS]), int(block["status"][0])
         return WrenchSample(self._time, self._time, 0, 0.0, True, reading, status, status)
 
     def _write(self, q: np.ndarray) -> Applied:
-        """Drive the joints towards a target for one control period; return what was applied."""
+        """Drive the joints towards a target (J,) for one control period; return what was sent."""
         if why := self.limits.check_step(self.robot, self._plant.target, q, CONTROL_S):
             return Applied(None, why)
         self._contact = np.zeros(6)
@@ -261,15 +262,15 @@ class SimDriver(Driver):
         return Applied(q)
 
     def _stop(self, kind: str) -> None:
-        """Come to rest where it is."""
+        """Bring the simulated robot to rest at its present joint values."""
         start, begun = self._plant.q, self._time
         self._time += self._plant.settle(start)[1]
         if self._playback is not None:
             self._playback.way((begun, self._time), start, self._plant.q)
 
     def _touch(self, point: np.ndarray) -> Reached:
-        """Move the tip to a point of the world [m], off by a random error of standard deviation
-        `TOUCH_STD` an axis, and return where the joints stand; an unknown force pushes it."""
+        """Move the tip to a point in the base [m], with a random error of standard deviation
+        `TOUCH_STD` an axis, and return the joint values there; an unknown force pushes the tip."""
         seat = point + self._touch_rng.normal(0.0, TOUCH_STD, 3)
         start = self._plant.q
         target = self._simulation.seated(start, seat)
@@ -290,7 +291,7 @@ class SimDriver(Driver):
         return SimMove(goal, self._steps(start, goal, seconds), halt)
 
     def _steps(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Iterator[Reached]:
-        """Yield the joint values after each control period of a move, and at last at rest."""
+        """Yield the joint values after each control period of a move and, last, those at rest."""
         self._contact = np.zeros(6)
         steps = max(1, int(np.ceil(seconds / CONTROL_S)))
         for fraction in minimum_jerk(np.arange(1, steps + 1) / steps):
@@ -303,7 +304,7 @@ class SimDriver(Driver):
         yield self._arrived(start, seconds + waited)
 
     def _arrived(self, start: np.ndarray, seconds: float) -> Reached:
-        """Note the end of a move that took some time [s]; return where the joints stand."""
+        """End a move of ``seconds`` at rest; return the joint values (J,) reached and the time."""
         arrived = self._time + seconds
         if self._playback is not None:
             self._playback.way((self._time, arrived), start, self._plant.q)
@@ -327,7 +328,7 @@ class SimDriver(Driver):
         return columns
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Yield rows of a motion by blocks; effects and efforts need the complete motion first."""
+        """Yield rows of a motion along targets (N, J), in blocks; with effects, all at its end."""
         moved: Iterable[Samples] = self._moved(targets, rate)
         readings: np.ndarray | None = None
         efforts: dict[str, np.ndarray] = {}
@@ -348,7 +349,7 @@ class SimDriver(Driver):
             yield columns | {name: values[part] for name, values in efforts.items()}
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
-        """Yield rows of a motion by blocks: readings, or loads where effects make readings."""
+        """Yield samples of a motion in blocks, with sensor readings, or loads if effects are on."""
         from scipy.interpolate import CubicSpline  # slow to load: only when it is used
 
         block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)
@@ -373,8 +374,8 @@ class SimDriver(Driver):
 
 
 def _moving(t: np.ndarray, q: np.ndarray) -> Jet:
-    """Speeds and accelerations of a complete motion (n, J) by a spline: MuJoCo's own are those of
-    half a step before (semi-implicit Euler)."""
+    """Joint values, speeds and accelerations of a complete motion (n, J), by a spline: MuJoCo's own
+    are those of half a step before (semi-implicit Euler)."""
     if len(t) < _LEAST_ROWS:
         raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
     from scipy.interpolate import make_interp_spline  # slow to load: only when it is used

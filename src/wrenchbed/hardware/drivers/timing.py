@@ -26,8 +26,8 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 class EvenRow(NamedTuple):
-    """One row: even time [s], the same moment on this machine's clock, joints and speeds (J,), and
-    the robot's evidence, linear between two states."""
+    """One row on an even time grid: its time [s], the same moment on this machine's clock, joint
+    values and speeds (J,), and further columns, interpolated linearly."""
 
     t: float
     host: float
@@ -37,11 +37,11 @@ class EvenRow(NamedTuple):
 
 
 class Resampler:
-    """Turns states into rows at a rate [Hz], from the first state on.
+    """Resamples a robot's states to rows at equal steps of its own clock, at a rate [Hz].
 
     Attributes:
-        newest: when its newest state arrived (`time.monotonic`, [s]); states of ``begin`` or before
-            are left out.
+        newest: arrival of the newest state (`time.monotonic`, [s]); states that arrived at
+            ``begin`` or before are left out.
     """
 
     def __init__(self, rate: float, begin: float = -np.inf) -> None:
@@ -52,7 +52,7 @@ class Resampler:
         self._first = self._origin = 0.0
 
     def add(self, arm: ArmSample) -> None:
-        """Take in a state; one that is not newer than the last is left out."""
+        """Add a state; it is ignored if it is not newer than the last one."""
         t = controller_time(arm)
         if arm.t <= self._begin or (self._states and t <= controller_time(self._states[-1])):
             return
@@ -63,8 +63,8 @@ class Resampler:
         self._clock.add(t - self._first, arm.t - self._origin)
 
     def rows(self, most: int) -> list[EvenRow]:
-        """The next rows that lie between states, at most ``most``; a `LinkError` if two states are
-        too far apart to interpolate."""
+        """Return the next rows, at most ``most``, that lie between two states; a `LinkError` if
+        these are too far apart to interpolate."""
         states = list(self._states)
         times = np.array([controller_time(state) for state in states]) - self._first
         due = self._period * np.arange(self._count, self._count + most)
@@ -88,13 +88,13 @@ class Resampler:
 
 
 def controller_time(arm: ArmSample) -> float:
-    """Time of a robot's state [s]: on the robot's clock, or on this machine's if it has none."""
+    """Time of a state on the robot's clock [s]; its arrival on this machine's if it has none."""
     return arm.t if arm.device_time is None else arm.device_time
 
 
 def hermite(q: Pair, qd: Pair, span: float, s: float) -> Pair:
-    """Joint values and speeds (J,) at a fraction s, 0 … 1, of the time ``span`` [s] between two
-    states with their own (J,)."""
+    """Joint values and speeds (J,) of the cubic through two states with values ``q`` and speeds
+    ``qd``, ``span`` [s] apart, at the fraction s, 0 … 1, of that time."""
     ahead, behind = s * (1 - s) ** 2, s * s * (s - 1)
     between = (1 + 2 * s) * (1 - s) ** 2 * q[0] + s * s * (3 - 2 * s) * q[1]
     slope, into, out = 6 * s * (s - 1) / span, (1 - s) * (1 - 3 * s), s * (3 * s - 2)

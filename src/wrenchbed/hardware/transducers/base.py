@@ -30,10 +30,10 @@ class WrenchSample:
 
     Attributes:
         t: `time.monotonic` of this machine when it arrived [s].
-        device_time: on the sensor's own clock [s], None where it has none.
-        sequence: of the sensor's samples, or of the replies where it counts none.
+        device_time: time on the sensor's own clock [s], None where it has none.
+        sequence: number of the sensor's sample, or of the reply where it counts none.
         age: time between arrival and the call that returned this [s].
-        fresh: newer than what the call before returned.
+        fresh: whether it is newer than what the call before returned.
         wrench: load on the tool side (6,) [N, N·m], in the sensor's axes about its origin.
         status: the sensor's own status word.
         saturated: bit i is set where channel i is at the end of its range.
@@ -56,7 +56,8 @@ class WrenchSample:
 
 
 class PastReading(NamedTuple):
-    """A load (6,), the flags of both readings around it, and how far the nearer one is [s]."""
+    """Wrench (6,) at a past time, status and saturation of the readings around it, and how far the
+    nearer one is [s]."""
 
     wrench: np.ndarray
     status: int
@@ -65,7 +66,7 @@ class PastReading(NamedTuple):
 
 
 class Past:
-    """Holds the last readings, in batches; written by one thread, read by others."""
+    """Buffer of the last readings, in batches; one thread writes it, others read it."""
 
     def __init__(self) -> None:
         self._batches: deque[tuple[np.ndarray, ...]] = deque(maxlen=_BATCHES)
@@ -73,7 +74,7 @@ class Past:
     def add(
         self, t: ArrayLike, wrench: ArrayLike, status: ArrayLike = 0, saturated: ArrayLike = 0
     ) -> None:
-        """Keep readings (n, 6) of times (n,) [s]; a time before the last one counts as that one."""
+        """Append readings (n, 6) at times (n,) [s]; a time before the last one is set to that."""
         times = np.maximum.accumulate(np.atleast_1d(np.asarray(t, dtype=float)))
         if self._batches:
             times = np.maximum(times, self._batches[-1][0][-1])
@@ -83,11 +84,12 @@ class Past:
             self._batches.popleft()
 
     def clear(self) -> None:
-        """Drop all readings."""
+        """Drop all stored readings."""
         self._batches.clear()
 
     def at(self, t: float) -> PastReading | None:
-        """The reading at a time [s]; None before the first, after the last and in a gap.
+        """Return the stored reading at a time [s]; None before the first, after the last and in a
+        gap.
 
         Of two that are less than `CLOSE_S` apart the nearer one counts: a mean of both would have
         less noise than the sensor. Else the reading is interpolated linearly.
@@ -112,7 +114,7 @@ class Past:
 
 
 class Transducer(Device, ABC):
-    """A force/torque sensor with its electronics. Use as a context manager."""
+    """Base class of force/torque sensors with their electronics; use as a context manager."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -120,7 +122,7 @@ class Transducer(Device, ABC):
         self._last_read: tuple[int, float] | None = None
 
     def read(self) -> WrenchSample:
-        """The newest reading with its age; never blocks."""
+        """Return the newest reading with its age, without blocking."""
         self._check_connected()
         sample = self._read()
         key = (sample.sequence, sample.t)
@@ -128,8 +130,7 @@ class Transducer(Device, ABC):
         return replace(sample, age=max(0.0, time.monotonic() - sample.t), fresh=fresh)
 
     def at(self, t: float) -> WrenchSample | None:
-        """Reading at a time of `time.monotonic` [s], interpolated; None if none is known near that
-        time.
+        """Return the reading at a `time.monotonic` time [s], interpolated; None if none is near.
 
         Its age is the time to the nearest reading, its flags are those of both neighbours.
         """
@@ -138,7 +139,7 @@ class Transducer(Device, ABC):
 
     @property
     def full_scale(self) -> np.ndarray | None:
-        """Range (6,) [N, N·m] that the connected device reports; None if it reports none."""
+        """Measuring range (6,) [N, N·m] that the connected device reports; None if it does not."""
         return None
 
     @property
@@ -148,7 +149,7 @@ class Transducer(Device, ABC):
 
     @abstractmethod
     def _read(self) -> WrenchSample:
-        """The newest reading; `read` sets its age and whether it is fresh."""
+        """Return the newest reading; `read` sets its age and whether it is fresh."""
 
     def _at(self, t: float) -> WrenchSample | None:
         newest, past = self._read(), self._past.at(t)

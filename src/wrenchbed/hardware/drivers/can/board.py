@@ -38,14 +38,14 @@ _MOST_ANSWERS = 16
 
 
 class GaugeCalibration(NamedTuple):
-    """Matrix (6, 6) as the board holds it, and the matrix from gauge counts to N and N·m."""
+    """Calibration matrix (6, 6) as stored on the board, and that from gauge counts to N and N·m."""
 
     raw: np.ndarray
     matrix: np.ndarray
 
 
 class BoardQueries:
-    """Sends queries to one board, one at a time; ``base`` is the upper seven bits of its ids."""
+    """Sends queries to one sensor board, one at a time; ``base``: upper seven bits of its ids."""
 
     def __init__(self, link: CanLink, base: int) -> None:
         self._link, self._base = link, base
@@ -53,7 +53,7 @@ class BoardQueries:
         self._answers: list[Reply] = []
 
     def take(self, reply: Reply) -> None:
-        """Receive a frame of an answer; the reader passes all but gauge readings here."""
+        """Store a frame that answers a query; the bus reader passes all but gauge readings."""
         with self._came:
             if len(self._answers) < _MOST_ANSWERS:
                 self._answers.append(reply)
@@ -71,7 +71,7 @@ class BoardQueries:
         return GaugeCalibration(raw, in_si(raw, counts, units, slot))
 
     def _matrix(self) -> np.ndarray:
-        """Read the active matrix (6, 6) twice: its frames do not say which row they are of."""
+        """Read the active matrix (6, 6) until two readings agree: frames do not state their row."""
         before = None
         for _ in range(TRIES + 1):
             now = np.array([self.row(k) for k in range(6)])
@@ -88,7 +88,7 @@ class BoardQueries:
         return (*parts[2], *parts[3], *parts[4])
 
     def _collect(self, opcode: int, data: bytes = b"", n: int = 1) -> list[Reply]:
-        """Send a query, and return the n frames that answer it."""
+        """Send a query and return the n frames that answer it; a `LinkError` without them."""
         for tries in range(TRIES):
             with self._came:
                 self._answers.clear()
@@ -104,7 +104,7 @@ class BoardQueries:
         )
 
     def _wait(self, opcode: int, each: int, n: int) -> list[Reply]:
-        """Wait for n answers to an opcode, in ``each`` frames; return fewer when time is up."""
+        """Return the first n answers to ``opcode`` or the ``each`` − 1 after it; fewer if late."""
 
         def answers() -> list[Reply]:
             return [a for a in self._answers if 0 <= a.opcode - opcode < each]
@@ -117,9 +117,9 @@ class BoardQueries:
 def in_si(
     raw: np.ndarray, counts: tuple[Any, ...], units: tuple[Any, ...], slot: int
 ) -> np.ndarray:
-    """Matrix (6, 6) from gauge counts to N and N·m, made of the matrix (6, 6) that the board holds
-    in a slot, its counts per unit of force and torque, and the codes of both units; a `DriverError`
-    for a matrix, counts or units that make no sense."""
+    """Convert a board's calibration matrix (6, 6) in a slot to one from gauge counts to N and N·m,
+    by its counts per unit of force and torque and its codes of both units; a `DriverError` for a
+    matrix, counts or units that make no sense."""
     usable = np.isfinite(raw).all() and np.abs(raw).max() < 1e12
     if not usable or np.linalg.matrix_rank(raw / max(np.abs(raw).max(), 1e-30)) < 6:
         raise DriverError(f"calibration {slot} of the sensor's board holds no usable matrix")
@@ -134,8 +134,8 @@ def in_si(
 
 
 class GaugeBoard(Transducer):
-    """An ATI sensor on a NETCANOEM board, polled by the owner of its bus, with the upper seven bits
-    of its ids and the slot of the calibration to use, 0 … 15."""
+    """Transducer of an ATI sensor on a NETCANOEM board, polled by the owner of its bus; ``base``:
+    upper seven bits of its ids; ``slot``: that of its calibration, 0 … 15."""
 
     name = "netcanoem"
     title = "ATI sensor on a NETCANOEM board over CAN"
@@ -165,12 +165,11 @@ class GaugeBoard(Transducer):
         self._unusable = ""
 
     def use(self, link: CanLink) -> None:
-        """Take an open bus for the next `connect`."""
+        """Set the open CAN bus that the next `connect` uses."""
         self._link = link
 
     def poll(self) -> None:
-        """Request one reading; nothing happens before `connect` and after `close`. A `LinkError` if
-        the bus is gone."""
+        """Request a sensor reading, unless closed; a `LinkError` if the bus is gone."""
         if self._link is not None and self._running:
             now = time.monotonic()
             self._doubt_after_silence(now)

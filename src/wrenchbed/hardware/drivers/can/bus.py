@@ -27,11 +27,11 @@ the drives' usual watchdog; pause while the queue is full, five frames at 1 Mbit
 
 
 class CanLink:
-    """An open bus of python-can.
+    """An open CAN bus of python-can, with one reader thread.
 
     Attributes:
         dead: why no frame will come any more, empty while the bus works.
-        error_frames: seen on the wire.
+        error_frames: number of error frames received.
         full: how often the kernel's transmit queue took nothing and was tried again.
         failures: exceptions of listeners, which do not affect other listeners.
     """
@@ -54,15 +54,15 @@ class CanLink:
         self._thread.start()
 
     def listen(self, heard: Listener) -> None:
-        """Pass every data frame to one more listener, in the reader's thread."""
+        """Register a function that the reader thread calls with every data frame."""
         self._listeners = (*self._listeners, heard)
 
     def leave(self, heard: Listener) -> None:
-        """Remove a listener."""
+        """Unregister a function that `listen` registered."""
         self._listeners = tuple(one for one in self._listeners if one != heard)
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Send a data frame; a `LinkError` if the bus is gone or takes nothing."""
+        """Send a data frame; a `LinkError` if the bus is gone or its transmit queue stays full."""
         if self.dead:
             raise LinkError(f"CAN bus: {self.dead}")
         message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)

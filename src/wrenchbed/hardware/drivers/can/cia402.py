@@ -40,7 +40,7 @@ SILENCE = (0x8130, 0x8250, 0x8700)
 
 
 class DriveStatus(enum.Enum):
-    """State of a drive, in the words of CiA 402."""
+    """State of a CiA 402 drive, with the standard's name as value."""
 
     NOT_READY = "not ready to switch on"
     DISABLED = "switch on disabled"
@@ -53,7 +53,7 @@ class DriveStatus(enum.Enum):
 
 
 class Want(enum.Enum):
-    """Commands of the master to its drives."""
+    """State that the master wants its drives to reach, or the command that it gives them."""
 
     NOTHING = "no commands at all"
     DISABLE = "voltage off"
@@ -86,7 +86,7 @@ _CLIMB = {
 
 
 def state_of(statusword: int) -> DriveStatus:
-    """The state of a statusword (0x6041); NOT_READY where it has none."""
+    """Decode a drive's state from its statusword (0x6041); NOT_READY if no state matches."""
     for mask, value, state in _MASKED:
         if statusword & mask == value:
             return state
@@ -94,7 +94,7 @@ def state_of(statusword: int) -> DriveStatus:
 
 
 def controlword(want: Want, state: DriveStatus, last: int) -> int:
-    """The controlword (0x6040) that brings a drive one step nearer, after the last one sent.
+    """Controlword (0x6040) that takes a drive one step from ``state`` to what the master wants.
 
     A fault is cleared by the rising edge of its bit, so every other word is without it.
     """
@@ -106,26 +106,26 @@ def controlword(want: Want, state: DriveStatus, last: int) -> int:
 
 
 def error_words(code: int) -> str:
-    """Text for an error code."""
+    """Describe a CANopen error code in words."""
     return f"0x{code:04X}" + (f" ({ERRORS[code]})" if code in ERRORS else "")
 
 
 @dataclass
 class DriveState:
-    """A drive as the master sees it.
+    """State of one drive as the master knows it from its messages.
 
     Attributes:
-        node: its id.
-        statusword: 0x6041 of its last answer.
-        position: 0x6064 of it [count].
+        node: CANopen node id.
+        statusword: object 0x6041 in its last answer.
+        position: object 0x6064 in its last answer [count].
         torque: 0x6077 of it, thousandths of the rated torque; or 0x6078, of the rated current.
         answers, answered: how many answers it sent, and whether since the last SYNC.
         missed: complete rounds in a row in which others answered and it did not.
         round: number of the last round that it answered.
         error, hint: its EMCY code; error code from before it was connected (0x603F); 0 for none.
         rebooted: whether it sent a boot-up since it was configured.
-        others: heartbeats of others since its last one; a silent bus does not count.
-        nmt: its NMT state, of the heartbeat.
+        others: heartbeats of other drives since its last one; a silent bus does not count.
+        nmt: NMT state in its last heartbeat.
         sent: the last controlword sent to it.
     """
 
@@ -146,11 +146,11 @@ class DriveState:
 
     @property
     def state(self) -> DriveStatus:
-        """State by its statusword."""
+        """CiA 402 state decoded from the last statusword."""
         return state_of(self.statusword)
 
     def take_answer(self, data: bytes) -> bool:
-        """Read an answer (TPDO) of the drive; False where its length is not the expected one."""
+        """Store the data of the drive's TPDO; return False if its length is unexpected."""
         if len(data) not in (6, 8):
             return False
         self.statusword, self.position = struct.unpack_from("<Hi", data)
@@ -161,19 +161,19 @@ class DriveState:
         return True
 
     def take_emergency(self, data: bytes) -> None:
-        """Read an emergency message (EMCY) of the drive."""
+        """Store the error code of the drive's emergency message (EMCY)."""
         if len(data) == 8:
             (self.error,) = struct.unpack_from("<H", data)
 
     def take_heartbeat(self, data: bytes) -> None:
-        """Read a heartbeat or a boot-up message of the drive."""
+        """Store the NMT state of the drive's heartbeat or boot-up message."""
         if len(data) == 1:
             self.others = 0
             self.nmt = data[0] & 0x7F
             self.rebooted = self.rebooted or self.nmt == 0x00
 
     def trouble(self, enabled: bool) -> Problem | None:
-        """State of health and reason if the drive must not move; None if it may.
+        """Health state and reason why this drive must not move; None if it may.
 
         A drive that is gone is ``lost``; one that stopped because of silence, or does not follow
         targets where it should (``enabled``), is ``stopped``.

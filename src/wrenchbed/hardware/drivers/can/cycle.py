@@ -60,9 +60,9 @@ _SWITCH_S = 5e-4
 
 
 class CycleAnswers(NamedTuple):
-    """Answers of all drives to one SYNC: time of that SYNC [s], positions and speeds (J,) in units
-    of the joints, torque in thousandths of the rated one (J,), and how many complete sets of
-    answers came so far."""
+    """Answers of all drives to one SYNC: time of the SYNC [s], positions (J,) and speeds (J,) in
+    units of the joints, torque in thousandths of the rated one (J,), and the number of complete
+    sets of answers so far."""
 
     t: float
     q: np.ndarray
@@ -72,7 +72,7 @@ class CycleAnswers(NamedTuple):
 
 
 class Following:
-    """Compares positions with targets, cycle by cycle; joints have a top speed (J,)."""
+    """Detects joints that do not follow their targets; ``speed`` (J,) are their top speeds."""
 
     def __init__(self, speed: np.ndarray) -> None:
         self._stuck, self._far = STUCK_S * speed, FAR_S * speed
@@ -80,7 +80,7 @@ class Following:
         self._reference = np.zeros(len(speed))
 
     def forget(self) -> None:
-        """Start a new comparison: after a stop or a restart."""
+        """Drop the stored positions and targets, after a stop or a restart."""
         self._last = None
 
     def check(
@@ -105,7 +105,7 @@ class Following:
 
 
 class Rest:
-    """Judges whether the axes stand still, by the drives' newest answers.
+    """Judges from the drives' newest answers whether all axes stand still.
 
     Args:
         speed: top speed of each joint (J,).
@@ -122,7 +122,7 @@ class Rest:
         """Silence after which every drive has stopped by its watchdog [s]."""
 
     def moving(self, answers: CycleAnswers | None) -> np.ndarray:
-        """Which joints move (J,), by their newest answers."""
+        """Booleans (J,): which joints move by the drives' newest answers."""
         return (np.zeros_like(self._slow) if answers is None else np.abs(answers.qd)) > self._slow
 
     def reached(self, answers: CycleAnswers | None) -> bool:
@@ -136,22 +136,22 @@ class Rest:
 
 
 class Cycle:
-    """Exchanges frames with all drives from `start` to `stop`.
+    """Thread that exchanges frames with all drives once a cycle, from `start` to `stop`.
 
     Args:
-        link: the bus.
-        drives: in the order of the joints.
-        counts: per unit of each joint (J,).
-        setpoints: where targets come from.
+        link: CAN bus of the drives.
+        drives: drives in the order of the joints.
+        counts: encoder counts per unit of each joint (J,).
+        setpoints: source of the targets.
         poll: requests a reading of the sensor.
         follow: detects drives that do not follow.
-        period: [s].
+        period: duration of a cycle [s].
         master: node id of this program's heartbeat, without which some drives stop (0x1016).
 
     Attributes:
-        want: of all drives.
-        latched: state of health and reason of the first problem since `clear`.
-        answers: the newest complete ones.
+        want: command to all drives.
+        latched: health state and reason of the first problem since `clear`.
+        answers: the newest complete set of answers.
         following: whether every drive takes targets.
         cycles: begun; ``incomplete``: without all drives' answers; ``overruns``: a period late.
         began: when the last cycle began [s].
@@ -180,13 +180,13 @@ class Cycle:
         self._by_node = {drive.node: drive for drive in drives}
 
     def start(self) -> None:
-        """Start the thread of the exchange."""
+        """Start the thread that exchanges frames with the drives."""
         self._link.listen(self._received)
         self._running = True
         self._thread.start()
 
     def stop(self) -> None:
-        """End the exchange and its thread; may be called twice."""
+        """Stop the thread that exchanges frames with the drives; may be called twice."""
         self._running = False
         self._link.leave(self._received)
         if self._thread.ident is not None:
@@ -194,11 +194,11 @@ class Cycle:
 
     @property
     def alive(self) -> bool:
-        """Whether the thread of the exchange still runs."""
+        """Whether the thread that exchanges frames with the drives still runs."""
         return self._running and self._thread.is_alive()
 
     def clear(self) -> None:
-        """Forget problems that are over."""
+        """Forget the stored problem of the exchange and the drives' errors and missed answers."""
         with self._lock:
             self.latched = None
             for drive in self.drives:
@@ -206,14 +206,14 @@ class Cycle:
                 drive.round = self._rounds
 
     def halt(self, state: HealthState, why: str) -> None:
-        """Stop every drive, and keep the reason."""
+        """Quick-stop every drive; keep the health state and reason unless there is one already."""
         with self._lock:
             self.latched = self.latched or (state, why)
             if self.want is Want.ENABLE:
                 self.want = Want.QUICK_STOP
 
     def all_in(self, *states: DriveStatus) -> bool:
-        """Whether every drive is in one of the given states."""
+        """Whether every drive is in one of the given CiA 402 states."""
         return all(drive.state in states for drive in self.drives)
 
     def _received(self, _: float, can_id: int, data: bytes) -> None:
@@ -247,7 +247,7 @@ class Cycle:
             self.answers = CycleAnswers(self._synced, q, _slope(self._recent), torque, sequence)
 
     def _count_round(self, drive: DriveState) -> None:
-        """Count missed rounds of answers, by the order on the bus, not by the time of arrival."""
+        """Update how many rounds each drive missed, by the order of answers, not by their times."""
         if drive.node in self._round:
             self._round.clear()
             self._rounds += 1
@@ -336,7 +336,7 @@ class Cycle:
         self.cycles += 1
 
     def _targets(self, want: Want) -> list[int]:
-        """Targets of all drives [count]: their present positions until every drive follows."""
+        """Target of each drive [count]: its present position until all drives are enabled."""
         if want is not Want.ENABLE:
             self.following = False
         elif not self.following and self.all_in(DriveStatus.ENABLED):
@@ -349,7 +349,7 @@ class Cycle:
 
 
 def _slope(recent: Sequence[tuple[float, np.ndarray]]) -> np.ndarray:
-    """Joint speeds (J,): slopes of lines through the last positions."""
+    """Joint speeds (J,): slopes of straight lines fitted to rows (time [s], positions (J,))."""
     q = np.array([row[1] for row in recent])
     t = np.array([row[0] for row in recent])
     t = t - t.mean()

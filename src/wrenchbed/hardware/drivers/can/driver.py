@@ -40,7 +40,7 @@ _STUCK = (*IN_FAULT, DriveStatus.QUICK_STOP, DriveStatus.ENABLED)
 
 
 class CanDriver(LiveDriver):
-    """MedRUE on a CAN bus, by options of bus, drives and sensor."""
+    """Driver of MedRUE: CiA 402 drives and a sensor board on one CAN bus."""
 
     name = "can"
     title = "MedRUE: CiA 402 drives and ATI NETCANOEM on one CAN bus"
@@ -120,7 +120,7 @@ class CanDriver(LiveDriver):
             raise DriverError(f"cannot enable the drives: {cycle.latched[1]}")
 
     def _check_start(self) -> None:
-        """Refuse drives without a deadline for targets, and impossible positions."""
+        """Raise `DriverError` for drives without a watchdog for targets or impossible positions."""
         cycle, network, q = self._running(), self._network, self._read().q
         if not self._at_rest(cycle, self._rest.longest):
             raise DriverError("cannot enable the drives: the robot moves; call recover()")
@@ -188,7 +188,7 @@ class CanDriver(LiveDriver):
         self._last_target = None
 
     def _reopen(self) -> None:
-        """Reopen a bus that is gone or silent; the drives have stopped by their watchdogs."""
+        """Open the CAN bus again after it was lost; the drives have stopped by their watchdogs."""
         began = 0.0 if self._cycle is None else self._cycle.began
         try:
             self._close()
@@ -200,7 +200,7 @@ class CanDriver(LiveDriver):
         self._last_target = None
 
     def _come_to_rest(self) -> None:
-        """Stop the axes before their voltage is switched off."""
+        """Brake all axes and wait until they stand, before their power is switched off."""
         cycle, longest = self._running(), 2.0 * self._rest.longest
         cycle.halt("stopped", "recover() stops the robot first")
         if not cycle.all_in(DriveStatus.DISABLED):
@@ -274,7 +274,7 @@ class CanDriver(LiveDriver):
         return by_age(self._age(), "drives", counters)
 
     def _age(self) -> float:
-        """Age of the drives' newest answers [s]."""
+        """Time since the drives' newest answers [s]; infinite before the first."""
         answers = None if self._cycle is None else self._cycle.answers
         return np.inf if answers is None else time.monotonic() - answers.t
 
@@ -287,7 +287,7 @@ class CanDriver(LiveDriver):
         return self._until(lambda: self._rest.reached(cycle.answers), seconds)
 
     def _until(self, done: Callable[[], bool], seconds: float) -> bool:
-        """Wait until a condition holds; False at the deadline [s] or where the bus is gone."""
+        """Wait until ``done`` holds and return True; False after ``seconds`` or without a bus."""
 
         def gone() -> bool:
             return self._link is not None and bool(self._link.dead)

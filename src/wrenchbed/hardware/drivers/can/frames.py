@@ -38,14 +38,14 @@ _EXCESS_S, _EXCESS = 1.0, 2
 
 
 class Reply(NamedTuple):
-    """A frame of the board: the opcode that it answers, and its values."""
+    """A reply frame of the sensor board: the opcode that it answers, and its values."""
 
     opcode: int
     values: tuple[Any, ...]
 
 
 class GaugeReading(NamedTuple):
-    """A complete reading: arrival of its first frame [s], status word, gauges 0 … 5."""
+    """A complete gauge reading: arrival of its first frame [s], status word, gauges 0 … 5."""
 
     t: float
     status: int
@@ -53,7 +53,7 @@ class GaugeReading(NamedTuple):
 
 
 def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
-    """Read a frame with an 11-bit id as a reply of the board at ``base``; None if it is not."""
+    """Decode a CAN frame as a reply of the board at ``base``; None if it is none."""
     shape = _SHAPES.get(arbitration_id & 0xF)
     if arbitration_id >> 4 != base or shape is None or len(data) != shape.size:
         return None
@@ -61,14 +61,14 @@ def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
 
 
 def faults(status: int) -> tuple[str, ...]:
-    """Texts of the faults in a status word; empty if there is none."""
+    """Describe the faults in the board's status word, one text each; empty without faults."""
     return tuple(name for bit, name in enumerate(STATUS[:15]) if name and status >> bit & 1) or (
         ("error without a name",) if status >> 15 & 1 else ()
     )
 
 
 class Pairs:
-    """Combines the two frames of a reading, and counts what it drops.
+    """Combines the two frames of each gauge reading, and counts lost or unexpected frames.
 
     Attributes:
         lost: requests without a complete answer.
@@ -84,7 +84,7 @@ class Pairs:
         self._excess: list[float] = []
 
     def poll(self, t: float) -> bool:
-        """Whether to send a request at a time [s], then counted as sent; False while one waits."""
+        """Whether to send a request for a reading at time t [s]; False while one is unanswered."""
         if self._waiting:
             if t - self._asked > PATIENCE_S:
                 self.lost += 1
@@ -95,7 +95,7 @@ class Pairs:
         return True
 
     def take(self, t: float, reply: Reply) -> GaugeReading | None:
-        """Add a gauge frame that arrived at a time [s]; return the reading that it completes."""
+        """Add a gauge frame that arrived at t [s]; return the reading if it is now complete."""
         if reply.opcode == GAUGES:
             self._count(t)
             if not self._waiting or self._first is not None:
@@ -112,7 +112,7 @@ class Pairs:
         return GaugeReading(begun, status, (g0, g1, g2, g3, g4, g5))
 
     def clash(self, t: float) -> bool:
-        """Whether more answers than requests came: a second node uses the board's ids."""
+        """Whether answers outnumber requests by time t [s]: a second node uses the board's ids."""
         return sum(t - when < _EXCESS_S for when in self._excess) >= _EXCESS
 
     def _count(self, t: float) -> None:

@@ -52,15 +52,15 @@ _MS = 1e3  # by definition
 
 
 class _RefusedError(DriverError):
-    """A drive answered that it does not take or have a value."""
+    """A drive refused to read or write an object of its dictionary."""
 
 
 class Drives:
-    """The drives of a bus as CANopen nodes.
+    """Configures the drives of a CAN bus by CANopen SDO.
 
     Attributes:
-        unguarded: nodes whose targets have no deadline, so that they would not stop by themselves
-            when this program falls silent, and the reason.
+        unguarded: node → why its targets have no deadline, so that it would not stop by itself when
+            this program falls silent.
     """
 
     def __init__(self, link: CanLink, options: CanOptions) -> None:
@@ -86,12 +86,12 @@ class Drives:
         link.listen(self._received)
 
     def close(self) -> None:
-        """Stop receiving the drives' answers."""
+        """Stop receiving the drives' SDO answers."""
         self._link.leave(self._received)
 
     def configure(self, nodes: Sequence[int]) -> None:
-        """Make drives ready for the cyclic exchange and start them; raises as `read` does, and
-        where one lacks what is needed."""
+        """Configure these drives for the cyclic exchange and start them. Raises as `read`, and a
+        `DriverError` for a drive that lacks what is needed."""
         for node in nodes:
             self._command(PRE_OPERATIONAL, node)
         for node in nodes:
@@ -110,17 +110,16 @@ class Drives:
         return self.optional(node, 0x603F) or 0
 
     def rated(self, node: int) -> float:
-        """Rated torque [N·m or N] of a drive, or its rated current [A] if recordings keep currents;
-        a `DriverError` if it does not report it."""
+        """Read a drive's rated torque [N·m or N], or current [A] if recordings keep currents."""
         return self.read(node, _EFFORTS[self._options.effort][1]) * 1e-3
 
     @property
     def counters(self) -> dict[str, float]:
-        """Count, for the health report, the drives that lack an object or refuse its value."""
+        """Number of drives that lack or refuse an object, by ``without 0x…``, for `health`."""
         return {f"without 0x{index:04X}": float(len(n)) for index, n in self._lacking.items() if n}
 
     def release(self) -> None:
-        """Switch off the drives' watch for this master's heartbeat before it ends on purpose."""
+        """Disable the drives' monitoring of this master's heartbeat, which is about to end."""
         with contextlib.suppress(DriverError):
             while self._expecting:
                 self.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
@@ -129,7 +128,7 @@ class Drives:
         self._link.send(0x000, bytes([order, node]))
 
     def _map(self, node: int) -> None:
-        """Check a drive, map its targets and answers, and switch off all other PDOs of it."""
+        """Check a drive's profile, map the PDOs of targets and answers, switch off the others."""
         profile = self.read(node, 0x1000) & 0xFFFF
         if profile != _PROFILE:
             raise DriverError(f"node {node} has device profile {profile}, it is no CiA 402 drive")
@@ -155,7 +154,7 @@ class Drives:
                     self.write(node, index + further, 1, now % (1 << 32) | _OFF, 4)
 
     def _set(self, node: int) -> None:
-        """Set mode, periods and all objects of a drive that make it stop, as far as it has them."""
+        """Write a drive's mode and periods, and the objects that make it stop if it has them."""
         options = self._options
         ticks, power = options.interpolation or (0, 0)
         beats = round((options.watchdog + _BEATS * HEARTBEAT_S) * _MS)
@@ -176,7 +175,7 @@ class Drives:
             self._expecting.add(node)
 
     def _guard(self, node: int) -> None:
-        """Set and check the deadline of a drive's targets, while its RPDO1 is switched off."""
+        """Set and read back the deadline of a drive's targets, while its RPDO1 is switched off."""
         asked = round(self._options.watchdog * _MS)
         self.unguarded.pop(node, None)
         try:
@@ -191,7 +190,7 @@ class Drives:
             )
 
     def _try(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
-        """Write a value that a drive may lack or refuse; return whether the drive took it."""
+        """Write an object that a drive may lack; return False, and note it, if it is refused."""
         without = self._lacking.setdefault(index, set())
         without.discard(node)
         try:
@@ -201,19 +200,19 @@ class Drives:
         return node not in without
 
     def read(self, node: int, index: int, sub: int = 0) -> int:
-        """Read a value of a drive's dictionary. Raises a `LinkError` if it does not answer, a
-        `DriverError` if it refuses."""
+        """Read an object of a drive as a number. Raises a `LinkError` if the drive does not answer,
+        a `DriverError` if it refuses."""
         raw = self._transfer(node, index, sub, None)
         return int.from_bytes(raw, "little", signed=index == 0x607D)
 
     def optional(self, node: int, index: int, sub: int = 0) -> int | None:
-        """Read a value that a drive need not have; None where it refuses."""
+        """Read an object of a drive as a number; None if the drive refuses."""
         with contextlib.suppress(_RefusedError):
             return self.read(node, index, sub)
         return None
 
     def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
-        """Write a value of ``size`` bytes; raises as `read` does."""
+        """Write a number of ``size`` bytes to an object of a drive; raises as `read` does."""
         self._transfer(node, index, sub, struct.pack("<Q", value)[:size])
 
     def _transfer(self, node: int, index: int, sub: int, raw: bytes | None) -> bytes:

@@ -51,15 +51,15 @@ def _need(fits: bool, refusal: str) -> None:
 
 
 def master(base: int, nodes: Sequence[int]) -> int:
-    """Node id for this program's heartbeat: the highest unused one."""
+    """Return the node id for this program's heartbeat: the highest one that nobody uses."""
     return next(
         n for n in range(MOST_NODE, 0, -1) if n not in nodes and (HEARTBEAT + n) >> 4 != base
     )
 
 
 def check(base: int, nodes: Sequence[int]) -> None:
-    """Refuse impossible node ids, and a sensor whose ids collide with theirs; a `ParameterError`
-    names an id, both of its users, and the remedy."""
+    """Check that node ids are possible and the sensor's CAN ids collide with none of theirs; a
+    `ParameterError` names an id, both of its users, and the remedy."""
     different = len(set(nodes)) == len(nodes) and all(1 <= node <= MOST_NODE for node in nodes)
     _need(different, f"nodes {tuple(nodes)}: give different numbers from 1 to {MOST_NODE}")
     _need(0 <= base <= 0x7F, f"base 0x{base:X} must be 0 … 0x7F")
@@ -116,7 +116,7 @@ class CanOptions:
     limits: Limits | None = None
 
     def __post_init__(self) -> None:
-        """Refuse options that no bus or drive can have."""
+        """Check the options; a `ParameterError` names one that no bus or drive can have."""
         rate, counts = self.rate, self.counts_per_unit
         driver = "rtde" if self.robot.startswith("ur") else "sim"
         _need(
@@ -160,7 +160,7 @@ class CanOptions:
 
     @property
     def torque(self) -> bool:
-        """Whether drives report torque (True) or current."""
+        """Whether the drives report torque; False if they report current or nothing."""
         return self.effort != "off"
 
     @property
@@ -174,7 +174,7 @@ class CanOptions:
 
     @property
     def bus_load(self) -> float:
-        """Fraction of the wire that the cyclic exchange needs in the worst case.
+        """Fraction of the CAN bus's capacity that the cyclic exchange takes in the worst case.
 
         A cycle has SYNC, the sensor's poll and its two answers of 8 and 6 bytes, and for each drive
         an RPDO of 6 bytes and a TPDO of 6, or 8 with torque; drives and master send heartbeats.

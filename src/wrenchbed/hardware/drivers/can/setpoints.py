@@ -42,9 +42,9 @@ Path = Callable[[float], np.ndarray]
 
 
 class TimedTargets:
-    """A smooth path through targets that arrive before their times, cycle by cycle.
+    """A smooth path through targets that arrive before their times, sampled once a cycle.
 
-    It begins at joint values q (J,) with a speed (J,), now [s].
+    The path starts at joint values q (J,) with a speed (J,), at the time ``now`` [s].
     """
 
     def __init__(self, q: np.ndarray, speed: np.ndarray, now: float) -> None:
@@ -56,12 +56,12 @@ class TimedTargets:
         """Time that the last step took [s]."""
 
     def add(self, q: np.ndarray, at: float) -> None:
-        """Append a target q (J,) at a time [s]; one that is not after the last is left out."""
+        """Append a target q (J,) for a time [s]; it is ignored if not later than the last one."""
         if at > self._last:
             self._coming.append((at, np.array(q)))
 
     def lose(self, seconds: float) -> None:
-        """Note that cycles were lost [s]: the next step makes up for a few, later ones for many."""
+        """Take ``seconds`` of lost cycles into account: the path catches up at once or slowly."""
         if seconds <= _AT_ONCE_S:
             self._lost += seconds
         else:
@@ -69,11 +69,11 @@ class TimedTargets:
 
     @property
     def rests(self) -> bool:
-        """Whether the path has come to rest at its last target."""
+        """Whether the path has reached its last target, where it rests."""
         return self._clock >= self._last
 
     def step(self, seconds: float) -> np.ndarray:
-        """Advance the path by some time [s]; return the joint values to command then (J,)."""
+        """Advance the path by a time [s]; return the joint values (J,) to command then."""
         seconds, self._lost = seconds + self._lost, 0.0
         self.passed = seconds
         remaining = self._last - self._clock
@@ -106,7 +106,7 @@ class TimedTargets:
 class Setpoints:
     """Computes the joint values to command in each cycle; several threads may use it.
 
-    Cycles have a period [s], joints lower and upper limits and a top speed, (J,) each.
+    Arguments: period of a cycle [s], joint limits and top speeds, (J,) each.
     """
 
     def __init__(
@@ -126,30 +126,30 @@ class Setpoints:
 
     @property
     def command(self) -> np.ndarray:
-        """Joint values (J,) of the last cycle."""
+        """Joint values (J,) commanded in the last cycle."""
         return self._command
 
     @property
     def moving(self) -> bool:
-        """Whether a motion is under way."""
+        """Whether a move, a stream of targets or braking is under way."""
         return self._path is not None
 
     def outside(self, q: np.ndarray) -> tuple[int, float, float] | None:
-        """The first joint beyond its limits at q (J,), and those limits."""
+        """Index and limits of the first joint beyond its limits at q (J,); None if none is."""
         beyond = (q < self._lower - OUTSIDE) | (q > self._upper + OUTSIDE) | ~np.isfinite(q)
         for joint in np.flatnonzero(beyond)[:1]:
             return int(joint), float(self._lower[joint]), float(self._upper[joint])
         return None
 
     def hold(self, q: np.ndarray) -> None:
-        """Command q (J,), where the robot is, from now on."""
+        """End any motion and command q (J,), the robot's present joint values, from now on."""
         with self._lock:
             self._command, self._speed = np.array(q), np.zeros(len(q))
             self._path = self._timed = None
             self._braking = False
 
     def move(self, goal: np.ndarray, seconds: float) -> None:
-        """Begin a move to rest at a goal (J,) in some time [s]."""
+        """Begin a minimum-jerk move that comes to rest at ``goal`` (J,) after ``seconds``."""
         with self._lock:
             start = self._command
             self._start(
@@ -157,7 +157,7 @@ class Setpoints:
             )
 
     def follow(self, q: np.ndarray, at: float, t: float) -> None:
-        """Stream a target: be at q (J,) at a time ``at``; ``t`` is now [s]."""
+        """Add a streamed target: be at q (J,) at the time ``at`` [s]; ``t`` is now [s]."""
         with self._lock:
             if self._timed is None or self._timed.rests:
                 timed = TimedTargets(self._command, self._speed, t)
@@ -166,13 +166,13 @@ class Setpoints:
             self._timed.add(q, at)
 
     def lose(self, seconds: float) -> None:
-        """Note that cycles were lost [s]: targets with a time are late by that."""
+        """Take ``seconds`` of lost cycles into account: streamed targets catch up by that time."""
         with self._lock:
             if self._timed is not None:
                 self._timed.lose(seconds)
 
     def brake(self) -> None:
-        """Come to rest in `BRAKE_S`; a second call changes nothing."""
+        """Begin to brake to rest within `BRAKE_S`; while braking, further calls change nothing."""
         with self._lock:
             if self._braking:
                 return
@@ -184,7 +184,7 @@ class Setpoints:
             self._braking = True
 
     def step(self) -> np.ndarray:
-        """Advance by a cycle; return the joint values (J,) to command."""
+        """Advance the motion by one cycle; return the joint values (J,) to command."""
         with self._lock:
             wanted = self._command
             if self._path is not None:

@@ -85,7 +85,7 @@ class RtdeOptions:
     effort: str = "current"
 
     def __post_init__(self) -> None:
-        """Refuse options that no controller can have."""
+        """Check the options; a `ParameterError` names one that no controller can have."""
         units = [joint.unit for joint in registry.load("robots", self.robot).joints]
         effort = (
             f"effort {self.effort!r}: a UR robot reports the currents of its motors, no torques: "
@@ -106,7 +106,7 @@ class RtdeOptions:
 
 
 class ControlProcess:
-    """The process that commands the robot, with a setting of `control_worker` and shared memory.
+    """The child process that commands the robot by ur_rtde, and its shared memory.
 
     Attributes:
         pid: process id.
@@ -154,11 +154,11 @@ class ControlProcess:
             raise LinkError(why)
 
     def send(self, do: str, **more: Any) -> bool:
-        """Send a command that is not answered; return whether it could be sent at once."""
+        """Send a command without waiting for an answer; return False if the channel was full."""
         return self._wire.send({"do": do} | more)
 
     def ask(self, do: str, timeout: float, **more: Any) -> str:
-        """Send a command and wait for its answer: empty when it was done, else the reason.
+        """Send a command and return its answer: empty on success, else the reason for refusal.
 
         Raises:
             LinkError: the worker is gone or did not answer in time [s].
@@ -177,7 +177,7 @@ class ControlProcess:
         )
 
     def gone(self) -> str:
-        """Reason why the worker is gone; empty while it runs."""
+        """Reason why the process has ended; empty while it runs."""
         if self._why:
             return self._why
         code = self._process.poll()
@@ -198,7 +198,7 @@ class ControlProcess:
         self.kill()
 
     def kill(self, why: str = "") -> None:
-        """End the process at once, for a reason, and release its resources; may be called twice."""
+        """Kill the process, note the reason and release its resources; may be called twice."""
         self._why = self._why or self.gone() or why
         self._kill()
         with self._lock:
@@ -231,7 +231,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class Links:
-    """Holds shared memory, heartbeat and stream of one robot; starts control processes."""
+    """Connections to one robot: state stream, control processes, shared memory and heartbeat."""
 
     def __init__(self, options: RtdeOptions) -> None:
         self.shared = SharedNumbers.create()
@@ -245,22 +245,22 @@ class Links:
 
     @property
     def state(self) -> Snapshot | None:
-        """The newest state; None before the first."""
+        """Newest state of the robot; None before the first."""
         newest = self._receiver.newest if self._receiver else None
         return newest if newest and newest.t > 0.0 else None
 
     def since(self, t: float) -> list[Snapshot]:
-        """The states that arrived after a time [s], the oldest first."""
+        """States of the robot that arrived after a `time.monotonic` time [s], oldest first."""
         recent = self._receiver.recent.copy() if self._receiver else deque[Snapshot]()
         return [*takewhile(lambda state: state.t > t, reversed(recent))][::-1]
 
     @property
     def ended(self) -> str:
-        """Reason why no more states will come; empty while the stream goes on."""
+        """Reason why no more states will come; empty while the stream runs."""
         return self._receiver.ended if self._receiver else "the stream of states was not opened"
 
     def open_state(self) -> None:
-        """Start receiving states.
+        """Connect to the robot and start receiving its states.
 
         Raises:
             LinkError: the robot cannot be reached within the deadline.
@@ -280,7 +280,7 @@ class Links:
         self._try(attempt)
 
     def renew_state(self) -> None:
-        """Replace a stream that delivers no fresh states; raises as `open_state`."""
+        """Reconnect when the stream delivers no fresh states; raises as `open_state`."""
         state = self.state
         silent = state is None or time.monotonic() - state.t > STALE_S or state.back > 0.0
         if silent or self.ended:
@@ -290,7 +290,7 @@ class Links:
             self.open_state()
 
     def open_control(self) -> ControlProcess:
-        """Start a process that controls the robot, with the robot's watchdog on.
+        """Start and return a process that controls the robot, with the robot's watchdog on.
 
         Raises:
             StoppedError: the robot does not take a program.
@@ -317,7 +317,7 @@ class Links:
         return self._try(attempt)
 
     def close(self) -> None:
-        """End the stream and the heartbeat; may be called twice."""
+        """End the stream of states and the heartbeat; may be called twice."""
         if self._receiver is not None:
             self._receiver.close()
         self._receiver = None
@@ -330,12 +330,12 @@ class Links:
         self.shared.put("state", state.t)
 
     def _beat(self) -> None:
-        """Write the driver's heartbeat; without it the control process stops the robot."""
+        """Write the heartbeat to shared memory; without it the control process stops the robot."""
         while not self._closed.wait(PERIOD_S):
             self.shared.beat("driver")
 
     def _try(self, attempt: Callable[[float], T]) -> T:
-        """Run an attempt, which takes a deadline [s]; repeat it after a failure that may pass."""
+        """Return ``attempt(deadline)``, called again after a transient failure until then [s]."""
         options = self._options
         deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
         failure: DriverError | None = None

@@ -71,11 +71,11 @@ _BEGINS_S = 0.05
 
 
 class Closed(Exception):  # noqa: N818
-    """The process at the other end of a channel is gone."""
+    """The process at the other end of the message channel is gone."""
 
 
 class MessageChannel:
-    """One end of a channel that keeps the borders and the order of messages."""
+    """One end of a local channel that transfers whole JSON messages in order."""
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
@@ -84,14 +84,14 @@ class MessageChannel:
         self._poll.register(end.fileno(), select.POLLIN)
 
     def send(self, message: Message) -> bool:
-        """Send at once; False where the other end does not take it."""
+        """Send a message without waiting; return False if the other end does not take it."""
         with contextlib.suppress(OSError):
             self._end.send(json.dumps(message).encode()[:_LONGEST])
             return True
         return False
 
     def receive(self, timeout: float) -> Message | None:
-        """Receive the next message; None if there is none in time [s].
+        """Receive the next message; None if none arrives within ``timeout`` [s].
 
         Raises:
             Closed: the other end is gone.
@@ -109,12 +109,12 @@ class MessageChannel:
         return dict(json.loads(raw))
 
     def close(self) -> None:
-        """Close this end; may be called twice."""
+        """Close this end of the channel; may be called twice."""
         self._end.close()
 
 
 class SharedNumbers:
-    """Memory that driver and this process share; each number has one writer.
+    """Named numbers in memory that the driver and the control process share; each has one writer.
 
     ``driver`` and ``control`` are heartbeats, ``state`` is when the newest state arrived (all
     `time.monotonic`, [s]), ``speed`` is its fastest joint [rad/s].
@@ -127,7 +127,7 @@ class SharedNumbers:
 
     @classmethod
     def create(cls) -> Self:
-        """Create the memory; it is freed when the last process that has it ends."""
+        """Create the shared memory; it is freed when the last process that uses it ends."""
         descriptor = os.memfd_create("wrenchbed-rtde")
         os.ftruncate(descriptor, 8 * len(_NUMBERS))
         return cls(descriptor)
@@ -141,25 +141,25 @@ class SharedNumbers:
             self.descriptor = -1
 
     def put(self, name: str, value: float) -> None:
-        """Write the number of a name."""
+        """Write the number called ``name``."""
         self._numbers[_NUMBERS.index(name)] = value
 
     def get(self, name: str) -> float:
-        """Number of a name, 0 before it was written."""
+        """Read the number called ``name``; 0 before it was written."""
         return self._numbers[_NUMBERS.index(name)]
 
     def beat(self, name: str) -> None:
-        """Write the present time as the number of a name."""
+        """Write the present `time.monotonic` time [s] as the number called ``name``."""
         self.put(name, time.monotonic())
 
     def silence(self, name: str) -> float:
-        """Time since a moment that was written [s]."""
+        """Time [s] since the `time.monotonic` time that the number called ``name`` holds."""
         then = self.get(name)  # first: the clock is later
         return time.monotonic() - then
 
 
 def printed(lost: Callable[[str], None]) -> deque[str]:
-    """Collect the last lines that the library prints; call ``lost`` with one on a lost link."""
+    """Capture what ur_rtde prints; return its last lines; call ``lost`` with one on a lost link."""
     last: deque[str] = deque(maxlen=8)
     out, into = os.pipe()
     for standard in (1, 2):
@@ -192,23 +192,23 @@ class TargetStream:
 
     @property
     def due(self) -> float:
-        """Time at which the next target is due (`time.monotonic`, [s]); infinite if none waits."""
+        """`time.monotonic` time at which the next target is due [s]; infinite if none waits."""
         return self._waiting[0][0] + self._shift if self._waiting else math.inf
 
     def add(self, q: list[float], at: float) -> None:
-        """Add a target (6,) for a time (`time.monotonic`, [s])."""
+        """Store a target (6,) [rad] to be sent at a `time.monotonic` time [s]."""
         apart = at - self._last
         self._locked = abs(apart - self._period) < _ALIKE * self._period
         self._last = at
         self._waiting.append((at, q))
 
     def clear(self) -> None:
-        """Drop all waiting targets."""
+        """Drop all targets not yet sent."""
         self._waiting.clear()
 
     def take(self, now: float, state: float) -> list[float] | None:
-        """The newest target that is due now [s], None if none is; the robot's newest state arrived
-        at ``state`` [s]."""
+        """Return the newest target due at ``now`` [s] and drop it and earlier ones; None if none is
+        due. The robot's newest state arrived at ``state`` [s]."""
         q = None
         while self.due <= now:
             q = self._waiting.popleft()[1]
@@ -225,7 +225,7 @@ class TargetStream:
 
 
 class Control:
-    """Executes the driver's commands; all calls of ur_rtde are made in the thread of `serve`."""
+    """Executes the driver's commands in the control process; `serve` makes all calls of ur_rtde."""
 
     def __init__(
         self, robot: Any, shared: SharedNumbers, wire: MessageChannel, hz: float, period: float
@@ -237,7 +237,7 @@ class Control:
         self._began, self._hard = 0.0, False
 
     def serve(self) -> None:
-        """Execute commands and kick the watchdog until ``quit``; stop without a driver."""
+        """Execute commands and kick the watchdog until ``quit`` or until the driver is gone."""
         try:
             while self._alive():
                 self._kick()
@@ -252,8 +252,7 @@ class Control:
         os._exit(0)
 
     def mind(self) -> None:
-        """End this process if the driver is gone while `serve` hangs in a call; runs in a
-        thread."""
+        """Watch, in a thread, for the driver's end; then end this process even if `serve` hangs."""
         while self._shared.silence("driver") < DRIVER_SILENT_S:
             time.sleep(_MIND_S)
         time.sleep(_STUCK_S)
@@ -275,7 +274,7 @@ class Control:
             self._ended()
 
     def _idle(self) -> float:
-        """Time to wait for a message [s]; the channel polls in integer milliseconds."""
+        """Time that `serve` may wait for a message [s]; the channel polls in whole milliseconds."""
         idle = min(self._kick_due, self._stream.due) - time.monotonic()
         if idle < _TICK_S:
             time.sleep(max(0.0, idle))
@@ -293,7 +292,7 @@ class Control:
         return silent and (self._servoing or self._under_way())
 
     def _ended(self) -> None:
-        """Note, and report to the driver, that the program on the robot does not run any more."""
+        """Note, and report to the driver, that the program on the robot has ended."""
         self._stream.clear()
         self._playing = self._servoing = self._moving = False
         self._wire.send({"event": "ended"})
@@ -312,7 +311,7 @@ class Control:
         self._wire.send({"id": message["id"], "why": why})
 
     def _servo(self, q: list[float]) -> str:
-        """Stream one target; return the reason if it is refused, else ""."""
+        """Send one streamed target (6,) [rad] to the robot; return why it was refused, else ""."""
         if not self._playing:
             return _OVER
         if not sound(q):
@@ -327,8 +326,7 @@ class Control:
         return ""
 
     def _move(self, message: Message) -> str:
-        """Start a move once any other motion is over; return the reason if it is refused, else
-        ""."""
+        """Start a move, after any other motion is over; return why it was refused, else ""."""
         q, speed, acceleration = message["q"], message["speed"], message["acceleration"]
         if not sound(q) or not math.isfinite(speed + acceleration):
             return "a goal must be 6 finite angles"
@@ -343,7 +341,7 @@ class Control:
         return ""
 
     def _halt(self, hard: bool) -> str:
-        """Brake; returns before the robot rests, with an empty reason."""
+        """Begin to brake, hard or softly; return "" before the robot is at rest."""
         self._stream.clear()
         if not self._playing:
             return ""
@@ -353,7 +351,7 @@ class Control:
         return ""
 
     def _brake(self, hard: bool) -> None:
-        """Brake at once; a hard stop under way stays hard, since the script would soften it."""
+        """Send the stop command; a hard stop in progress stays hard: the script would soften it."""
         if self._servoing:
             self._servoing = False
             if not self._robot.servoStop(_SERVO_HARD if hard else _SERVO_SOFT):
@@ -363,7 +361,7 @@ class Control:
             self._moving, self._hard, self._began = True, hard, time.monotonic()
 
     def _under_way(self) -> bool:
-        """Whether a move, or the stop of one, is under way."""
+        """Whether a move, or the stopping of one, is in progress."""
         if not self._moving or time.monotonic() - self._began < _BEGINS_S:
             return self._moving
         if not self._robot.getAsyncOperationProgressEx().isAsyncOperationRunning():
@@ -371,7 +369,7 @@ class Control:
         return self._moving
 
     def _rest(self, within: float = _REST_S) -> bool:
-        """Kick the watchdog until all is at rest; return False if it is not in time [s]."""
+        """Wait until the robot rests, kicking the watchdog; return False after ``within`` [s]."""
         end = time.monotonic() + within
         while time.monotonic() < end and self._alive() and self._playing:
             self._kick()
@@ -391,7 +389,7 @@ def sound(q: object) -> bool:
 
 
 def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) -> None:
-    """Take control of the robot, report that, and obey until ``quit`` or the driver is gone."""
+    """Control the robot: execute the driver's commands until ``quit`` or the driver's end."""
 
     def end(event: str, why: str, code: int) -> None:
         wire.send({"event": event, "why": why})
@@ -415,7 +413,7 @@ def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) 
 
 
 def main(argument: str) -> None:
-    """Run this file as a process, with the setting as JSON."""
+    """Run the control process; ``argument`` is its setting as JSON."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(OSError):  # where the system allows it
         os.setpriority(os.PRIO_PROCESS, 0, _PRIORITY)

@@ -40,7 +40,7 @@ _UNSAID, _ANOTHER = "the controller does not say it", "give --robot as the arm i
 
 @dataclass(frozen=True)
 class Line:
-    """Result of one check: its grade, the finding, and the remedy if it is not ok."""
+    """Result of one check: its grade, what was found, and the remedy if it is not ok."""
 
     name: str
     grade: Grade
@@ -49,8 +49,9 @@ class Line:
 
 
 def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
-    """Check a robot's controller, a sensor's box, or both, in the order in which a recording run
-    would fail.
+    """Check a robot's controller, a sensor's box, or both; return the findings, one `Line` each.
+
+    They stand in the order in which a recording run would fail.
 
     Args:
         robot: that recordings will be made with.
@@ -73,7 +74,7 @@ def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
 
 
 def _line(name: str, fine: bool, text: str, remedy: str, grade: Grade = "note") -> Line:
-    """Result of one check: ok if ``fine``, else of a grade and with a remedy."""
+    """Make the result of one check: ok if ``fine``, else with this grade and remedy."""
     return Line(name, "ok", text) if fine else Line(name, grade, text, remedy)
 
 
@@ -153,8 +154,8 @@ def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
 def _stream(
     times: Sequence[tuple[float, float]], least: float, what: str, *, clocked: bool
 ) -> Iterator[Line]:
-    """Check rate, gaps and clock of a stream of (arrival, device clock or NaN) [s], which needs a
-    least rate [Hz] and, if ``clocked``, a clock."""
+    """Yield findings on the rate, gaps and clock of a stream of (arrival, device clock or NaN) [s],
+    which needs a ``least`` rate [Hz] and, if ``clocked``, a device clock."""
     at, clock = np.transpose(times) if len(times) > 2 else (np.zeros(2), np.zeros(2))
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf

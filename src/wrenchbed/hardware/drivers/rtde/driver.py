@@ -59,7 +59,7 @@ _MOST_HZ = 500.0
 def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float]:
     """Peak speed [rad/s] and acceleration [rad/s²] of a move over a distance [rad] in a time [s].
 
-    A third of the time speeds up and a third slows down, unless that needs more than ``top``
+    Accelerating and braking take a third of the time each, unless that needs more than ``top``
     [rad/s] or 15 rad/s²; then the move takes longer.
     """
     speed = min(_PEAK * distance / seconds, top)
@@ -68,16 +68,15 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
 
 
 class Followed:
-    """Checks that the controller's own targets follow those that were sent: ur_rtde confirms
-    targets that it drops."""
+    """Checks that the controller follows streamed targets: ur_rtde confirms even dropped ones."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._count = 0
 
     def add(self, t: float, sent: np.ndarray, target: np.ndarray) -> str:
-        """Compare a sent target (J,) with the controller's (J,); the reason if it does not
-        follow."""
+        """Compare a sent target (J,) at time t [s] with the controller's own target (J,); return a
+        sentence if it does not follow, else ""."""
         pairs = self._pairs
         if pairs and t - pairs[-1][0] > _LAG_S:  # a stream begins anew
             pairs.clear()
@@ -96,7 +95,7 @@ class Followed:
 
 
 class RtdeDriver(LiveDriver):
-    """A UR robot over RTDE, with a Net F/T or its own wrench.
+    """Driver of a UR robot over RTDE, with a Net F/T sensor or the robot's own wrench.
 
     Raises:
         ParameterError: an impossible option.
@@ -149,7 +148,7 @@ class RtdeDriver(LiveDriver):
         return np.repeat(own_wrench.CB3_END if cb3 else own_wrench.E_END, 3)
 
     def stop(self, kind: str = "soft") -> None:
-        """Brake and wait until the robot rests.
+        """Brake and wait until the robot is at rest.
 
         Raises:
             LinkError: the stop was not delivered; the robot's watchdog ends its program.
@@ -248,7 +247,7 @@ class RtdeDriver(LiveDriver):
             raise StoppedError(trouble[1] if trouble else f"{why}: call recover()")
 
     def _heed_slider(self, scaling: float) -> None:
-        """Give moves the time that the speed slider makes them take; warn when it is moved."""
+        """Set `pace` from the speed scaling, 0 … 1, and warn when the speed slider was moved."""
         before, self.pace = self.pace, max(scaling, _SLOWEST)
         if self.pace < _FULL and abs(self.pace - before) > 1.0 - _FULL:
             warnings.warn(
@@ -266,7 +265,7 @@ class RtdeDriver(LiveDriver):
         return Applied(None, why) if why else Applied(q)
 
     def _stop(self, kind: str) -> None:
-        """Brake by the control process; where it does not answer, by the dashboard."""
+        """Brake through the control process; if it does not answer, stop by the dashboard."""
         self._followed, self._last_target = Followed(), None
         self._undelivered = ""
         control = self._control
@@ -330,7 +329,7 @@ class RtdeDriver(LiveDriver):
             raise LateError(f"the robot does not rest within {_REST_S:g} s of its stop")
 
     def _drop_control(self, quit_s: float) -> None:
-        """End the control process, within a time [s] in which it may stop the robot itself."""
+        """End the control process; within ``quit_s`` [s] it may first stop the robot itself."""
         control, self._control = self._control, None
         if control is not None:
             if quit_s > 0.0 and not control.gone():

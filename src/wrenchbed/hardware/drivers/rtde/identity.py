@@ -49,7 +49,7 @@ _REMEDY = "check --host, or plan for that arm: wrenchbed robot FILE --frame NAME
 
 def settings(host: str) -> dict[str, Any]:
     """Read the controller's settings for a recording's metadata; those that it does not report are
-    left out, and without an answer all.
+    left out.
 
     Payload [kg] and its centre of gravity (3,) in flange axes [m], TCP in the flange x y z [m] and
     rotation vector [rad], modes in words, the controller's clock [s], speed scaling 0 … 1.
@@ -63,7 +63,7 @@ def settings(host: str) -> dict[str, Any]:
 
 
 def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
-    """Outputs of a controller renamed as in a recording's metadata, with modes as texts."""
+    """Rename a controller's outputs to the metadata's names, with modes as texts."""
     values: dict[str, Any] = {
         name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
     }
@@ -76,8 +76,8 @@ def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
 
 
 def stated(host: str) -> dict[str, str]:
-    """Ask the dashboard for model, serial and software; an old one answers only some of it, and
-    without a dashboard the result is empty."""
+    """Ask the dashboard for model, serial number and software version; what it does not answer is
+    left out, without a dashboard all."""
     answers = {}
     for name, command in _ASKED.items():
         try:
@@ -90,12 +90,12 @@ def stated(host: str) -> dict[str, str]:
 
 
 def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange: bool) -> None:
-    """Refuse a controller of another arm than the robot's name says; ``ur5``, ``ur10e`` … do.
+    """Check that the controller's arm is the named robot (``ur5``, ``ur10e`` …).
 
     Args:
         robot: what the plan is for.
         answers: see `stated`.
-        major: of the controller's software: 3 is a CB3, from 5 on an e-Series.
+        major: software version of the controller: 3 is a CB3, from 5 on an e-Series.
         at_flange: whether the reported pose is the flange's of this robot.
 
     Raises:
@@ -128,7 +128,7 @@ class Flange:
 
     Attributes:
         at_tcp: whether the TCP counts as the flange.
-        trouble: why the arm is not the robot, as far as its poses say; empty where it may be.
+        trouble: why the arm is not the robot, by its poses; empty where it may be.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -138,7 +138,7 @@ class Flange:
         self._first: tuple[Rotation, np.ndarray] | None = None
 
     def look(self, state: Snapshot) -> None:
-        """Compare TCP and flange of a state, at most twice a second."""
+        """Compare a state's TCP with the flange at its joint values, at most twice a second."""
         if time.monotonic() < self._due:
             return
         self._due = time.monotonic() + _EVERY_S

@@ -35,8 +35,9 @@ whose torque is that force 0.2 m from the flange, and the sensor's range in UR5e
 
 
 class OwnWrench(Transducer):
-    """The robot's own wrench in the axes of the nominal robot's sensor about its origin; ``since``
-    returns without blocking the states that arrived after a time [s], the oldest first."""
+    """Transducer of a UR robot's own wrench, in the axes of the nominal robot's sensor about its
+    origin; ``since`` returns the states that arrived after a time [s], oldest first, without
+    blocking."""
 
     name = "ur-wrench"
     title = "a UR robot's own wrench over RTDE"
@@ -84,7 +85,7 @@ def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
 
 
 def reading(state: Snapshot, robot: Robot) -> WrenchSample:
-    """Convert a state's own wrench to a sample in the axes of the nominal robot's sensor."""
+    """Convert the wrench in a state to a sample in the axes of the nominal robot's sensor."""
     wrench = np.array(state.raw)
     if not np.isfinite(wrench).all():
         rotations, origins = robot.sensor_pose(np.array([state.q]), robot.parameters.nominal)
@@ -98,8 +99,8 @@ def reading(state: Snapshot, robot: Robot) -> WrenchSample:
 
 
 def facts(state: Snapshot, controller: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Metadata of a recording: how the controller states its wrench, before the change to the
-    sensor's axes; a payload among its settings is what a compensated wrench lacks."""
+    """Recording metadata on how the controller states its wrench: source output, axes, reference
+    point and, if it compensates a payload, which."""
     if np.isfinite(state.raw).all():
         raw = {"source": "ft_raw_wrench", "frame": "flange", "reference": "flange"}
         return raw | {"compensated": False}

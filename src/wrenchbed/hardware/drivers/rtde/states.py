@@ -71,13 +71,13 @@ _ZERO, _NAN = (0.0,) * 6, (math.nan,) * 6
 
 
 class Outputs:
-    """Named outputs that a controller streams. Use as a context manager.
+    """Outputs that a controller streams over a connection of its own; use as a context manager.
 
     Args:
-        host: of the controller.
-        names: of the outputs; those that it lacks are left out.
+        host: address of the controller.
+        names: output names; those that it lacks are left out.
         timeout: within which the stream starts [s].
-        rate: of the stream [Hz]; the controller's own if None.
+        rate: rate of the stream [Hz]; the controller's own if None.
 
     Attributes:
         names, version, rate: outputs that it has, its software in four numbers, rate [Hz].
@@ -109,7 +109,7 @@ class Outputs:
             raise
 
     def _choose(self, names: Sequence[str], end: float) -> None:
-        """Ask for outputs until the controller has all of them, and start the stream."""
+        """Subscribe to those of these outputs that the controller has, and start the stream."""
         wanted, types = list(names), [_MISSING]
         while _MISSING in types:
             body = struct.pack(">d", self.rate) + ",".join(wanted).encode()
@@ -130,7 +130,7 @@ class Outputs:
             raise LinkError("the controller refuses to start: it sends no states")
 
     def next(self, end: float = math.inf) -> tuple[float, dict[str, Values] | None]:
-        """Receive the next packet of data: arrival [s] and values, None if its length is wrong.
+        """Receive the next data packet: arrival [s] and name → value, None if its length is wrong.
 
         Raises:
             LinkError: none comes by ``end`` (`time.monotonic`, [s]).
@@ -149,7 +149,7 @@ class Outputs:
         return arrival, values
 
     def close(self) -> None:
-        """End the stream, also for a thread that waits for it; may be called twice."""
+        """End the stream, also for a thread that waits in `next`; may be called twice."""
         with contextlib.suppress(OSError):
             self._link.shutdown(socket.SHUT_RDWR)
         self._link.close()
@@ -161,8 +161,7 @@ class Outputs:
         self.close()
 
     def _ask(self, kind: int, body: bytes, end: float) -> bytes:
-        """Send a request, return the content of its answer; texts that arrive before are
-        skipped."""
+        """Send a request and return the body of its answer; text messages before it are skipped."""
         try:
             self._link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
         except OSError as error:
@@ -200,14 +199,14 @@ class Outputs:
 
 
 class Snapshot(NamedTuple):
-    """One state of the robot.
+    """One state of the robot, with counts of the stream up to it.
 
     Attributes:
         t: `time.monotonic` when it arrived [s].
         stamp: the controller's own clock [s].
         q, qd, current: angles, speeds and motor currents of the joints [rad, rad/s, A].
-        target_q, target_qd, target_moment: angles, speeds and torques of the joints that the
-            controller wants [rad, rad/s, N·m].
+        target_q, target_qd, target_moment: joint angles, speeds and torques that the controller
+            commands [rad, rad/s, N·m].
         temperatures: of the joints [°C].
         pose: of the TCP in the base, x y z [m] and rotation vector [rad].
         force: ``actual_TCP_force`` [N, N·m], as the controller gives it.
@@ -218,7 +217,7 @@ class Snapshot(NamedTuple):
         protective: `time.monotonic` when a protective stop was first seen, 0 without one [s].
         halts: how often a program stopped playing.
         received, skipped, bad: number of states received, known to be lost, and refused.
-        wrong: what is wrong with the newest, which was refused; empty: it was not.
+        wrong: why the newest received state was refused; empty: it was not.
         back: by how much the controller's clock went back [s], 0 if it never did.
     """
 
@@ -249,7 +248,8 @@ class Snapshot(NamedTuple):
     back: float = 0.0
 
     def followed_by(self, new: "Snapshot", period: float) -> "Snapshot":
-        """Judge and count the next state ``new``; states come a period [s] apart."""
+        """Check and count the next state ``new``, a ``period`` [s] later; return it, or this one if
+        it is refused."""
         wrong = implausible(new, self)
         if wrong:
             return self._replace(bad=self.bad + 1, wrong=wrong)
@@ -267,7 +267,7 @@ class Snapshot(NamedTuple):
 
 
 class StateReceiver:
-    """Receives states of a host at a rate [Hz], the controller's own if None, in a thread.
+    """Thread that receives the states of a robot; ``rate`` [Hz], the controller's own if None.
 
     Args:
         before: the newest state of an earlier connection, whose counts go on.
@@ -298,7 +298,7 @@ class StateReceiver:
         self._thread.start()
 
     def close(self) -> None:
-        """End the stream and the thread; may be called twice."""
+        """End the stream and its thread; may be called twice."""
         self._stream.close()
         self._thread.join(1.0)
 
@@ -312,7 +312,7 @@ class StateReceiver:
             self.ended = f"the stream of states ended: {error}"
 
     def _take(self, arrival: float, values: dict[str, Values] | None) -> None:
-        """Count a packet and publish its state, unless its time stamp is that of the last one."""
+        """Count a packet and publish its state, unless its time stamp repeats the last one."""
         last = self.newest
         if values is None:
             self.newest = last._replace(bad=last.bad + 1, wrong="data of a wrong length")
@@ -328,7 +328,7 @@ class StateReceiver:
 
 
 def implausible(new: Snapshot, last: Snapshot) -> str:
-    """Reason why a robot cannot have sent this state after the last one; empty if it can."""
+    """Reason why no robot can have sent the state ``new`` after ``last``; empty if one can."""
     sixes = [(most, getattr(new, name)) for name, most in _LARGEST.items()]
     if not all(math.isfinite(v) for _, six in sixes for v in six) or not math.isfinite(new.stamp):
         return "numbers that are not finite"

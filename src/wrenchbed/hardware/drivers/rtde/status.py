@@ -62,12 +62,12 @@ Look = Callable[[], Snapshot]
 
 
 def mode(state: Snapshot) -> str:
-    """Name of the robot's mode: ``running``, ``off`` …"""
+    """Robot mode of a state in a word: ``running``, ``off`` …"""
     return MODES.get(int(state.mode), f"mode {state.mode:g}")
 
 
 def safety(state: Snapshot) -> str:
-    """``normal``, ``protective stop`` …; the bits report some stops earlier than the mode."""
+    """Safety state in words, such as ``protective stop``; its bits report some stops first."""
     for mask, word in _BITS.items():
         if int(state.bits) & mask:
             return word
@@ -75,13 +75,12 @@ def safety(state: Snapshot) -> str:
 
 
 def program(state: Snapshot) -> str:
-    """``playing``, ``paused``, ``stopped`` …"""
+    """State of the robot's program in a word: ``playing``, ``paused``, ``stopped`` …"""
     return _PROGRAM.get(int(state.runtime), f"program state {state.runtime:g}")
 
 
 def problem(state: Snapshot) -> tuple[State, str] | None:
-    """Name the state of health and the reason, with its remedy, that keep the robot from moving;
-    None if nothing does."""
+    """Health state, and reason with remedy, that keep a robot from moving; None if it may."""
     word = safety(state)
     if word not in HARMLESS:
         kind, remedy = _REMEDIES.get(word, ("stopped", "look at the pendant"))
@@ -93,9 +92,9 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
 
 
 class Control(NamedTuple):
-    """State of the process that commands the robot: why it is gone, empty while it runs; time since
-    its heartbeat [s]; whether it saw its program ended; and how often a program had stopped playing
-    when the robot was made ready."""
+    """State of the control process: why it is gone (empty while it runs), time since its heartbeat
+    [s], whether it saw its program ended, and how many programs had stopped when the robot was
+    activated."""
 
     gone: str
     silent: float
@@ -109,10 +108,10 @@ def judge(
     """Judge the health of a session: first the link, then safety, the program, and the control.
 
     Args:
-        state: the newest one.
-        ended: why no more will come, empty while they do.
+        state: newest state of the robot, None before the first.
+        ended: why no more states will come, empty while they do.
         control: None where the robot was not made ready to move.
-        counters: of the link.
+        counters: counters of the link, which the health reports.
     """
     if ended or state is None:
         return Health("lost", f"{ended or 'no state yet'}: call recover()", counters)
@@ -146,7 +145,7 @@ def judge(
 
 
 def request(host: str, command: str, timeout: float = 1.0) -> str:
-    """Send one command to the dashboard; return its answer.
+    """Send one command to the robot's dashboard server and return its answer.
 
     Raises:
         LinkError: none came in time [s].
@@ -163,7 +162,7 @@ def request(host: str, command: str, timeout: float = 1.0) -> str:
 
 
 def _line(link: socket.socket, end: float) -> bytes:
-    """Receive the next line, complete by ``end`` (`time.monotonic`, [s])."""
+    """Receive a line of text, complete by ``end`` (`time.monotonic`, [s])."""
     line = b""
     while not line.endswith(b"\n"):
         link.settimeout(max(end - time.monotonic(), 1e-3))
@@ -177,14 +176,14 @@ def _line(link: socket.socket, end: float) -> bytes:
 
 
 def _done(host: str, command: str, done: Callable[[], bool], seconds: float, trouble: str) -> None:
-    """Send a command and wait, at most ``seconds``, until ``done``; else raise with ``trouble``."""
+    """Send a dashboard command and wait for ``done``; after ``seconds`` raise with ``trouble``."""
     answer = request(host, command)
     if not wait_until(done, seconds):
         raise StoppedError(f"{trouble}, the dashboard says {answer!r}")
 
 
 def clear(host: str, look: Look) -> None:
-    """Unlock a protective stop and end any program.
+    """Unlock a protective stop and stop any program, by the dashboard.
 
     Raises:
         StoppedError: it cannot be cleared from here; the message says what to do.
@@ -208,7 +207,7 @@ def clear(host: str, look: Look) -> None:
 
 
 def switch_on(host: str, look: Look) -> None:
-    """Power on and release the brakes.
+    """Power the robot on and release its brakes, by the dashboard.
 
     Raises:
         StoppedError: the robot does not come up in time.
@@ -223,7 +222,7 @@ def switch_on(host: str, look: Look) -> None:
 
 
 def halt(host: str, timeout: float) -> str:
-    """Stop the program; return "" when the dashboard confirms it, else the reason."""
+    """Stop the robot's program by the dashboard; return "" if confirmed, else the reason."""
     try:
         answer = request(host, "stop", timeout)
     except LinkError as error:

@@ -66,7 +66,7 @@ _NO_ERROR = SATURATED | 1 << 16 | 1 << 1
 
 
 def faults(status: int) -> tuple[str, ...]:
-    """Texts of the faults in a status word; the summary bit counts only if no other is set."""
+    """Describe the faults in a status word, one text each; the summary bit only if it is alone."""
     words = tuple(word for bit, word in _WORDS.items() if status >> bit & 1)
     unknown = status & ~_ANY & ~sum(1 << bit for bit in _WORDS)
     if unknown:
@@ -75,36 +75,37 @@ def faults(status: int) -> tuple[str, ...]:
 
 
 def broken(status: int) -> bool:
-    """Whether a status word names an error other than a reading out of range."""
+    """Whether a status word reports an error other than a reading out of range."""
     errors = status & ~_NO_ERROR
     only_summary = errors == _ANY and status & _NO_ERROR
     return errors != 0 and not only_summary
 
 
 def decode(data: bytes) -> np.ndarray:
-    """Records (n,) of complete datagrams: ``rdt``, ``ft``, ``status`` and ``counts`` (6,) of each;
-    a `DriverError` if they are no whole number."""
+    """Decode datagrams into RDT records (n,) with ``rdt``, ``ft``, ``status`` and ``counts`` (6,);
+    a `DriverError` if the bytes are no whole number of records."""
     if len(data) % SIZE:
         raise DriverError(f"{len(data)} bytes are no whole number of RDT records")
     return np.frombuffer(data, dtype=_RECORD)
 
 
 def signed(difference: int) -> int:
-    """Difference of two 32-bit counters as a signed number, −2³¹ … 2³¹ − 1."""
+    """Interpret the difference of two 32-bit counters as a signed number, −2³¹ … 2³¹ − 1."""
     return (difference + 2**31) % 2**32 - 2**31
 
 
 class Tracker:
-    """Follows one stream of records; a far jump is believed only when the next record confirms it.
+    """Follows one stream of RDT records and counts those lost, repeated or impossible.
 
-    Records come at a rate [Hz], every so many samples of the box.
+    A far jump of the numbers is believed only when the next record confirms it. Records come at a
+    rate [Hz], one every so many samples of the box.
 
     Attributes:
         last: (rdt_sequence, ft_sequence) of the newest record.
         lost: records that did not come in time, known from gaps.
         disordered: records that came twice, or after a newer one; they are left out.
         implausible: records with an impossible number, left out.
-        restarts: of the device, whose ft_sequence went back.
+        restarts: restarts of the device, seen from an ft_sequence that went back.
     """
 
     def __init__(self, rate: float, every: float) -> None:
@@ -116,11 +117,11 @@ class Tracker:
         self._jump: tuple[int, int] | None = None
 
     def asked(self) -> None:
-        """Note that a new request was sent: the stream may begin again at 1."""
+        """Note that a new request was sent, after which the numbers may start again at 1."""
         self._asked = True
 
     def take(self, records: np.ndarray) -> np.ndarray:
-        """Return the records to keep of some that arrived (n,): none twice, in order."""
+        """Return the arrived records (n,) without repeated, late and impossible ones, in order."""
         rdt = records["rdt"].astype(np.int64)
         if self._begun and not self._asked and (np.diff(rdt, prepend=self.last[0]) == 1).all():
             self.last, self._jump = (int(rdt[-1]), int(records["ft"][-1])), None
@@ -150,7 +151,7 @@ class Tracker:
         return True
 
     def _begin(self, pair: tuple[int, int]) -> None:
-        """Continue elsewhere in the stream; the device's clock tells what was lost between."""
+        """Accept a jump to this pair of numbers; the device's clock tells how many were lost."""
         if self._begun:
             samples = signed(pair[1] - self.last[1])
             if samples > 0:
@@ -162,7 +163,7 @@ class Tracker:
 
 
 class DeviceClock:
-    """Unwraps a device's clock, a 32-bit counter at a rate [Hz], and fits it to this machine's."""
+    """Unwraps a device's 32-bit counter at a rate [Hz] and fits it to this machine's clock."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
@@ -172,12 +173,11 @@ class DeviceClock:
 
     @property
     def ppm(self) -> float | None:
-        """Rate of the device's clock above this machine's [1e-6]; None in the first 2 s."""
+        """Drift of the device's clock against this machine's [1e-6]; None in the first 2 s."""
         return self._fit.ppm
 
     def take(self, host: float, stamp: int) -> tuple[float, float]:
-        """Add a reading that arrived at a host time [s]: its device time [s], and its undelayed
-        arrival."""
+        """Add a reading's arrival [s] and counter; return device time and undelayed arrival [s]."""
         step = 0 if self._stamp is None else signed(stamp - self._stamp)
         if step < 0:
             self._fit.clear()
@@ -190,8 +190,8 @@ class DeviceClock:
 
 @dataclass(frozen=True, eq=False)
 class Received:
-    """The newest record: when it arrived [s], on the device's clock [s], its number there, status
-    word and counts (6,), since when these are the same [s], and for how many records."""
+    """The newest RDT record: arrival [s], device time [s], sample number, status word, counts (6,),
+    since when these are unchanged [s], and for how many records."""
 
     t: float
     device_time: float
@@ -203,10 +203,10 @@ class Received:
 
 
 class Receiver:
-    """Receives the records of one box in a thread.
+    """Thread that receives the RDT records of one box.
 
     Args:
-        box: address of its RDT.
+        box: host and UDP port of its RDT.
         rate, internal_rate: of its records and of its samples [Hz].
         keep: called in its thread with times (n,) [s] at which records would have arrived without
             delay, and the records (n,).
@@ -233,7 +233,7 @@ class Receiver:
         self._thread = threading.Thread(target=self._run, name="netft receiver", daemon=True)
 
     def start(self) -> None:
-        """Request the stream and start the thread."""
+        """Request the stream of records and start the thread."""
         self._ask()
         self._thread.start()
 
@@ -247,13 +247,13 @@ class Receiver:
         self._socket.close()
 
     def flagged(self) -> int:
-        """Status bits that any record showed since the last call."""
+        """Return the status bits, of all records since the last call, combined by "or"."""
         with self._lock:
             word, self._status = self._status, 0
         return word
 
     def _send(self, command: int) -> None:
-        """Send a request; one that cannot be sent now is lost, as any datagram may be."""
+        """Send an RDT request; if it cannot be sent now it is lost, as any datagram may be."""
         with contextlib.suppress(OSError):
             self._socket.sendto(_REQUEST.pack(0x1234, command, 0), self.box)
 
@@ -279,7 +279,7 @@ class Receiver:
             time.sleep(_PAUSE_S)
 
     def _drain(self) -> int:
-        """Fill the buffer with all that arrived; return the number of bytes of complete records."""
+        """Receive all waiting datagrams into the buffer; return its bytes of whole records."""
         view, used = memoryview(self._buffer), 0
         while used < _ROOM - LARGEST - 1:
             try:
@@ -317,7 +317,7 @@ class Receiver:
 
 
 def _socket(box: tuple[str, int]) -> socket.socket:
-    """Open a socket that listens only at the address of this machine that faces the box."""
+    """Open a UDP socket, bound to the one local address from which the box is reached."""
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.connect(box)

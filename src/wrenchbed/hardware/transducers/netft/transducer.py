@@ -74,8 +74,8 @@ and relative drift of the clock, `_PPM`."""
 
 
 def get(host: str, port: int, target: str) -> bytes:
-    """Fetch a page from a box's web server. Raises a `LinkError` if nobody listens, or nothing
-    complete came in time, a `DriverError` if the answer is no page, or too long."""
+    """Fetch a page from a box's web server and return its bytes. Raises a `LinkError` if nobody
+    listens or the page is not complete in time, a `DriverError` if it is invalid or too long."""
     where = f"http://{host}:{port}{target}"
     link = HTTPConnection(host, port, timeout=PAGE_S)
     try:
@@ -102,7 +102,7 @@ def get(host: str, port: int, target: str) -> bytes:
 
 
 def get_any(host: str, ports: Sequence[int], target: str) -> tuple[int, bytes]:
-    """Port and content of the first port that takes connections; raises as `get`."""
+    """Fetch a page from the first port that connects; return port and page. Raises as `get`."""
     for port in ports[:-1]:
         try:
             return port, get(host, port, target)
@@ -114,7 +114,7 @@ def get_any(host: str, ports: Sequence[int], target: str) -> tuple[int, bytes]:
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """Settings that a box reports.
+    """Settings that a Net F/T box reports on its web page.
 
     Attributes:
         per_si: (6,) counts per newton and newton metre.
@@ -135,7 +135,7 @@ class Configuration:
 
 
 def parse(page: bytes) -> Configuration:
-    """Read netftapi2.xml as it came.
+    """Parse the bytes of a box's page netftapi2.xml into its settings.
 
     Raises:
         DriverError: too long, malformed, or a field that is missing or impossible; names it.
@@ -195,7 +195,7 @@ def _unit(fields: dict[str, str], name: str, known: dict[str, float]) -> float:
 
 
 def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
-    """Full scale (6,), None where it is not six numbers above 0."""
+    """Full scale (6,) [N, N·m] that the page states; None unless it is six positive numbers."""
     try:
         values = [float(part) for part in text.split(";") if part.strip()]
     except ValueError:
@@ -207,8 +207,7 @@ def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
 
 @dataclass(frozen=True)
 class NetftOptions:
-    """Address of a box, UDP port of RDT, and port of its web page, of which 0 tries 80, then
-    8080."""
+    """Options of a Net F/T box: host, UDP port of RDT, TCP port of its page (0: 80, then 8080)."""
 
     host: str
     port: int = RDT_PORT
@@ -220,7 +219,7 @@ class NetftOptions:
 
 
 class NetftTransducer(Transducer):
-    """Reads the newest record of a Net F/T box, however fast the box sends.
+    """Transducer of a Net F/T box: reads its newest RDT record, however fast the box sends.
 
     A box that was switched off and on has lost its zero: the bias id changes then.
     """
@@ -271,7 +270,7 @@ class NetftTransducer(Transducer):
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """What the page states now: someone may have chosen another calibration."""
+        """Read serial numbers and settings from the page anew: the calibration may have changed."""
         with contextlib.suppress(DriverError):  # it stated itself before
             if self._connected:
                 self._page = replace(self._page, identity=parse(get(*self._web)).identity)
@@ -326,7 +325,7 @@ class NetftTransducer(Transducer):
         return Health("ok", ", ".join(self._words(newest.status)), counters)
 
     def _trouble(self, newest: Received) -> str:
-        """Reason why a fresh record cannot be used; empty where it can."""
+        """Reason why the newest record cannot be used; empty if it can."""
         frozen, status = newest.t - newest.since, newest.status
         if frozen >= FROZEN_S and newest.same > _SAME:
             return f"frozen: same counts for {frozen:.2f} s"
@@ -354,7 +353,7 @@ class NetftTransducer(Transducer):
         return counters if ppm is None else counters | {"clock_ppm": ppm}
 
     def _saturated(self, wrench: np.ndarray, status: np.ndarray) -> np.ndarray:
-        """Bits of the channels at the end of their range (n,), by loads (n, 6) and status words."""
+        """Saturated channels (n,) as bits, of wrenches (n, 6) [N, N·m] and status words (n,)."""
         full = np.inf if self._range is None else _FULL * self._range
         bits = (np.abs(wrench) >= full) @ (1 << np.arange(6))
         said = np.where(status & SATURATED, _ALL, 0)
@@ -375,10 +374,10 @@ class NetftTransducer(Transducer):
 
 
 def at_address(address: str) -> NetftTransducer:
-    """Make a closed transducer for the box at an address of `FORM`.
+    """Make a transducer, not yet connected, for the box at an address of `FORM`.
 
     Raises:
-        ParameterError: it names none.
+        ParameterError: the address has not this form.
     """
     why = ""
     try:
@@ -393,8 +392,8 @@ def at_address(address: str) -> NetftTransducer:
 
 
 def _restarted(last: Received, first: Received, rate: float) -> bool:
-    """Whether a box was switched off and on between two records: its count of samples since then at
-    a rate [Hz], modulo 2³², went back or does not match the time between them."""
+    """Whether a box restarted between two records: its sample count, at a rate [Hz] and modulo 2³²,
+    went back or does not match the time between them."""
     due, counted = (first.t - last.t) * rate, first.ft - last.ft
     off = abs(signed(round(due) - counted))
     return (signed(counted) < 0 and due < 2**31) or off > _LATE_S * rate + _DRIFT * due
