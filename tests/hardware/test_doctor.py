@@ -16,7 +16,7 @@ from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers.rtde import RtdeOptions, identity, states, status
+from wrenchbed.hardware.drivers.rtde import RtdeOptions, identity, states, ur_health
 from wrenchbed.hardware.drivers.rtde import doctor as looking
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.hardware.transducers.base import WrenchSample
@@ -59,7 +59,7 @@ def look(monkeypatch):
         monkeypatch.setattr(states, "Outputs", lambda *a: contextlib.nullcontext(stream))
         said = {"model": "UR5", "serial": "2015350000"} if told is None else told
         monkeypatch.setattr(identity, "stated", lambda host: said)
-        monkeypatch.setattr(status, "request", lambda *a: remote)
+        monkeypatch.setattr(ur_health, "request", lambda *a: remote)
         return {line.name: line for line in looking.doctor(robot, "192.0.2.7", "", 1.0)}
 
     return run

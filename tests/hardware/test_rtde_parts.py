@@ -23,13 +23,13 @@ from wrenchbed.hardware.drivers.rtde import (
     identity,
     own_wrench,
     states,
-    status,
+    ur_health,
 )
 from wrenchbed.hardware.drivers.rtde.control_worker import (
     Closed,
     MessageChannel,
     SharedNumbers,
-    sound,
+    is_six_numbers,
 )
 from wrenchbed.hardware.drivers.rtde.driver import Followed, trapezoid
 from wrenchbed.hardware.drivers.rtde.states import Snapshot, StateReceiver, implausible
@@ -92,9 +92,9 @@ def test_a_move_uses_no_more_than_its_speed(distance, seconds, top):
 
 
 def test_only_six_finite_angles_are_sent():
-    assert sound([0.0, 1, -2.0, 3.0, 4.0, 5.0])
+    assert is_six_numbers([0.0, 1, -2.0, 3.0, 4.0, 5.0])
     for q in (None, [None] * 6, ["1"] * 6, (0.0,) * 6, [0.0] * 5, [0.0] * 5 + [math.nan]):
-        assert not sound(q)
+        assert not is_six_numbers(q)
 
 
 @pytest.mark.parametrize("gain, why", [(1.0, ""), (0.0, "does not follow")])
@@ -126,7 +126,7 @@ def test_what_no_robot_sends_is_refused(change, wrong):
 
 def judged(state, stream="", **known):
     control = {"gone": "", "silent": 0.01, "ended": False, "halts": 0.0} | known
-    return status.judge(state, stream, status.Control(**control), {})
+    return ur_health.judge(state, stream, ur_health.Control(**control), {})
 
 
 @pytest.mark.parametrize(
@@ -157,15 +157,15 @@ def test_the_process_that_commands_is_judged_where_there_is_one():
     assert "watchdog" in judged(now, gone="the control process died by signal 11").detail
     assert "hangs" in judged(now, silent=1.5).detail
     assert "did not take" in judged(now, ended=True).detail
-    assert status.judge(now._replace(runtime=1.0), "", None, {}).ok
+    assert ur_health.judge(now._replace(runtime=1.0), "", None, {}).ok
 
 
 @settings(max_examples=200)
 @given(st.floats(-1, 8), st.floats(0, 13), st.integers(0, 2047))
 def test_every_state_of_the_robot_has_words(mode, safety, bits):
     state = OK._replace(mode=mode, safety=safety, bits=float(bits))
-    assert status.mode(state) and status.safety(state) and status.program(state)
-    trouble = status.problem(state)
+    assert ur_health.mode(state) and ur_health.safety(state) and ur_health.program(state)
+    trouble = ur_health.problem(state)
     assert trouble is None or (trouble[0] in ("stopped", "fault") and trouble[1])
 
 
@@ -197,8 +197,8 @@ def test_the_dashboard_answers_within_a_deadline():
         assert link.recv(100) == b"stop\n"
         link.sendall(b"Stopped\n")
 
-    with server(status.PORT, serve):
-        assert status.request(HOST, "stop") == "Stopped"
+    with server(ur_health.PORT, serve):
+        assert ur_health.request(HOST, "stop") == "Stopped"
 
     def trickle(link):
         for _ in range(40):
@@ -206,23 +206,23 @@ def test_the_dashboard_answers_within_a_deadline():
             time.sleep(0.05)
 
     for late in (lambda link: time.sleep(0.5), trickle):
-        with server(status.PORT, late):
+        with server(ur_health.PORT, late):
             begun = time.monotonic()
             with pytest.raises(LinkError, match="no answer to 'stop'"):
-                status.request(HOST, "stop", 0.2)
+                ur_health.request(HOST, "stop", 0.2)
             assert time.monotonic() - begun < 0.4
     with pytest.raises(LinkError, match="refused"):
-        status.request(HOST, "stop", 0.2)
+        ur_health.request(HOST, "stop", 0.2)
     with pytest.raises(LinkError, match="no name of a host"):
-        status.request("../..", "stop", 0.2)
+        ur_health.request("../..", "stop", 0.2)
 
 
 def test_a_protective_stop_is_unlocked_after_five_seconds_and_its_program_ended(monkeypatch):
     """The program is only paused; the controller refuses to unlock within 5 s."""
     now, said = [103.0], []
     robot = {"state": OK._replace(bits=5.0, runtime=4.0, protective=100.0)}
-    monkeypatch.setattr(status.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(status.time, "sleep", lambda s: now.__setitem__(0, now[0] + s))
+    monkeypatch.setattr(ur_health.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(ur_health.time, "sleep", lambda s: now.__setitem__(0, now[0] + s))
 
     def request(host, command):
         said.append((command, round(now[0], 6)))
@@ -231,12 +231,12 @@ def test_a_protective_stop_is_unlocked_after_five_seconds_and_its_program_ended(
         robot["state"] = robot["state"]._replace(**freed, **ended)
         return "done"
 
-    monkeypatch.setattr(status, "request", request)
-    status.clear(HOST, lambda: robot["state"])
+    monkeypatch.setattr(ur_health, "request", request)
+    ur_health.clear(HOST, lambda: robot["state"])
     unlocked = ("unlock protective stop", 105.1)
     assert said == [("close safety popup", 105.1), unlocked, ("stop", 105.1)]
     with pytest.raises(StoppedError, match="cannot be cleared from here: emergency stop"):
-        status.clear(HOST, lambda: OK._replace(bits=64.0))
+        ur_health.clear(HOST, lambda: OK._replace(bits=64.0))
 
 
 @pytest.mark.parametrize(

@@ -314,7 +314,7 @@ class Control:
         """Send one streamed target (6,) [rad] to the robot; return why it was refused, else ""."""
         if not self._playing:
             return _OVER
-        if not sound(q):
+        if not is_six_numbers(q):
             return "a target must be 6 finite angles"
         if self._under_way() and not self._rest(_LAST_S):
             return "a move is under way"
@@ -328,7 +328,7 @@ class Control:
     def _move(self, message: Message) -> str:
         """Start a move, after any other motion is over; return why it was refused, else ""."""
         q, speed, acceleration = message["q"], message["speed"], message["acceleration"]
-        if not sound(q) or not math.isfinite(speed + acceleration):
+        if not is_six_numbers(q) or not math.isfinite(speed + acceleration):
             return "a goal must be 6 finite angles"
         if self._servoing or (self._under_way() and not self._rest(_LAST_S)):
             self._halt(hard=False)
@@ -379,7 +379,7 @@ class Control:
         return not self._playing
 
 
-def sound(q: object) -> bool:
+def is_six_numbers(q: object) -> bool:
     """Whether q is six finite numbers; ur_rtde checks nothing and waits 300 s if not."""
     return (
         isinstance(q, list)

@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
 from wrenchbed.hardware.device import STALE_S, connected
-from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, status
+from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, ur_health
 from wrenchbed.hardware.drivers.rtde.states import ANSWER_S, NATIVE_HZ
 from wrenchbed.hardware.transducers.base import Transducer
 from wrenchbed.hardware.transducers.netft.transducer import at_address
@@ -23,7 +23,7 @@ from wrenchbed.robots.base import Robot
 
 Grade = Literal["ok", "note", "fails"]
 """``fails``: a recording run would not start or not end; ``note``: look at it."""
-_PORTS = {states.PORT: "RTDE", 30003: "scripts", status.PORT: "dashboard"}
+_PORTS = {states.PORT: "RTDE", 30003: "scripts", ur_health.PORT: "dashboard"}
 """TCP port of the controller → the service that answers there; Universal Robots fixes the numbers.
 A recording run needs all three."""
 _SPARSE = 0.9
@@ -86,7 +86,7 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
         yield _line(f"port {port}", answers[port], text, f"{remedy} › Services", "fails")
     if not answers[states.PORT]:
         return
-    stated = identity.stated(host) if answers[status.PORT] else {}
+    stated = identity.stated(host) if answers[ur_health.PORT] else {}
     times: list[tuple[float, float]] = []
     values: Mapping[str, states.Values] = {}
     try:
@@ -105,7 +105,7 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
     remedy = "the drivers were tried with emulated 3.15 and 5.11: begin with --speed 0.05"
     yield _line("software", tried, text, f"{remedy} and few poses")
     yield _model(robot, stated, version[0])
-    if version[0] >= 5 and answers[status.PORT]:
+    if version[0] >= 5 and answers[ur_health.PORT]:
         yield _remote_control(host)
     yield from _settings(robot, identity.in_words(values))
     yield from _stream(times, _SPARSE * NATIVE_HZ[version[0] > 3], "states", clocked=True)
@@ -123,7 +123,7 @@ def _model(robot: Robot, stated: Mapping[str, str], major: int) -> Line:
 
 def _remote_control(host: str) -> Line:
     try:
-        answer = status.request(host, "is in remote control", ANSWER_S)
+        answer = ur_health.request(host, "is in remote control", ANSWER_S)
     except LinkError as error:
         return Line("remote control", "note", str(error), "look at the pendant")
     on = "true" in answer.lower()
@@ -133,7 +133,7 @@ def _remote_control(host: str) -> Line:
 
 def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
     safety, mode = words.get("safety_mode", "unknown"), words.get("robot_mode", "unknown")
-    yield _line("safety", safety in status.HARMLESS, safety, "clear it at the pendant", "fails")
+    yield _line("safety", safety in ur_health.HARMLESS, safety, "clear it at the pendant", "fails")
     remedy = "power it on and release its brakes at the pendant"
     yield _line("robot mode", mode == "running", mode, remedy, "fails")
     speed = words.get("speed_scaling", 1.0)

@@ -23,7 +23,7 @@ from wrenchbed.errors import (
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.live import CALM_SPEED, LiveDriver, check_ready
-from wrenchbed.hardware.drivers.rtde import identity, own_wrench, status
+from wrenchbed.hardware.drivers.rtde import identity, own_wrench, ur_health
 from wrenchbed.hardware.drivers.rtde.connection import ControlProcess, Links, RtdeOptions
 from wrenchbed.hardware.drivers.rtde.identity import Flange
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
@@ -182,17 +182,17 @@ class RtdeDriver(LiveDriver):
         wait_until(lambda: self._arm_health().state != "stale", GONE_S)
         if (health := self._arm_health()).state in ("stale", "lost"):
             raise LinkError(health.detail)
-        if options.power_on and status.safety(self._look()) in status.HARMLESS:
-            status.switch_on(options.host, self._look)
+        if options.power_on and ur_health.safety(self._look()) in ur_health.HARMLESS:
+            ur_health.switch_on(options.host, self._look)
         check_ready(self._arm_health())
-        if not wait_until(lambda: int(self._look().runtime) == status.STOPPED, _ENDED_S):
+        if not wait_until(lambda: int(self._look().runtime) == ur_health.STOPPED, _ENDED_S):
             raise DriverError(
-                f"a program is {status.program(self._look())} on the robot, someone else's or "
+                f"a program is {ur_health.program(self._look())} on the robot, someone else's or "
                 "one that a stop left: stop it there, close the other client, or call recover()"
             )
         self._control, self._followed = links.open_control(), Followed()
         self._last_target = None
-        wait_until(lambda: int(self._look().runtime) == status.PLAYING, GONE_S)
+        wait_until(lambda: int(self._look().runtime) == ur_health.PLAYING, GONE_S)
         self._halts = self._look().halts
         check_ready(self._arm_health())
 
@@ -203,10 +203,10 @@ class RtdeDriver(LiveDriver):
         links, options = self._live(), self._options
         self._drop_control(0.0)
         links.renew_state()
-        trouble = status.problem(self._look())
+        trouble = ur_health.problem(self._look())
         if trouble is not None and not unlock:
             raise SafetyStopError(trouble[1])
-        status.clear(options.host, self._look)
+        ur_health.clear(options.host, self._look)
         self._wait_for_rest()
         if not self.transducer.health().ok:
             self.transducer.close()
@@ -222,8 +222,8 @@ class RtdeDriver(LiveDriver):
         kept = _EVIDENCE if self._options.effort == "current" else {}
         return ArmSample(
             state.t, state.stamp, time.monotonic() - state.t, np.array(state.q),
-            np.array(state.qd), np.array(state.target_q), status.mode(state),
-            status.safety(state), status.program(state),
+            np.array(state.qd), np.array(state.target_q), ur_health.mode(state),
+            ur_health.safety(state), ur_health.program(state),
             {name: np.array(getattr(state, field)) for name, field in kept.items()},
         )  # fmt: skip
 
@@ -242,8 +242,8 @@ class RtdeDriver(LiveDriver):
             raise
         if why:
             # the states report some cycles after the program stopped what keeps the robot
-            wait_until(lambda: status.problem(self._look()) is not None, STALE_S)
-            trouble = status.problem(self._look())
+            wait_until(lambda: ur_health.problem(self._look()) is not None, STALE_S)
+            trouble = ur_health.problem(self._look())
             raise StoppedError(trouble[1] if trouble else f"{why}: call recover()")
 
     def _heed_slider(self, scaling: float) -> None:
@@ -277,7 +277,7 @@ class RtdeDriver(LiveDriver):
             self._undelivered = control.ask("stop", deadline, kind=kind)
         except LinkError as error:
             control.kill(str(error))
-            self._undelivered = status.halt(self._options.host, _DASHBOARD_S)
+            self._undelivered = ur_health.halt(self._options.host, _DASHBOARD_S)
         control.refused = ""  # of a target that came before the stop
 
     def _arm_health(self) -> Health:
@@ -288,14 +288,14 @@ class RtdeDriver(LiveDriver):
         known = None
         if control is not None:
             silent = links.shared.silence("control")
-            known = status.Control(control.gone(), silent, control.program_ended, self._halts)
+            known = ur_health.Control(control.gone(), silent, control.program_ended, self._halts)
         counters: dict[str, float] = {"restarts": links.restarts}
         if state is not None:
             counters |= {
                 "states": state.received, "skipped": state.skipped, "refused states": state.bad,
                 "speed scaling": state.scaling,
             }  # fmt: skip
-        health = status.judge(state, links.ended, known, counters)
+        health = ur_health.judge(state, links.ended, known, counters)
         if health.ok and state is not None:
             self._flange.look(state)
         if health.ok and self._flange.trouble:

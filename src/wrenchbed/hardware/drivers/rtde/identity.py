@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.drivers.rtde import states, status
+from wrenchbed.hardware.drivers.rtde import states, ur_health
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.ur5 import URArm
@@ -67,7 +67,7 @@ def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
     values: dict[str, Any] = {
         name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
     }
-    for name, words in (("safety_mode", status.SAFETY), ("robot_mode", status.MODES)):
+    for name, words in (("safety_mode", ur_health.SAFETY), ("robot_mode", ur_health.MODES)):
         if name in raw:
             values[name] = words.get(int(raw[name][0]), f"{raw[name][0]:g}")
     if "timestamp" in values:
@@ -81,7 +81,7 @@ def stated(host: str) -> dict[str, str]:
     answers = {}
     for name, command in _ASKED.items():
         try:
-            answer = status.request(host, command, _ANSWER_S)
+            answer = ur_health.request(host, command, _ANSWER_S)
         except LinkError:
             break
         if answer and not answer.lower().startswith(_UNKNOWN):

@@ -1,4 +1,4 @@
-"""State of a UR robot in texts with remedies; and its dashboard's commands: power, brakes, stops.
+"""Health of a UR robot in words with remedies; and its dashboard commands: power, brakes, stops.
 
 A protective stop only pauses the program; playing it again would continue the interrupted move. So
 the program is stopped instead, and the next `activate` sends a new one. Sources: Universal Robots,
