@@ -9,11 +9,11 @@ import pytest
 from scipy.integrate import cumulative_simpson, solve_ivp
 
 from wrenchbed import registry
-from wrenchbed.benchmark.efforts import case, world
+from wrenchbed.benchmark.efforts import case, drives
 from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.arm import TrueArm, draw, of_values
 from wrenchbed.benchmark.efforts.case import FAMILIES, OUTSIDE
-from wrenchbed.benchmark.efforts.world import bouc_wen, lugre
+from wrenchbed.benchmark.efforts.drives import bouc_wen, lugre
 from wrenchbed.benchmark.sealed import commitments, make, score
 from wrenchbed.benchmark.sealed.make import EffortFamily
 from wrenchbed.benchmark.sealed.run import CLAIM
@@ -23,8 +23,8 @@ from wrenchbed.physics.wrench import CHANNELS
 UR5 = registry.load("robots", "ur5")
 
 
-def setting_of(number: int) -> world.EffortSetting:
-    return world.draw_setting(UR5, np.random.default_rng([77, number]))
+def setting_of(number: int) -> drives.EffortSetting:
+    return drives.draw_setting(UR5, np.random.default_rng([77, number]))
 
 
 def test_lugre_settles_on_the_published_curve_and_agrees_with_a_general_integrator():
@@ -104,10 +104,10 @@ def test_motions_stay_within_limits(number):
 def test_every_family_changes_the_effort_of_its_joint(name):
     setting = setting_of(3)
     if name == "drive.temperature":
-        warmth = world.warming(setting.path, np.random.default_rng(0), 12.0)
+        warmth = drives.warming(setting.path, np.random.default_rng(0), 12.0)
         setting = replace(setting, temperature=warmth)
     fault = (FAMILIES | OUTSIDE)[name](setting, 2, np.random.default_rng(4))
-    added = world.simulate(setting, fault) - setting.healthy
+    added = drives.simulate(setting, fault) - setting.healthy
     sizes = np.sqrt((added**2).mean(axis=0))
     assert np.isfinite(added).all() and sizes.max() > 0.0
     if name.startswith("drive."):
@@ -119,14 +119,14 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
     """Decided from signatures: with reversals Coulomb friction is told from an offset."""
     setting = setting_of(5)
     fault = FAMILIES["drive.coulomb"](setting, 1, np.random.default_rng(6))
-    added = world.simulate(setting, fault) - setting.healthy
+    added = drives.simulate(setting, fault) - setting.healthy
     rest = case.remaining(setting, fault, added)
     assert rest["drive.coulomb.2"] < 0.1 * rest["drive.offset.2"]
     path = setting.path
     q = path.q.copy()
     q[:, 1] = q[0, 1] + np.cumsum(np.abs(path.qd[:, 1]) + 0.05) * path.step * 0.05
     oneway = replace(setting, path=of_values(path.rate, path.t, q))
-    added = world.simulate(oneway, fault) - oneway.healthy
+    added = drives.simulate(oneway, fault) - oneway.healthy
     size, rest = case.gap_of(oneway, added), case.remaining(oneway, fault, added)
     assert "drive.offset.2" in case.classed(fault, size, rest)
 

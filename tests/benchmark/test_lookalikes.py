@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import between
+from wrenchbed.benchmark.fault import between
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, effects, families, recording
 from wrenchbed.benchmark.lookalikes.mechanics import in_motion
 from wrenchbed.errors import ParameterError

@@ -12,12 +12,12 @@ from scipy.integrate import solve_ivp
 
 import wrenchbed
 from wrenchbed import registry
-from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.frame import EFFECTS, KINDS, NEEDED, ROWS_NEEDED, STATED
+from wrenchbed.benchmark import fault as common
+from wrenchbed.benchmark.fault import EFFECTS, KINDS, NEEDED, ROWS_NEEDED, STATED
 from wrenchbed.benchmark.referee import case
 from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee.case import DRAWS, FAMILIES, FaultyRobot, possible
-from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
+from wrenchbed.benchmark.referee.signal_laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
@@ -139,7 +139,7 @@ def world(small):
 
 
 @pytest.mark.sampled
-@pytest.mark.parametrize("name", frame.possible(["joints", "warmth", "repeats"]))
+@pytest.mark.parametrize("name", common.possible(["joints", "warmth", "repeats"]))
 def test_every_effect_changes_what_is_read(world, name):
     fault = DRAWS[name](world.setting, np.random.default_rng(6), 4.0)
     assert fault.name == name
@@ -248,7 +248,7 @@ def test_numbers_of_a_tenth_joint_are_compared():
 def test_a_minor_vibration_raises_no_channels_variance_by_a_fifth(robot):
     """MedRUE's torques are finer beside its forces than the tool's lever is short."""
     arm = registry.load("robots", robot)
-    stated = frame.as_stated(arm, "static", "sim", 100.0, arm.tool(arm.parameters.nominal))
+    stated = common.as_stated(arm, "static", "sim", 100.0, arm.tool(arm.parameters.nominal))
     tool, noise = stated.tool, np.array(stated.sensor.noise_std)
     mass, cog = tool.mass, np.array(tool.cog)
     setting = SimpleNamespace(noise=noise, mass=mass, cog=cog, metadata=stated)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import elapsed, named
+from wrenchbed.benchmark.fault import elapsed, named
 from wrenchbed.benchmark.referee import machine
 from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
-from wrenchbed.benchmark.referee.laws import dahl
 from wrenchbed.benchmark.referee.machine import Mechanics, RefereeFault, ride, touched
 from wrenchbed.benchmark.referee.scenario import through
+from wrenchbed.benchmark.referee.signal_laws import dahl
 from wrenchbed.diagnosis.diagnose import diagnose
 
 

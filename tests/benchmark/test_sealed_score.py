@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sealed_family import COUNT, SAYS_NONE, SEED, script, truthful
-from wrenchbed.benchmark.frame import EFFECTS
+from wrenchbed.benchmark.fault import EFFECTS
 from wrenchbed.benchmark.scoring.metrics import Metric, ScoredMetric
 from wrenchbed.benchmark.scoring.truth_and_claims import Claim
 from wrenchbed.benchmark.sealed import commitments, report, run, score

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import log_uniform
+from wrenchbed.benchmark.fault import log_uniform
 from wrenchbed.benchmark.lookalikes.case import LookalikeCase, background, recording
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot

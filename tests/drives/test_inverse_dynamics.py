@@ -14,7 +14,7 @@ from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError, PlanError
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.planning.clearance import Clearance
+from wrenchbed.planning.collisions import Clearance
 from wrenchbed.robots.base import SimulatedRobot, models
 from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.described import describe

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import EFFECTS
+from wrenchbed.benchmark.fault import EFFECTS
 from wrenchbed.benchmark.lookalikes import case as lookalikes
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.effects.base import STAGES, STATED_NUMBERS

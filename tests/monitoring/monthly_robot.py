@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 import wrenchbed as wb
-from wrenchbed.benchmark.frame import log_uniform
+from wrenchbed.benchmark.fault import log_uniform
 from wrenchbed.benchmark.lookalikes.case import DRAWS as FAULTS
 from wrenchbed.benchmark.lookalikes.case import LARGEST, background
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign

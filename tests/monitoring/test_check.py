@@ -17,7 +17,7 @@ from wrenchbed.errors import HistoryError, RecordingError, WrenchbedWarning
 from wrenchbed.monitoring import check as monthly
 from wrenchbed.monitoring import history
 from wrenchbed.monitoring.steps import _PRIOR, _WALK, NUMBERS, History
-from wrenchbed.planning.clearance import Clearance
+from wrenchbed.planning.collisions import Clearance
 
 UR5 = wb.load("robots", "ur5")
 

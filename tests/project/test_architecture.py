@@ -39,7 +39,7 @@ PLUGINS = {
     "channels": "channels",
 }
 ONLY_IN = {
-    "mujoco": ("robots", "simulation", "effects", "twin", "planning/clearance", "benchmark",
+    "mujoco": ("robots", "simulation", "effects", "twin", "planning/collisions", "benchmark",
                "plant", "viewer", "environments"),
     "rtde_control": ("hardware/drivers/rtde",), "rtde_receive": ("hardware/drivers/rtde",),
     "rtde_io": ("hardware/drivers/rtde",), "dashboard_client": ("hardware/drivers/rtde",),

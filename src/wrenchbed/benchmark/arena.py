@@ -34,7 +34,7 @@ _NEEDED = ("id", "repository", "commit", "files", "run", "right")
 
 @dataclass(frozen=True)
 class ArenaSet:
-    """One set of a catalogue (docs/how-to/arena.md has the keys); ``facts`` are keys in words."""
+    """One data set of a catalogue with its true answer (docs/how-to/arena.md explains the keys)."""
 
     id: str
     repository: str
@@ -47,12 +47,12 @@ class ArenaSet:
     prepare: str = ""
 
     def source(self, name: str, data: Path) -> Path:
-        """Path of a file: ``PATH`` in the set's repository, or ``OWNER/NAME:PATH`` in another."""
+        """Path below ``data`` of ``PATH`` in the set's repository, or of ``OWNER/NAME:PATH``."""
         other, _, path = name.rpartition(":")
         return data / (other or self.repository) / path
 
     def missing(self, data: Path) -> str:
-        """The first file that is missing or another version, and where it is to be had; or ""."""
+        """Sentence on the first file that is missing or another version; empty if none is."""
         for name, digest in self.files.items():
             path = self.source(name, data)
             if not path.is_file():
@@ -63,7 +63,7 @@ class ArenaSet:
 
 
 class Judged(NamedTuple):
-    """Mark of an answer, what it said, and its claims above `SURE`: name, probability, right."""
+    """Mark of an answer, its text, and each claim above `SURE`: name, probability, if right."""
 
     mark: str
     said: str
@@ -71,7 +71,7 @@ class Judged(NamedTuple):
 
 
 def read(catalogue: Path) -> list[ArenaSet]:
-    """Sets of a TOML file or of a folder's; `BenchmarkError` on a lacking key or a name twice."""
+    """Read the sets of a TOML file or of a folder; `BenchmarkError` on a bad key or double name."""
     sets: dict[str, ArenaSet] = {}
     for path in sorted(catalogue.glob("*.toml")) if catalogue.is_dir() else [catalogue]:
         content = parsed(text_of(path, BenchmarkError).encode(), str(path), BenchmarkError, "TOML")
@@ -104,8 +104,8 @@ def version() -> str:
 
 
 def answer(one: ArenaSet, data: Path, folder: Path, method: str, limit: float) -> dict[str, Any]:
-    """Run a set in a folder within a limit [s] a line, diagnose by ``method`` (a command) unless it
-    is empty: exit code, last words, JSON of the answer."""
+    """Run the commands of a set in a folder, each within a limit [s], and diagnose by ``method`` (a
+    command) unless it is empty; return exit code, last output and the answer's JSON."""
     remove(folder)
     for name in one.files:
         link = folder / "files" / name.rpartition(":")[2]
@@ -139,7 +139,7 @@ def answer(one: ArenaSet, data: Path, folder: Path, method: str, limit: float) -
 
 
 def judge(right: Mapping[str, Any], given: Mapping[str, Any]) -> Judged:
-    """Hold what a run gave against what is right: ``causes`` (any of them; of none nothing may be
+    """Compare what a run gave with the true answer: ``causes`` (any of them; of none nothing may be
     claimed), ``besides`` (may be claimed too), ``values`` ({name: [value, tolerance]}, or ["<",
     bound]) or ``refusal`` (words of the true reason)."""
     said, content = str(given["words"]).removeprefix("wrenchbed: error: "), given["answer"]
@@ -167,7 +167,7 @@ def judge(right: Mapping[str, Any], given: Mapping[str, Any]) -> Judged:
 
 
 def _value(content: Mapping[str, Any], name: str) -> float:
-    """A parameter of a fit or of a claim by its name, else a field; NaN where there is none."""
+    """Value of a parameter of a fit or of a claim, else of a field, by name; NaN if none is."""
     for entry in (content, *content.get("which", [])):
         if name in entry.get("parameters", {}):
             return float(entry["parameters"][name]["value"])
@@ -177,7 +177,7 @@ def _value(content: Mapping[str, Any], name: str) -> float:
 def run(
     sets: Iterable[ArenaSet], data: Path, out: Path, method: str = "", limit: float = 900.0
 ) -> dict[str, tuple[ArenaSet, Judged]]:
-    """Answer and judge sets; an answer of the same program to the same set is kept in ``out``."""
+    """Answer and judge sets, by id; an answer of the same program to a set is kept in ``out``."""
     program, judged = version(), {}
     for one in sets:
         lacks = one.missing(data)

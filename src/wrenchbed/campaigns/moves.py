@@ -15,7 +15,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.errors import LimitError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.physics.wrench import weight
-from wrenchbed.planning.clearance import clearance
+from wrenchbed.planning.collisions import clearance
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration, straight
 

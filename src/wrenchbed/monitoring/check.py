@@ -24,7 +24,7 @@ from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of
 from wrenchbed.monitoring.history import Check
 from wrenchbed.monitoring.steps import FITTED, NUMBERS, History, tangents
 from wrenchbed.pages.numbers import p_value
-from wrenchbed.planning.clearance import Clearance
+from wrenchbed.planning.collisions import Clearance
 from wrenchbed.planning.criteria import INDICES
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.robots.base import Robot, SimulatedRobot

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from wrenchbed.benchmark.frame import Rng
-from wrenchbed.benchmark.rigid import Edit, RigidBodies
+from wrenchbed.benchmark.fault import Rng
+from wrenchbed.benchmark.rigid_bodies import Edit, RigidBodies
 from wrenchbed.robots.base import SimulatedRobot
 
 LINK_MASS, LINK_COG, LINK_INERTIA = 0.01, 0.01, 0.03
@@ -57,7 +57,7 @@ class Path:
 
 
 def of_values(rate: float, t: np.ndarray, q: np.ndarray) -> Path:
-    """A path through joint values (T, J) at even fine instants, a quintic spline."""
+    """Path through joint values (T, J) at evenly spaced instants (T,) [s], by a quintic spline."""
     spline = make_interp_spline(t, q, k=5)
     return Path(rate, t, q, spline.derivative(1)(t), spline.derivative(2)(t))
 
@@ -81,7 +81,7 @@ def draw(robot: SimulatedRobot, rng: Rng) -> Path:
 def _sines(
     rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray, frequencies: np.ndarray
 ) -> np.ndarray:
-    """Sines of random phase, scaled to the room and the top speed (T, J)."""
+    """Joint values (T, J): sines of random phase, scaled to the joints' room and top speeds."""
     middle, reach = room
     phase = rng.uniform(0.0, 2.0 * np.pi, (len(frequencies), len(middle)))
     weight = rng.uniform(0.4, 1.0, phase.shape) / frequencies[:, None] ** 0.7
@@ -111,7 +111,7 @@ def _points(
     top: np.ndarray,
     order: Callable[[np.ndarray], np.ndarray] = lambda x: x,
 ) -> np.ndarray:
-    """Minimum-jerk moves between random poses, sorted by ``order``, with pauses (T, J)."""
+    """Joint values (T, J): minimum-jerk moves between random poses in an ``order``; pauses."""
     middle, reach = room
     poses = order(middle + reach * rng.uniform(-1.0, 1.0, (max(4, int(t[-1] / 2.0)), len(middle))))
     q, now, here = np.empty((len(t), len(middle))), 0, poses[0]
@@ -132,7 +132,7 @@ def _points(
 
 
 def _oneway(rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray:
-    """Point to point, some joints in one direction only: gantry-like cycles cut out of a log."""
+    """Joint values (T, J): moves in which some joints go one way only, as in cycles of a gantry."""
     ways = rng.random(len(room[0])) < 0.5
     ways[rng.integers(len(ways))] = True
     count = max(6, int(t[-1] / 4.0))
@@ -146,7 +146,7 @@ def _oneway(rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray
 
 
 def _smooth(x: np.ndarray) -> np.ndarray:
-    """Minimum-jerk step of x from 0 to 1."""
+    """Minimum-jerk step 10x³ − 15x⁴ + 6x⁵, from 0 to 1 as x goes from 0 to 1."""
     return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
 
 
@@ -186,7 +186,7 @@ class TrueArm:
 
 
 def manufactured(rng: Rng) -> Edit:
-    """Edit of links that differ from the stated ones as castings do; the tool stays as it is."""
+    """Draw an edit of the model: masses and centres of links, not the tool, off as castings are."""
     seed = int(rng.integers(2**31))  # of a generator, by definition
 
     def edit(model: mujoco.MjModel) -> None:

@@ -16,23 +16,23 @@ import numpy as np
 from scipy import signal
 
 from wrenchbed import registry
-from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.efforts import faults, outside, world
+from wrenchbed.benchmark import fault as common
+from wrenchbed.benchmark.efforts import drives, faults, outside
 from wrenchbed.benchmark.efforts.arm import FINE, TrueArm
 from wrenchbed.benchmark.efforts.arm import Path as Motion
+from wrenchbed.benchmark.efforts.drives import HEALTHY, EffortFault, EffortSetting, simulate
 from wrenchbed.benchmark.efforts.faults import WARMING
-from wrenchbed.benchmark.efforts.world import HEALTHY, EffortFault, EffortSetting, simulate
-from wrenchbed.benchmark.frame import NEEDED, Rng, as_stated, numbered
-from wrenchbed.benchmark.rigid import Edit
+from wrenchbed.benchmark.fault import NEEDED, Rng, as_stated, numbered
+from wrenchbed.benchmark.rigid_bodies import Edit
 from wrenchbed.data.metadata import SensorInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 
-FAMILIES: dict[str, Callable[..., EffortFault]] = frame.draws(faults)
+FAMILIES: dict[str, Callable[..., EffortFault]] = common.draws(faults)
 """Draws of the library's effects by name, in the order in which they take turns."""
-OUTSIDE: dict[str, Callable[..., EffortFault]] = frame.draws(outside, mark=" ")
+OUTSIDE: dict[str, Callable[..., EffortFault]] = common.draws(outside, mark=" ")
 """Draws of families outside the library by name, in the order in which they take turns."""
 SAME, SHARE = 0.1, 0.02
 """Gap that is left, alone and over the cause's own, up to which two causes are alike: a tenth of
@@ -93,8 +93,8 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
 
 
 def classed(fault: EffortFault, size: float, rest: dict[str, float]) -> tuple[str, ...]:
-    """The fault and all families with joints that no data of this motion tell from it, itself
-    first; ``size`` is its gap, ``rest`` what `remaining` returns."""
+    """Names with joints of a fault and of all families that no data of this motion tell from it,
+    itself first; ``size`` is its gap, ``rest`` what `remaining` returns."""
     same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != fault.place]
     return (fault.place, *same)
 
@@ -133,11 +133,11 @@ def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.nd
     yield "drive.constant", clean[::_EVERY, None]
     for speed in (0.03, 0.06, 0.1, 0.2):  # [rad/s], estimates
         yield "drive.stribeck", of(way / (1.0 + (v / speed) ** 2))
-    since = world.since_reversal(v, path.step)
+    since = drives.since_reversal(v, path.step)
     for length in (0.01, 0.025, 0.06):  # [rad], estimates
         yield "drive.stiction", of(way * np.exp(-since / length))
     for width in (0.03, 0.08, 0.2):  # [rad], estimates
-        yield "drive.hysteresis", of(world.bouc_wen(v, path.step, width))
+        yield "drive.hysteresis", of(drives.bouc_wen(v, path.step, width))
     for order in (setting.gear, *range(2, 13)):
         waves = [f(k * order * q) for k in (1, 2) for f in (np.sin, np.cos)]
         yield "drive.cogging" if order == setting.gear else "drive.ripple", of(*waves)
@@ -218,13 +218,13 @@ def make(
     rng = np.random.default_rng([seed, number, int(wrench), attempt])
     kind = kind_of(seed, number, wrench)
     robot = robots[int(rng.integers(len(robots)))]
-    setting = world.draw_setting(robot, rng)
+    setting = drives.draw_setting(robot, rng)
     names = {"none": ("none",), "single": tuple(FAMILIES), "outside": tuple(OUTSIDE)}[kind]
     if wrench and kind == "single" and number % 2:  # the wrench shows tool and base
         names = tuple(n for n in names if not n.startswith(("drive.", "link.")))
     family = names[(number // 2 if wrench else number) % len(names)]  # they take turns
     if family == "drive.temperature":
-        warmth = world.warming(setting.path, rng, rise=rng.uniform(*WARMING))
+        warmth = drives.warming(setting.path, rng, rise=rng.uniform(*WARMING))
         setting = replace(setting, temperature=warmth)
     if kind == "none":
         return EffortCase(kind, _recorded(setting, HEALTHY, rng, wrench))
@@ -240,8 +240,8 @@ def make(
 def _counted(
     setting: EffortSetting, fault: EffortFault, kind: str
 ) -> tuple[float, tuple[str, ...]]:
-    """Gap of a fault, and the effects that imitate it, itself first; no effects if the fault is too
-    small, too large or too easily imitated to be a cause."""
+    """Gap of a fault and the names of the effects that imitate it, itself first; no names if the
+    fault is too small, too large or too easily imitated to be a cause."""
     added = simulate(setting, fault) - setting.healthy
     gap = gap_of(setting, added)
     if gap < NEEDED[kind] or (kind == "single" and gap > LARGEST):
@@ -253,7 +253,7 @@ def _counted(
 
 
 def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool) -> Recording:
-    """Recording of a robot with a fault, with the wrench of its tool if ``wrench``."""
+    """Make the recording of a robot with a fault; with its tool's wrench too if ``wrench``."""
     joints, rows = len(setting.rated), setting.path.rows
     clean = simulate(setting, fault)
     step = setting.noise / setting.scale / 3.0
@@ -271,7 +271,7 @@ def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool
     tool, sensor = robot.tool(setting.stated), SensorInfo()
     stated = as_stated(robot, "dynamic", "sim", setting.path.rate, tool)
     if wrench:
-        state = world.state_of(setting, fault)
+        state = drives.state_of(setting, fault)
         load = TrueArm(robot, state.arm.theta, state.arm.edits).inverse(state.path)[1][rows]
         load = load + SENSOR_STD * rng.normal(size=load.shape)
         columns |= dict(zip(CHANNELS, load.T, strict=True))

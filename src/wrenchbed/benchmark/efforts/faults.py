@@ -10,16 +10,16 @@ import mujoco
 import numpy as np
 from scipy import signal
 
-from wrenchbed.benchmark.efforts import world
-from wrenchbed.benchmark.efforts.world import EffortFault, EffortSetting, State
-from wrenchbed.benchmark.frame import Rng, by_axis, log_uniform, sign
+from wrenchbed.benchmark.efforts import drives
+from wrenchbed.benchmark.efforts.drives import EffortFault, EffortSetting, State
+from wrenchbed.benchmark.fault import Rng, by_axis, log_uniform, sign
 
 WARMING = (6.0, 18.0)
 """Rise of the temperature [K] in recordings whose friction depends on it."""
 
 
 def _larger(setting: EffortSetting, joint: int, unit: str, factor: float) -> EffortFault:
-    """Fault of a joint's number ``unit``, a friction or the rotor, larger by a factor."""
+    """Fault that scales a joint's drive parameter ``unit`` (friction, rotor) by a factor."""
     values = getattr(setting.drives, unit).copy()
     values[joint] *= factor
     true = {"value": float(values[joint])}
@@ -64,7 +64,8 @@ def drive_temperature(setting: EffortSetting, joint: int, rng: Rng) -> EffortFau
     def torque(state: State) -> np.ndarray:
         kelvin = state.temperature + 273.15
         change = np.expm1(slope * kelvin[0] ** 2 * (1.0 / kelvin - 1.0 / kelvin[0]))
-        return np.asarray(change * (state.viscous * state.qd + state.coulomb * world.way_of(state)))
+        friction = state.viscous * state.qd + state.coulomb * drives.direction(state)
+        return np.asarray(change * friction)
 
     return EffortFault({"per_kelvin": slope}, joint, torque=torque)
 
@@ -105,7 +106,7 @@ def drive_hysteresis(setting: EffortSetting, joint: int, rng: Rng) -> EffortFaul
     return EffortFault(
         {"size": size, "width": width},
         joint,
-        torque=lambda state: size * world.bouc_wen(state.qd, state.path.step, width, loop=loop),
+        torque=lambda state: size * drives.bouc_wen(state.qd, state.path.step, width, loop=loop),
     )
 
 
@@ -135,7 +136,7 @@ def drive_asymmetry(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault
     off = sign(rng) * log_uniform(rng, 0.25, 0.9)
 
     def torque(state: State) -> np.ndarray:
-        way = world.way_of(state)
+        way = drives.direction(state)
         return np.asarray(off * (state.coulomb * way + state.viscous * state.qd) * np.sign(way))
 
     return EffortFault({"share": off}, joint, torque=torque)
@@ -148,7 +149,7 @@ def drive_stiction(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     return EffortFault(
         {"size": size, "way": way},
         joint,
-        level=lambda state: size * np.exp(-world.since_reversal(state.qd, state.path.step) / way),
+        level=lambda state: size * np.exp(-drives.since_reversal(state.qd, state.path.step) / way),
     )
 
 
@@ -166,7 +167,7 @@ def link_mass(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def link_cog(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    shift = world.vector(rng, 0.01, 0.08)
+    shift = drives.vector(rng, 0.01, 0.08)
 
     def edit(model: mujoco.MjModel) -> None:
         model.body_ipos[model.jnt_bodyid[joint]] += shift
@@ -204,7 +205,7 @@ def link_spring(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def _tool(setting: EffortSetting, theta: np.ndarray, mass: float, cog: np.ndarray) -> np.ndarray:
-    """Parameters (P,) with a tool that is heavier and whose centre of gravity (3,) is off."""
+    """Parameters (P,) with a tool heavier by ``mass`` [kg] and its CoG shifted by (3,) [m]."""
     tool = setting.robot.tool(theta)
     changed = np.asarray(tool.cog, dtype=float) + cog
     return setting.robot.theta_of_tool(theta, float(tool.mass) + mass, [float(c) for c in changed])
@@ -218,7 +219,7 @@ def tool_mass(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def tool_cog(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    shift = world.vector(rng, 0.02, 0.15)
+    shift = drives.vector(rng, 0.02, 0.15)
     return EffortFault(by_axis(shift), theta=lambda theta: _tool(setting, theta, 0.0, shift))
 
 

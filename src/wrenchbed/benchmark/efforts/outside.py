@@ -7,8 +7,8 @@ import numpy as np
 from scipy import signal
 
 from wrenchbed.benchmark.efforts.arm import Path, of_values
-from wrenchbed.benchmark.efforts.world import EffortFault, EffortSetting, State, vector, way_of
-from wrenchbed.benchmark.frame import Rng, log_uniform
+from wrenchbed.benchmark.efforts.drives import EffortFault, EffortSetting, State, direction, vector
+from wrenchbed.benchmark.fault import Rng, log_uniform
 
 _FAR = 50.0
 """Length [m] of a line that pulls: its force has one direction all over the workspace."""
@@ -167,7 +167,7 @@ def flexible_joint(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
     def torque(state: State) -> np.ndarray:
         w = 2.0 * np.pi * hertz
-        jolt = state.load + state.coulomb * way_of(state)
+        jolt = state.load + state.coulomb * direction(state)
         b, a = signal.bilinear(
             [1.0, 0.0, 0.0], [1.0, 2.0 * damping * w, w * w], fs=1.0 / state.path.step
         )

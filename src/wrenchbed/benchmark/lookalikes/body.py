@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchbed.benchmark.frame import Rng, by_axis, by_moment, elapsed
+from wrenchbed.benchmark.fault import Rng, by_axis, by_moment, elapsed
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     Imperfection,
@@ -23,7 +23,7 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     spread,
 )
 from wrenchbed.benchmark.lookalikes.mechanics import SensorMotion, link_forces, rotate, rotate_back
-from wrenchbed.benchmark.rigid import wrench_at
+from wrenchbed.benchmark.rigid_bodies import wrench_at
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import SimulatedRobot
 
@@ -193,14 +193,14 @@ def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
-    """Side ±1 (N,) on which a joint with clearance lies; in motion a change takes time."""
+    """Side ±1 (N,) on which a joint lies in its play; in motion a crossing takes time."""
     if not design.moving:
         return state
     return np.asarray(gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate)))
 
 
 def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.ndarray:
-    """Change of all joint values (N, J) where joint j alone changes by (N,) [rad or m]."""
+    """Change (N, J) [rad or m] of all joint values if joint j alone changes by (N,)."""
     dq = np.zeros_like(design.q)
     dq[:, j] = change
     return dq

@@ -12,8 +12,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.signal import lfilter
 
-from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.frame import STATED, Rng, between, log_uniform, possible
+from wrenchbed.benchmark import fault as common
+from wrenchbed.benchmark.fault import STATED, Rng, between, log_uniform, possible
 from wrenchbed.benchmark.lookalikes import body, imperfection, outside, sensor
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, Scaled
@@ -24,9 +24,9 @@ from wrenchbed.physics.wrench import CHANNELS
 Draw = Callable[..., Imperfection]
 """Draws an imperfection for a design with a generator; an effect's also of a size in multiples of
 typical."""
-DRAWS: dict[str, Draw] = frame.draws(body, sensor)
+DRAWS: dict[str, Draw] = common.draws(body, sensor)
 """Draws of the library's effects by name."""
-FAMILIES: dict[str, Draw] = frame.draws(outside, mark="_")
+FAMILIES: dict[str, Draw] = common.draws(outside, mark="_")
 """Draws of families outside every library, by name."""
 _BY_JOINTS = ("gas_spring", "magnet")
 """Families that only robots with joints have."""
@@ -76,7 +76,7 @@ def effects(design: ExperimentDesign) -> tuple[str, ...]:
 
 
 def _fitting(design: ExperimentDesign) -> list[str]:
-    """Names of the effects whose needs a design meets."""
+    """Names of the effects whose `CaseEffect.needs` a design meets."""
     warm = design.temperature
     met = {
         "motion": design.moving,
@@ -162,12 +162,12 @@ def families(design: ExperimentDesign) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class LookalikeCase:
-    """A look-alike: a robot with known faults, and how much each shows.
+    """A simulated robot with known faults, its readings, and how much each fault changes them.
 
-    ``clean`` is the noise-free reading of each hold or sample (N, 6) with all causes; ``gaps`` what
-    each adds to the gap, by effect or family outside the library (of a cause between rows, the mean
-    rise of a row's variance), ``rows`` the largest rise of a channel's row variance of those,
-    ``background`` the gap of all small imperfections, ``items`` all that is wrong and how much.
+    ``clean`` is the noise-free reading of each hold or sample (N, 6) with all causes; ``gaps`` the
+    gap that each cause adds, by effect or family outside the library (of a cause between rows, the
+    mean rise of a row's variance), ``rows`` of causes between rows the largest rise of a channel's
+    variance, ``background`` the gap of minor ones, ``items`` all imperfections with amounts.
     """
 
     seed: int
@@ -191,7 +191,7 @@ class LookalikeCase:
     def true(self, effect: str) -> dict[str, float]:
         """True parameters of a cause by name, SI, with what the background adds to them."""
         cause = next(item for item, _ in reversed(self.items) if item.name == effect)
-        return {k: float(v) for k, v in frame.true_numbers(cause, self.items).items()}
+        return {k: float(v) for k, v in common.true_numbers(cause, self.items).items()}
 
 
 def draw(
@@ -201,14 +201,14 @@ def draw(
     effect: str | None = None,
     size: float | None = None,
 ) -> LookalikeCase:
-    """A case that depends on design and seed alone; a `ParameterError` for an unknown kind or
-    effect, or one that this design cannot show.
+    """Draw a case, which depends on design and seed alone; a `ParameterError` for an unknown kind
+    or effect, or one that this design cannot show.
 
     ``effect`` is the name of the (first) cause or of the outside family, ``size`` that of the cause
     in multiples of typical: random if None, the size then grown until it shows.
     """
-    if kind not in frame.KINDS:
-        raise ParameterError(f"there is no kind of case {kind!r}. Known: {', '.join(frame.KINDS)}")
+    if kind not in common.KINDS:
+        raise ParameterError(f"there is no kind of case {kind!r}. Known: {', '.join(common.KINDS)}")
     drawing = _Drawing(design, seed, kind, size)
     if kind == "none":
         return drawing.case([])
@@ -223,7 +223,7 @@ def draw(
 
 
 @dataclass(frozen=True, eq=False)
-class _Measured(frame.Shown):
+class _Measured(common.Shown):
     """A cause with what it adds (gap, rise of variance), and the clean reading with it (N, 6)."""
 
     item: Imperfection
@@ -242,7 +242,7 @@ class _Drawing:
         self.minor = design.usual.gap(self.base - design.nominal)
 
     def any_of(self, known: Sequence[str], effect: str | None) -> _Measured:
-        """Draw a cause that is large enough: the given effect, else a random one of ``known``."""
+        """Draw one cause that is large enough: the given effect, or a random one of ``known``."""
         remaining = list(known)
         for _ in range(_EFFECT_TRIES):
             name = effect if effect is not None else str(self.rng.choice(remaining))
@@ -259,7 +259,7 @@ class _Drawing:
         for _ in range(_EFFECT_TRIES):
             first = self.any_of(known, effect)
             self._surround([*around, (first.item, 1.0)])
-            others = frame.of_another_subsystem(known, first.item.name)
+            others = common.of_another_subsystem(known, first.item.name)
             second = self.any_of(others, None)
             self._surround([*around, (second.item, 1.0)])
             again = self._measure(first.item)
@@ -282,13 +282,13 @@ class _Drawing:
             for _ in range(5):
                 reading = self.robot.reading([*self.around, (item, amount)])
                 reached = self.design.usual.gap(reading - self.base)
-                if frame.NEEDED["outside"] <= reached <= 2.0 * target:
+                if common.NEEDED["outside"] <= reached <= 2.0 * target:
                     return self.case([_Measured(reached, 0.0, item, reading)], amount)
                 amount *= float(np.clip(np.sqrt(target / max(reached, 1e-12)), 1e-3, 30.0))
         raise ParameterError(f"{family or 'no family'} shows enough in this design")
 
     def case(self, causes: Sequence[_Measured], amount: float = 1.0) -> LookalikeCase:
-        """Make the case of causes, of which the first was measured with all others present."""
+        """Make the case of measured causes; the first one's clean reading has all of them."""
         return LookalikeCase(
             self.seed,
             self.kind,
@@ -303,8 +303,8 @@ class _Drawing:
         self.around, self.base = around, self.robot.reading(around)
 
     def _grown(self, name: str) -> _Measured | None:
-        """Draw an effect and enlarge it until it counts; None if it does not within `_TRIES`."""
-        now = self.size if self.size is not None else log_uniform(self.rng, *frame.SIZES)
+        """Draw an effect and enlarge it until it counts as a cause; None after `_TRIES`."""
+        now = self.size if self.size is not None else log_uniform(self.rng, *common.SIZES)
         for _ in range(_TRIES):
             cause = self._measure(DRAWS[name](self.design, self.rng, now))
             needed = cause.needed(self.kind)
@@ -320,7 +320,7 @@ class _Drawing:
         return None
 
     def _measure(self, item: Imperfection) -> _Measured:
-        """Size of an imperfection beside all that is there; a gap of NaN if no reading exists."""
+        """Measure what an imperfection adds beside all others; its gap is NaN if no pose exists."""
         if between(item.name) and item.rows is not None:
             noise, held = self.design.noise_std, imperfection.held_rows
             rise = item.rows.rise(noise, self.base, lambda shake: shake.wrench, held)
@@ -349,7 +349,7 @@ def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
         t = t - min(0.0, float(t[0]))
     q = np.repeat(design.q, samples, axis=0)
     q = q + rng.normal(0.0, _ENCODER * (0.01 if design.moving else 1.0), q.shape)
-    placed = frame.numbered("q", q)
+    placed = common.numbered("q", q)
     if not design.robot.joints:
         q = q / np.linalg.norm(q, axis=1, keepdims=True)
         placed = dict(zip(QUATERNION, q.T, strict=True))
@@ -382,7 +382,7 @@ def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
         if r.shake is not None:
             wave = _shaking(when, r.shake.frequency, rng)
             y = y + r.shake.wrench[:, None, :] * wave[..., None]
-    y = frame.converted(y, changed)
+    y = common.converted(y, changed)
     for r in changed:
         if r.stale[0] > 0.0:
             flat = y.reshape(-1, 6)

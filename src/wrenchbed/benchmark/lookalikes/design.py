@@ -12,7 +12,7 @@ from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import Usual, as_stated
+from wrenchbed.benchmark.fault import Usual, as_stated
 from wrenchbed.benchmark.lookalikes import mechanics
 from wrenchbed.benchmark.lookalikes.mechanics import SensorMotion, Weights
 from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
@@ -52,7 +52,7 @@ class JointPath:
 
 
 def path_of_holds(design: "ExperimentDesign") -> JointPath:
-    """Straight joint-space moves from hold to hold."""
+    """Path of straight joint-space moves from hold to hold of a design at rest."""
     robot, theta, gravity, t = design.robot, design.theta, design.gravity, design.t
     q = target = design.q
     fraction = np.arange(1, STEPS + 1) / STEPS
@@ -229,7 +229,7 @@ class ExperimentDesign:
 
     @cached_property
     def weights(self) -> Weights:
-        """Joint torques and base moments of the nominal robot (N, …)."""
+        """Joint torques (N, J) and base moments (N, 3) by weight, of the nominal robot."""
         stride = _STRIDE if self.moving else 1
         t = self.t if self.moving else None
         return mechanics.weights(self.robot, self.theta, self.q, self.gravity, t, stride)
@@ -245,7 +245,7 @@ class ExperimentDesign:
 
     @cached_property
     def usual(self) -> Usual:
-        """Readings that a wrong bias, mass and CoG add, which every fit removes."""
+        """Basis of the changes of readings by bias, mass and CoG, which every fit removes."""
         load = self.load
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]

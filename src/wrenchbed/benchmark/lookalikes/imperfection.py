@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_banded
 
-from wrenchbed.benchmark.frame import Fault, Rng, RowChange, by_axis, by_channel
+from wrenchbed.benchmark.fault import Fault, Rng, RowChange, by_axis, by_channel
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.mechanics import SensorMotion, load_wrench
 from wrenchbed.physics.wrench import Tool
@@ -111,7 +111,7 @@ Scaled = tuple[Imperfection, float]
 
 
 def spread(rng: Rng) -> float:
-    """Draw a factor by which a requested size is varied; its range is an estimate."""
+    """Draw a factor about 1 by which a requested size is varied (its range: estimate)."""
     return rng.uniform(0.8, 1.25)
 
 
@@ -158,7 +158,7 @@ class ImperfectRobot:
         self._known: list[Imperfection] = []  # kept: their identities are keys
 
     def reading(self, items: Sequence[Scaled], *, clip: bool = True) -> np.ndarray:
-        """Noise-free reading (N, 6) [N, N·m]; without range limits if not ``clip``."""
+        """Noise-free reading (N, 6) [N, N·m] with imperfections; range limits apply if ``clip``."""
         moving = [(i, k) for i, k in items if i.joint is not None or i.link is not None]
         motion = self._motion(moving)
         tilts = [k * i.base for i, k in items if i.base is not None]

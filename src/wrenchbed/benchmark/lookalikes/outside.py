@@ -5,11 +5,11 @@ Every public function draws the family of its name. Sizes and ranges are estimat
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.fault import Rng
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, off, relax
 from wrenchbed.benchmark.lookalikes.mechanics import rotate_back
-from wrenchbed.benchmark.rigid import wrench_at
+from wrenchbed.benchmark.rigid_bodies import wrench_at
 
 _G = 9.81
 """Gravity by which typical accelerations are scaled [m/s²]."""
@@ -20,7 +20,7 @@ def _some_channels(design: ExperimentDesign, rng: Rng) -> np.ndarray:
 
 
 def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Draw a fault: something settles anew at each pose: offsets with heavy tails."""
+    """Draw a fault: a zero that settles at another value at each pose: offsets with heavy tails."""
     count = len(design)
     which = np.arange(count)
     if design.moving:
@@ -58,7 +58,7 @@ def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Draw a fault: a force reads a product of two channels (a torque would be a flexing tool)."""
+    """Draw a fault: a force channel also reads the product of two channels."""
     into = int(rng.integers(3))
     a, b = (int(k) for k in rng.choice(np.delete(np.arange(6), into), 2, replace=False))
     factor = 6.0 * design.noise_std[into] / (design.swing[a] * design.swing[b])
@@ -75,7 +75,7 @@ def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Draw a fault: again and again, for a moment, the reading is far off."""
+    """Draw a fault: short bursts in which the reading is far off, again and again."""
     count, n = int(rng.integers(5, 10)), len(design)
     shift = np.zeros((n, 6))
     for _ in range(count):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from wrenchbed.benchmark.frame import Rng, at_times, by_channel, by_pair, elapsed, log_uniform
+from wrenchbed.benchmark.fault import Rng, at_times, by_channel, by_pair, elapsed, log_uniform
 from wrenchbed.benchmark.lookalikes import imperfection
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, spread

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng, by_axis, by_moment, elapsed, sign
+from wrenchbed.benchmark.fault import Rng, by_axis, by_moment, elapsed, sign
 from wrenchbed.benchmark.referee import machine
-from wrenchbed.benchmark.referee.laws import dahl
 from wrenchbed.benchmark.referee.machine import Mechanics, RefereeFault, Ride, direction
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.rigid import wrench_at
+from wrenchbed.benchmark.referee.signal_laws import dahl
+from wrenchbed.benchmark.rigid_bodies import wrench_at
 from wrenchbed.physics.wrench import symmetric
 
 _TONE = 0.9
@@ -158,7 +158,7 @@ def base_vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 
 
 def _joint(setting: RefereeSetting, rng: Rng) -> int:
-    """Any joint but the first: no wrench shows a rail's position or a rotation about gravity."""
+    """Draw a joint but the first: no wrench shows a rail's position or a turn about gravity."""
     return int(rng.integers(1, len(setting.robot.joints)))
 
 

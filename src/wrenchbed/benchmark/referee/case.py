@@ -11,10 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.frame import Rng, by_channel
+from wrenchbed.benchmark import fault as common
+from wrenchbed.benchmark.fault import Rng, by_channel
 from wrenchbed.benchmark.referee import body, outside, sensor
-from wrenchbed.benchmark.referee.laws import held, rows, shaken
 from wrenchbed.benchmark.referee.machine import (
     Mechanics,
     RefereeFault,
@@ -30,6 +29,7 @@ from wrenchbed.benchmark.referee.machine import (
     signal,
 )
 from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
+from wrenchbed.benchmark.referee.signal_laws import held, rows, shaken
 from wrenchbed.benchmark.referee.signatures import Bench, bench
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
@@ -38,9 +38,9 @@ from wrenchbed.robots.base import SimulatedRobot
 
 Draw = Callable[..., RefereeFault]
 """Draws a fault for a setting with a generator, of a size in multiples of typical."""
-DRAWS: dict[str, Draw] = frame.draws(body, sensor)
+DRAWS: dict[str, Draw] = common.draws(body, sensor)
 """Draws of the library's effects by name."""
-FAMILIES: dict[str, Draw] = frame.draws(outside)
+FAMILIES: dict[str, Draw] = common.draws(outside)
 """Faults outside every library, by name; probabilities were learnt on none of them."""
 _ALWAYS = (
     "sensor.drift", "sensor.gain", "sensor.crosstalk", "sensor.hysteresis", "sensor.temperature",
@@ -68,7 +68,7 @@ def possible(setting: RefereeSetting) -> list[str]:
     shown = ["joints", "repeats"]
     shown += ["loops"] if setting.loops else []
     shown += ["motion"] if setting.mode == "dynamic" else []
-    return frame.possible(shown + (["warmth"] if setting.temperature is not None else []))
+    return common.possible(shown + (["warmth"] if setting.temperature is not None else []))
 
 
 def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFault]:
@@ -146,9 +146,9 @@ def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
 
 
 @dataclass(frozen=True, eq=False)
-class TrueCause(frame.Shown):
-    """A fault of a case, measured on the robot that has it: what it adds to a clean reading where
-    readings are compared (n, 6), and that robot."""
+class TrueCause(common.Shown):
+    """A fault of a case, the change that it makes to the robot's clean readings where readings are
+    compared (n, 6), and the robot with it."""
 
     fault: RefereeFault
     signature: np.ndarray
@@ -157,8 +157,8 @@ class TrueCause(frame.Shown):
 
 @dataclass(frozen=True, eq=False)
 class FaultyRobot:
-    """A simulated robot with faults (``around``), run along its path: motion and load with them.
-    Further faults can be added."""
+    """A simulated robot with the faults ``around``, and its motion and load along its path; its
+    methods add further faults."""
 
     setting: RefereeSetting
     around: tuple[RefereeFault, ...]
@@ -186,7 +186,7 @@ class FaultyRobot:
 
     @cached_property
     def base(self) -> np.ndarray:
-        """Clean reading where readings are compared (n, 6) [N, N·m]."""
+        """Noise-free readings (n, 6) [N, N·m] at the rows where readings are compared."""
         y = self.setting.thin(self.clean)
         for fault in self.around:
             if fault.rows is not None:
@@ -201,10 +201,10 @@ class FaultyRobot:
         return replace(self, around=around)
 
     def measured(self, fault: RefereeFault, together: "FaultyRobot | None" = None) -> TrueCause:
-        """Readings and gap that a fault adds to this robot; ``together`` is the robot with it, if
-        it was made before. A `ParameterError` if the simulation diverged."""
+        """Add a fault: change of readings and gap by it; ``together`` is the robot with it, if it
+        was made before. A `ParameterError` if the simulation diverged."""
         other = together or self.with_(fault)
-        if frame.between(fault.name) and fault.rows is not None:
+        if common.between(fault.name) and fault.rows is not None:
             t, rows = self.setting.path.t, self.setting.path.rows
             rise = fault.rows.rise(
                 self.setting.noise,
@@ -215,7 +215,7 @@ class FaultyRobot:
             nothing = np.zeros_like(other.base)
             return TrueCause(float(rise.mean()), float(rise.max()), fault, nothing, other)
         signature = other.base - self.base
-        gap = self.setting.usual.gap(signature, fault.name in frame.STATED)
+        gap = self.setting.usual.gap(signature, fault.name in common.STATED)
         return TrueCause(gap, 0.0, fault, signature, other)
 
     def causes(self, kind: str, rng: Rng) -> list[TrueCause]:
@@ -233,7 +233,7 @@ class FaultyRobot:
         another."""
         for _ in range(_DRAWS):
             name = str(rng.choice(names))
-            size = frame.log_uniform(rng, *frame.SIZES)
+            size = common.log_uniform(rng, *common.SIZES)
             for _ in range(2):
                 try:
                     cause = self.measured(replace(DRAWS[name](self.setting, rng, size), size=size))
@@ -243,14 +243,14 @@ class FaultyRobot:
                 if cause.amount >= needed:
                     return cause
                 least = size * float(np.sqrt(1.2 * needed / max(cause.amount, 1e-9)))
-                if least > frame.SIZES[1]:
+                if least > common.SIZES[1]:
                     break
-                size = frame.log_uniform(rng, least, frame.SIZES[1])
+                size = common.log_uniform(rng, least, common.SIZES[1])
         raise ParameterError("nothing that was drawn shows enough")
 
     def _two(self, first: TrueCause, rng: Rng) -> list[TrueCause]:
-        """The first cause and a drawn one of another subsystem, both large enough together."""
-        others = frame.of_another_subsystem(possible(self.setting), first.fault.name)
+        """The first cause and a newly drawn one of another subsystem, if both are large enough."""
+        others = common.of_another_subsystem(possible(self.setting), first.fault.name)
         for _ in range(_PAIRS):
             second = first.world._one("pair", others, rng)
             again = self.with_(second.fault).measured(first.fault, second.world)
@@ -262,9 +262,9 @@ class FaultyRobot:
         """Draw a fault that is large enough and that no effect of the library imitates."""
         for _ in range(_DRAWS_OUTSIDE):
             family = FAMILIES[str(rng.choice(list(FAMILIES)))]
-            size = frame.log_uniform(rng, 0.5, 2.0)
+            size = common.log_uniform(rng, 0.5, 2.0)
             cause = self.measured(replace(family(self.setting, rng, size), size=size))
-            if cause.gap < frame.NEEDED["outside"]:
+            if cause.gap < common.NEEDED["outside"]:
                 continue
             remaining = self.signatures.imitated(cause.signature, configured=False, bounded=False)
             if min(remaining.values()) >= LIBRARY_LEAVES:
@@ -274,11 +274,11 @@ class FaultyRobot:
 
 @dataclass(frozen=True, eq=False)
 class RefereeCase:
-    """A case of the referee: a recording, and the truth that is kept apart.
+    """A simulated recording of a robot with faults, and the truth that is kept apart.
 
-    ``causes`` are of an outside case the fault outside the library, ``faults`` causes and
-    background, ``minor`` is the background's gap, ``measured`` minus what is stated, where readings
-    are compared (n, 6), ``world`` the robot without the causes.
+    ``causes`` are the faults to find, ``faults`` these and minor imperfections, ``minor`` is the
+    gap of the latter, ``measured`` readings minus stated ones, where readings are compared (n, 6),
+    ``world`` the robot without the causes.
     """
 
     kind: str
@@ -294,7 +294,7 @@ class RefereeCase:
 
         The weight of the sensor's own tool side acts like a mass at the sensor's origin.
         """
-        sums = frame.true_numbers(cause.fault, [(fault, 1.0) for fault in self.faults])
+        sums = common.true_numbers(cause.fault, [(fault, 1.0) for fault in self.faults])
         if cause.fault.name in ("tool.mass", "tool.cog"):
             weights = (f.true["mass"] for f in self.faults if f.name == "tool.self_weight")
             weight, setting = sum(weights, 0.0), self.world.setting
@@ -305,33 +305,33 @@ class RefereeCase:
         return {k: float(v) for k, v in sums.items()}
 
     def alike(self, cause: TrueCause) -> tuple[str, ...]:
-        """Effects that this very data cannot tell from a cause."""
+        """Names of the effects that these data cannot tell from a cause."""
         if self.kind == "outside" or cause.rows:
             return ()
         return tuple(self.world.signatures.alike(cause.fault.name, cause.signature))
 
     def seen(self) -> list[tuple[str, ...]]:
-        """Classes of causes that an oracle, which knows their form and size, finds in these data:
-        each cause and those that no data tell from it."""
+        """Classes that an oracle, which knows form and size of all causes, detects in these data:
+        each detectable cause with the effects that no data tell from it."""
         means = [c for c in self.causes if not c.rows]
         classes = []
         for cause in self.causes:
             name = cause.fault.name
             others: np.ndarray = sum((c.signature for c in means if c is not cause), np.zeros(1))
             rest = self.measured - others
-            configured = name in frame.STATED
+            configured = name in common.STATED
             if cause.rows or self.world.signatures.shows(rest, cause.signature, configured):
                 classes.append((name, *self.alike(cause)))
         return classes
 
     def closed(self) -> float | None:
-        """Share of the gap that vanishes when the exact signatures of the causes that show in means
-        are subtracted; None if there are none."""
+        """Share of the gap that an oracle closes, by subtracting the exact changes of means by all
+        causes; None if no cause changes means."""
         causes = [c for c in self.causes if not c.rows]
         if not causes:
             return None
         setting = self.world.setting
-        configured = all(c.fault.name in frame.STATED for c in causes)
+        configured = all(c.fault.name in common.STATED for c in causes)
         noise = 1.0 if setting.mode == "dynamic" else 1.0 / SAMPLES
         known: np.ndarray = sum((c.signature for c in causes), np.zeros(1))
         start = setting.usual.gap(self.measured, configured) - noise
@@ -342,7 +342,7 @@ class RefereeCase:
 def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
     """Draw a case, which depends on its seed alone; a `ParameterError` if nothing that was drawn is
     large enough, or the robot exists in no simulator."""
-    rng = np.random.default_rng([*seed, frame.KINDS.index(kind)])
+    rng = np.random.default_rng([*seed, common.KINDS.index(kind)])
     world, minor = robot_with_minor(robot, mode, seed, rng)
     return as_case(kind, world, world.causes(kind, rng), minor, rng)
 
@@ -356,7 +356,7 @@ def robot_with_minor(
     if not isinstance(arm, SimulatedRobot):
         raise ParameterError(f"robot {robot!r} has no model to make cases with")
     setting = draw(arm, mode, np.random.default_rng([*seed, 99]))
-    scale = frame.log_uniform(rng, 0.1, 0.5)
+    scale = common.log_uniform(rng, 0.1, 0.5)
     around = int(rng.integers(2**62))
     for _ in range(8):
         faults = background(setting, np.random.default_rng(around), scale)
@@ -377,7 +377,7 @@ def as_case(
     wrench, q = rows(setting, last.way, last.clean, last.around, rng)
     t = path.t[path.rows] - path.t[path.rows][0]
     t[1:] += np.clip(2e-5 * rng.standard_normal(len(t) - 1), -6e-5, 6e-5)
-    columns = {"t": t, "segment": path.hold.astype(np.int64)} | frame.numbered("q", q)
+    columns = {"t": t, "segment": path.hold.astype(np.int64)} | common.numbered("q", q)
     columns |= dict(zip(CHANNELS, wrench.T, strict=True))
     if setting.temperature is not None:
         warm = setting.temperature[path.rows]

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Fault, Rng, RowChange, by_axis
+from wrenchbed.benchmark.fault import Fault, Rng, RowChange, by_axis
 from wrenchbed.benchmark.referee.scenario import DrivePath, RefereeSetting
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import SimulatedRobot
@@ -392,7 +392,7 @@ def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
 def misshapen(
     setting: RefereeSetting, true: dict[str, float], errors: dict[str, float]
 ) -> RefereeFault:
-    """Fault of the mechanics: errors of its parameters by name."""
+    """Make a fault of geometry or load from errors of robot parameters by name."""
     shift = np.zeros(len(setting.theta))
     for name, value in errors.items():
         shift[setting.robot.parameters.index(name)] = value
@@ -423,7 +423,7 @@ def _loaded(setting: RefereeSetting, m: Mechanics, mass: float, cog: np.ndarray)
 
 
 def signal(ride: Ride, faults: Sequence[RefereeFault]) -> np.ndarray:
-    """Sensor's reading at every instant (T, 6) [N, N·m], without noise and range."""
+    """Sensor's reading at every instant (T, 6) [N, N·m] with faults, without noise and range."""
     y = ride.load
     for fault in sorted(faults, key=lambda f: f.stage):
         if fault.change is not None:

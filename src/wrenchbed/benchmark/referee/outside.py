@@ -6,8 +6,7 @@ Every public function draws the family of its name. Sizes and ranges are estimat
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng, elapsed, sign
-from wrenchbed.benchmark.referee.laws import dahl, ornstein
+from wrenchbed.benchmark.fault import Rng, elapsed, sign
 from wrenchbed.benchmark.referee.machine import (
     BEND,
     ZERO,
@@ -18,7 +17,8 @@ from wrenchbed.benchmark.referee.machine import (
     touched,
 )
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.rigid import wrench_at
+from wrenchbed.benchmark.referee.signal_laws import dahl, ornstein
+from wrenchbed.benchmark.rigid_bodies import wrench_at
 
 
 def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:

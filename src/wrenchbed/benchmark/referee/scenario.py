@@ -11,8 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import Rng, Usual, as_stated, hold_means
-from wrenchbed.benchmark.rigid import RigidBodies
+from wrenchbed.benchmark.fault import Rng, Usual, as_stated, hold_means
+from wrenchbed.benchmark.rigid_bodies import RigidBodies
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import Tool
@@ -48,7 +48,7 @@ _CHECKS = 25
 
 @dataclass(frozen=True, eq=False)
 class DrivePath:
-    """Motion of a robot at T instants [s] as it reports it, without noise (T, J).
+    """Joint values (T, J) that a robot reports along a path at T instants [s], without noise.
 
     ``rows`` are the instants that are recorded (N,), ``hold`` the pose of each row (N,), all 0 in
     motion, ``placed`` the instants at which the robot is placed at a pose without a move.
@@ -71,7 +71,7 @@ class DrivePath:
 def through(
     robot: SimulatedRobot, poses: np.ndarray, samples: int, rate: float, pause: np.ndarray
 ) -> DrivePath:
-    """Rest at each of the poses (H, J) for ``samples`` rows, with a pause (H,) [s] before each."""
+    """Path that rests at poses (H, J), ``samples`` rows each, after a pause (H,) [s] each."""
     parts: list[tuple[np.ndarray, ...]] = []
     rows, hold, placed, now, count = [], [], [0], 0.0, 0
     for k, pose in enumerate(poses):
@@ -98,7 +98,7 @@ def through(
 
 
 def along(motion: CubicSpline, seconds: float, rate: float) -> DrivePath:
-    """Follow q(t) from 0 to ``seconds``, after a second of rest."""
+    """Path along a spline q(t), t from 0 to ``seconds``, after a second of rest."""
     every = max(1, round(1.0 / (rate * _INSTANT_S)))
     dt = 1.0 / (rate * every)
     lead = round(1.0 / dt)
@@ -128,7 +128,7 @@ def _legs(
 def _move(
     robot: SimulatedRobot, start: np.ndarray, end: np.ndarray, now: float
 ) -> tuple[np.ndarray, ...]:
-    """A minimum-jerk move (Flash & Hogan 1985, doi 10.1523/JNEUROSCI.05-07-01688.1985)."""
+    """Minimum-jerk move: t, q, qd, qdd (Flash & Hogan, 10.1523/JNEUROSCI.05-07-01688.1985)."""
     change = end - start
     top = np.array([j.speed for j in robot.joints]) * _SPEED
     lasts = max(_LEAST_S, float(np.max(1.875 * np.abs(change) / top)))
@@ -160,7 +160,7 @@ class RefereeSetting:
 
     @property
     def stride(self) -> int:
-        """Distance of the means or rows at which readings are compared, 1 at rest."""
+        """Number of rows (or pose means) from one compared reading to the next; 1 at rest."""
         return EVERY if self.mode == "dynamic" else 1
 
     @property
@@ -203,12 +203,12 @@ class RefereeSetting:
         return rows if self.mode == "dynamic" else hold_means(rows, self.path.hold)
 
     def thin(self, signal: np.ndarray) -> np.ndarray:
-        """A signal of all instants (T, …) where readings are compared (n, …)."""
+        """Values (n, …) of a signal (T, …) at the rows where readings are compared."""
         return self.mean(signal)[:: self.stride]
 
     @cached_property
     def usual(self) -> Usual:
-        """Readings that a wrong bias, mass and CoG add, which every fit removes."""
+        """Basis of the changes of readings by bias, mass and CoG, which every fit removes."""
         base, tool = self.nominal[:: self.stride], self.robot.tool(self.theta)
         mass, cog, differences = float(tool.mass), np.asarray(tool.cog), []
         for dm, dc in [(0.01, np.zeros(3)), *((0.0, 1e-3 * e) for e in np.eye(3))]:

@@ -7,11 +7,11 @@ saturation and quantization have the same formula there; here only their sizes a
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import Rng, at_times, by_channel, by_pair, elapsed, log_uniform, sign
+from wrenchbed.benchmark.fault import Rng, at_times, by_channel, by_pair, elapsed, log_uniform, sign
 from wrenchbed.benchmark.referee import machine
-from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import RefereeFault, RowFault, about, shifted, touched
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.referee.signal_laws import after, bouc_wen, lowpass
 
 _ARM = 0.05
 """Typical lever of crosstalk between forces and torques [m]."""

@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from wrenchbed.benchmark.frame import STATED, Usual
-from wrenchbed.benchmark.referee.laws import after, bouc_wen, dahl, lowpass
+from wrenchbed.benchmark.fault import STATED, Usual
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.rigid import RigidBodies, wrench_at
+from wrenchbed.benchmark.referee.signal_laws import after, bouc_wen, dahl, lowpass
+from wrenchbed.benchmark.rigid_bodies import RigidBodies, wrench_at
 from wrenchbed.robots.base import INERTIA_AXES
 
 _H = 1e-4
@@ -162,7 +162,7 @@ class _Columns:
                 yield "link.length", 7e-4 * (change / _H)[..., None]
 
     def larger(self, name: str) -> np.ndarray:
-        """Parameters (P,) of which one is larger by a step."""
+        """Parameters (P,) of the stated robot with the named one larger by a step."""
         theta = self.setting.theta.copy()
         theta[self.setting.robot.parameters.index(name)] += _H
         return theta
@@ -239,7 +239,7 @@ def _pushes(
 
 
 class Block(NamedTuple):
-    """A variant of an effect: orthonormal q (6 n, k), and r (k, c) with columns = q r."""
+    """Signature of an effect's variant: columns q r, q (6 n, k) orthonormal and r (k, c)."""
 
     q: np.ndarray
     r: np.ndarray
@@ -257,20 +257,20 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Signatures of the library on one robot: variants by effect (6 n, k), of typical size in
-    noises of a row, and what every fit takes out."""
+    """Signatures of the library's effects on one robot: columns (6 n, k) of each variant, of
+    typical size in units of row noise, and the basis that every fit removes."""
 
     usual: Usual
     columns: Mapping[str, list[np.ndarray]]
 
     @cached_property
     def alone(self) -> Mapping[str, list[Block]]:
-        """Variants by effect as they are."""
+        """Signatures of each effect's variants, nothing fitted away, by effect."""
         return {name: [_block(w) for w in variants] for name, variants in self.columns.items()}
 
     @cached_property
     def beside(self) -> Mapping[str, list[Block]]:
-        """Variants by effect after the usual fit."""
+        """Signatures of each effect's variants, less what every fit removes, by effect."""
         basis = self.usual.basis
         return {k: [_block(w - basis @ (basis.T @ w)) for w in v] for k, v in self.columns.items()}
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import binomtest
 
-from wrenchbed.benchmark.frame import STATED, subsystem
+from wrenchbed.benchmark.fault import STATED, subsystem
 from wrenchbed.benchmark.scoring.truth_and_claims import OURS, Answer, CaseRow, Claim, numbers
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 
@@ -40,14 +40,14 @@ Cells = tuple[list[str], list[list[str]]]
 
 
 def ratio(s: np.ndarray) -> np.ndarray:
-    """Ratio (…) of the first to the last of the sums in ``s`` (…, sums)."""
+    """Ratio (…) of the first to the last of sums s (…, sums)."""
     return np.asarray(s[..., 0] / s[..., -1])
 
 
 @dataclass(frozen=True)
 class ScoredMetric:
-    """A figure, its 95 % interval, and the cases (or parameters) that it rests on; ``hits`` are the
-    cases that count for a share of them, None of other figures."""
+    """Value of a metric, its 95 % interval, and the number of cases (or parameters) in it; ``hits``
+    are the cases that count for a share of them, None of other figures."""
 
     value: float
     low: float
@@ -63,9 +63,9 @@ class ScoredMetric:
 
 @dataclass(frozen=True)
 class Metric:
-    """One figure of a score, made of sums over cases (…, k): ``parts`` are what a case adds, None
-    where it does not count, ``combine`` makes the figure of the sums (…), ``ours`` only the
-    diagnosis states. ``target`` is empty where nobody stated one."""
+    """Definition of a figure by sums over cases: ``parts`` gives the k numbers that a case adds,
+    None where it does not count, ``combine`` the figure from sums (…, k); ``ours``: only the
+    diagnosis has it. ``target`` is empty where nobody stated one."""
 
     title: str
     target: str
@@ -85,8 +85,7 @@ class Metric:
 
 
 def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
-    """Make the metric of a share of the cases that fulfil ``counts``: of those where ``held``
-    holds."""
+    """Make a metric: of the cases that fulfil ``counts``, the share that also fulfil ``held``."""
 
     def parts(truth: Answer, claim: Claim) -> Sequence[float] | None:
         return (held(truth, claim), 1.0) if counts(truth, claim) else None
@@ -154,13 +153,13 @@ def probability(truth: Answer, claim: Claim) -> float:
 
 
 def _named(truth: Answer) -> set[str]:
-    """Names of true effects as sets and probabilities have them: with their joints or without."""
+    """Names of the true effects, with their joints and without, as claims may have them."""
     return {*truth.effects, *map(_without_joint, truth.effects)}
 
 
 def matched(truth: Answer, claim: Claim) -> tuple[int, int, int]:
-    """Numbers of true effects that are claimed, of claims of nothing true, of true effects
-    missed."""
+    """Count true effects that are claimed, claims that hold no true effect, and missed true
+    effects."""
     hits = sum(any(t in c for c in claim.causes) for t in truth.effects)
     wrong = sum(not set(c) & set(truth.effects) for c in claim.causes)
     return hits, wrong, len(truth.effects) - hits
@@ -192,7 +191,7 @@ def _visible(truth: Answer, claim: Claim) -> bool:
 
 
 def named(truth: Answer, claim: Claim) -> bool:
-    """Whether a cause is claimed with a probability above `SURE`."""
+    """Whether any cause is claimed with a probability above `SURE`."""
     return bool(claim.causes) and claim.sure > SURE
 
 

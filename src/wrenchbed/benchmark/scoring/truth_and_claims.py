@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
-from wrenchbed.benchmark.frame import EFFECTS, subsystem
+from wrenchbed.benchmark.fault import EFFECTS, subsystem
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.chain import effects
 
@@ -17,11 +17,11 @@ OURS = "wrenchbed"
 
 @dataclass(frozen=True)
 class Fact:
-    """A true cause of a case: the contract's name, of an outside case the family's, its size in
-    multiples of typical if the world draws one, the gap that it adds (between rows the mean rise of
-    a row's variance), the largest rise of a channel's row variance, 0 where means show it, its
-    numbers as a diagnosis publishes them, SI, with what minor imperfections add, and the effects
-    that this very data cannot tell from it."""
+    """A true cause of a case: its name (or the outside family's), its size in multiples of typical
+    if drawn so, the gap that it adds (between rows the mean rise of a row's variance), the largest
+    rise of a channel's row variance, 0 where means show it, its numbers as a diagnosis publishes
+    them, SI, with what minor imperfections add, and the effects that these data cannot tell from
+    it."""
 
     effect: str
     size: float | None
@@ -64,7 +64,7 @@ class Answer:
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """The true effects, and those that no data of this case tell from them."""
+        """Names of the true effects, and of those that these data cannot tell from them."""
         return (*self.effects, *(name for c in self.causes for name in c.alike))
 
     def to_bytes(self) -> bytes:
@@ -76,11 +76,11 @@ class Answer:
 class Claim:
     """Claim of a method about a recording; the verdict is ``error`` where there is no readable one.
 
-    ``causes`` are classes, largest first, each its first choice and then its rivals;
-    ``probabilities`` are over the leading answer, a class's key its members joined by ``|``;
-    ``presence`` of each class to be there, where that is not its share as leading; ``set90`` names
-    said to hold the truth in 90 % of cases; ``subsystem`` the first one named apart from causes;
-    ``parameters`` and ``gap`` finite numbers as published, by effect and name.
+    ``causes`` are classes of indistinguishable effects, largest first, each its first choice and
+    then its rivals; ``probabilities`` of each possible leading answer, a class's key its members
+    joined by ``|``; ``presence`` of each class where that differs; ``set90`` names that hold the
+    truth in 90 % of cases; ``subsystem`` the first one named apart from causes; ``parameters`` and
+    ``gap`` finite numbers as published, by effect and name.
     """
 
     verdict: str = "error"

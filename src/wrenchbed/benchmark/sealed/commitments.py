@@ -78,8 +78,8 @@ def commit(
     names: Iterable[str],
     about: Mapping[str, object],
 ) -> str:
-    """Write ``commitments.json`` of the named cases on disk, and ``family.json`` with all of
-    ``about``; return the SHA-256 of the former."""
+    """Write ``commitments.json``, hashes of the recordings and answers of named cases, and
+    ``family.json`` with all of ``about``; return the SHA-256 of the first file."""
     cases = {
         name: {
             "recording": digest(recording_of(out, name).read_bytes()),

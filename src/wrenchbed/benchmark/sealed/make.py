@@ -16,7 +16,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.benchmark.efforts import case as efforts
-from wrenchbed.benchmark.frame import KINDS, attempts
+from wrenchbed.benchmark.fault import KINDS, attempts
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.scoring.truth_and_claims import Answer, Fact, Oracle
@@ -44,7 +44,7 @@ _SEEDED = ("single", "none", "outside", "pair")
 
 @dataclass(frozen=True)
 class Family:
-    """Cases of the referee, and base of families of other worlds.
+    """Set of sealed cases with robots of the referee; base of families of other simulated worlds.
 
     ``robot`` is a registry name, or several joined by commas where ``several``; who knows ``seed``,
     which is not negative, knows the answers; ``tries`` are draws of a case before giving up: an
@@ -83,7 +83,7 @@ class Family:
         return arms
 
     def about(self) -> dict[str, object]:
-        """Contents of ``family.json``."""
+        """Contents of ``family.json``: the settings that entrants may know."""
         return asdict(self) | ({"world": self.world} if self.world else {})
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
@@ -109,8 +109,8 @@ class Family:
         return answer, case.recording
 
     def found(self, index: int) -> tuple[Answer, Recording]:
-        """Answer and recording of one case, of the first of ``tries`` attempts that makes one; a
-        `ParameterError` if no attempt does."""
+        """Draw a case anew until an attempt makes one, at most ``tries`` times: its answer and
+        recording; a `ParameterError` if no attempt does."""
         answer, rows = attempts(self.tries, lambda k: self.case(index, k), ParameterError)
         name = self.names()[index]
         return replace(answer, case=name, salt=salt(self.seed, name)), rows
@@ -122,7 +122,7 @@ class Family:
 
 @lru_cache(maxsize=8)
 def design(robot: str, mode: str, seed: int, number: int) -> ExperimentDesign:
-    """Random poses (static) or a multisine (dynamic), with the robot's nominal numbers stated."""
+    """Random poses (static) or a multisine (dynamic) of a robot, with nominal numbers stated."""
     arm = registry.load("robots", robot)
     rng = np.random.default_rng([seed, 61, number])
     if mode == "dynamic":

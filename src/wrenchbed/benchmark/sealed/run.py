@@ -57,12 +57,12 @@ _RANK = 1e-10
 
 
 def none(recording: Recording) -> Claim:
-    """Claim of no cause, for every recording."""
+    """Baseline that claims for every recording that there is no cause."""
     return Claim(NONE, (), {NONE: 1.0})
 
 
 def bic(recording: Recording) -> Claim:
-    """The single effect, or none, of least BIC; probabilities from exp(−ΔBIC/2)."""
+    """Baseline: the single effect, or none, of least BIC, with probabilities ∝ exp(−ΔBIC/2)."""
     prepared = prepare(recording).leading
     baseline = calibrate(prepared)
     d = build(prepared, baseline.robot_theta, baseline.tolerance)
@@ -186,7 +186,7 @@ def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> 
 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
-    """``diagnosis.json`` of a baseline's claim."""
+    """JSON object of a baseline's claim in the format of ``diagnosis.json``."""
     which: list[dict[str, Any]] = [
         {
             "effect": c[0],
@@ -203,7 +203,7 @@ def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
 
 
 def _call(command: str, recording: Path, out: Path, limit: float) -> None:
-    """Run an entrant's program in its own process group, so that all of it can be stopped."""
+    """Run an entrant's program on a recording within a limit [s], in its own process group."""
     call = [*shlex.split(command), str(recording.resolve()), "--out", str(out.resolve())]
     with without_orphans(), (out / "output.txt").open("x") as log:
         process = subprocess.Popen(
@@ -297,8 +297,8 @@ def run(
 def _remaining(
     entrants: Sequence[Entrant], claims: Path, name: str, recording: str
 ) -> list[Entrant]:
-    """Entrants that have not answered a case, whose recording has a SHA-256; a `BenchmarkError` if
-    one has answered another case of that name."""
+    """Entrants that have not answered a case, whose ``recording`` is a SHA-256; a `BenchmarkError`
+    if one has answered another recording of that name."""
     remaining = []
     for entrant in entrants:
         path = claims / entrant.name / name / RUN

@@ -78,7 +78,7 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> Claim:
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Effects that an entry of ``which`` names, those of drives and links with each possible
+    """Names of effects in an entry of ``which``; those of drives and links with each possible
     joint."""
     joint = dict(_items(entry.get("parameters"))).get("joint")
     joints = [""]

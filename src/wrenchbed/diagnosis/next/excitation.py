@@ -12,7 +12,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.time_derivatives import Jet, cos, sin
-from wrenchbed.planning.clearance import Clearance
+from wrenchbed.planning.collisions import Clearance
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.inverse_dynamics import torque_regressor

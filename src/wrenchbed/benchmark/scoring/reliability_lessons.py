@@ -67,7 +67,7 @@ def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
 
 
 def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0) -> Lesson:
-    """Diagnose a look-alike, and note what was claimed with what probability and what was true; a
+    """Diagnose a look-alike: claims with probabilities, and the truth, to learn reliability from; a
     `DiagnosisError` if its data are refused."""
     weighed = weigh(gathered(recording(design, case)), UNLEARNT, 0)
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
@@ -85,7 +85,7 @@ def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: flo
 
 
 def _errors(weighed: Weighed, case: LookalikeCase) -> tuple[float, ...]:
-    """Errors of the parameters of a case's true causes over their standard uncertainties."""
+    """Published minus true parameters of a case's causes, over their standard uncertainties."""
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
     final = conclude(weighed.decision, answer.elements_of(a, verdict))
     result = list[float]()

@@ -1,4 +1,4 @@
-"""What all made cases share: kinds, the size from which a cause counts, draws of names and sizes.
+"""Faults of all made cases: kinds, the size from which a cause counts, draws of names and sizes.
 
 Look-alikes, the referee and the efforts fill it, each with physics of its own; this file has none.
 """
@@ -38,7 +38,7 @@ _CHANNEL = "[ft][xyz]"
 
 @dataclass(frozen=True)
 class CaseEffect:
-    """Effect of the library that a case may have as a cause; both physics draw it in their own way.
+    """An effect of the library that a case may have as a cause, and what makes it visible.
 
     ``needs`` are what shows it: ``motion``, ``joints``, ``loops`` of them, recorded ``warmth``, or
     ``repeats``, of which only the scatter of rows shows it. If it ``adds``, its numbers add up with
@@ -131,12 +131,12 @@ def of_another_subsystem(names: Iterable[str], name: str) -> list[str]:
 
 
 def between(name: str) -> bool:
-    """Whether a fault of this name shows between rows only."""
+    """Whether an effect of this name changes only the scatter of rows, not their mean."""
     return name in EFFECTS and "repeats" in EFFECTS[name].needs
 
 
 def possible(shown: Iterable[str]) -> list[str]:
-    """Names of the effects that can be causes where these needs (`CaseEffect.needs`) are met."""
+    """Names of the effects that can be causes in a recording that meets ``shown`` needs."""
     met = set(shown)
     return [name for name, effect in EFFECTS.items() if met.issuperset(effect.needs)]
 
@@ -167,7 +167,7 @@ AnyFault = TypeVar("AnyFault", bound=Fault)
 
 
 def named(name: str, draw: Callable[P, AnyFault], *args: P.args, **options: P.kwargs) -> AnyFault:
-    """Draw a fault and give it a name."""
+    """Call a function that draws a fault, and give the fault a name."""
     return replace(draw(*args, **options), name=name)
 
 
@@ -226,7 +226,7 @@ def numbered(stem: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def at_times(y: np.ndarray, t: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Interpolate a signal (T, k) of instants (T,) to other times within them."""
+    """Interpolate a signal (T, k), sampled at instants (T,), at other times (n,) within them."""
     return np.asarray(CubicSpline(t, y)(np.clip(times, t[0], t[-1])))
 
 
@@ -245,8 +245,8 @@ def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """How large a cause is in the data beside all other faults: the gap that it adds (of a cause
-    between rows the mean rise of a row's variance), and the largest rise of a channel's row
+    """Visibility of a cause beside all other faults: the ``gap`` that it adds (of a cause between
+    rows the mean rise of a row's variance), and in ``rows`` the largest rise of a channel's row
     variance, 0 for a cause that shows in means."""
 
     gap: float
@@ -254,7 +254,7 @@ class Shown:
 
     @property
     def amount(self) -> float:
-        """Size by which causes are compared: the gap, between rows the largest rise of variance."""
+        """Number by which causes are compared: added gap, or between rows the rise of variance."""
         return self.rows or self.gap
 
     def needed(self, kind: str) -> float:
@@ -264,9 +264,9 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class RowChange(Generic[Shake]):
-    """Change of single rows (6,) that leaves the mean of a hold unchanged: factor on the noise,
-    step of rounding (0: none), what shakes the robot, chance that a row starts a repeat of the one
-    before with the mean number of repeats, and the range that is read [N, N·m]."""
+    """Change of the scatter of rows (6,), without change of means: factor on the noise, step of
+    rounding (0: none), what shakes the robot, chance that a row starts a repeat of the one before
+    with the mean number of repeats, and the largest reading [N, N·m]."""
 
     gain: np.ndarray = field(default_factory=lambda: np.ones(6))
     step: np.ndarray = field(default_factory=lambda: np.zeros(6))
@@ -281,9 +281,9 @@ class RowChange(Generic[Shake]):
         shaken: Callable[[Shake], np.ndarray],
         held: Callable[[int, tuple[float, float], Rng], np.ndarray],
     ) -> np.ndarray:
-        """Rise of a row's variance (6,) over the noise of a row (6,) [N, N·m], of readings y (N, 6)
-        that may become stale: ``held`` is the row that is shown in the place of each. Rounding adds
-        the variance of a uniform distribution, by definition step²/12."""
+        """Rise of the variance of rows (6,) in units of a row's noise (6,) squared, at readings y
+        (N, 6); ``held`` draws which row is shown in place of each, ``shaken`` is the wrench of
+        shaking. Rounding adds the variance of a uniform distribution, by definition step²/12."""
         rise = self.gain**2 - 1.0 + (self.step / noise) ** 2 / 12.0
         if self.shake is not None:
             rise = rise + ((shaken(self.shake) / noise) ** 2).mean(axis=0)
@@ -294,7 +294,7 @@ class RowChange(Generic[Shake]):
 
 
 def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
-    """Rows (…, 6) after converters that round by these steps and clip at these ranges."""
+    """Readings (…, 6) rounded by the steps, then clipped at the ranges, of all changes."""
     for r in changes:
         step = np.where(r.step > 0.0, r.step, 1.0)
         y = np.where(r.step > 0.0, np.round(y / step) * step, y)
@@ -305,26 +305,26 @@ def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Usual:
-    """The part of a difference that every fit removes (bias, mass and CoG) as orthonormal columns
-    (6 n, 10) in units of the noise of a row (6,)."""
+    """What every fit removes of a difference of readings (by bias, mass, CoG): orthonormal columns
+    (6 n, 10) in units of a row's noise (6,)."""
 
     noise: np.ndarray
     basis: np.ndarray
 
     @classmethod
     def of(cls, differences: Sequence[np.ndarray], noise: np.ndarray) -> "Usual":
-        """Basis of a bias and of four differences of readings (n, 6) by mass and CoG [N, N·m]."""
+        """Make it from four differences of readings (n, 6) by mass and CoG, and the biases."""
         biases = [np.broadcast_to(axis, differences[0].shape) for axis in np.eye(6)]
         columns = np.stack([*biases, *differences], axis=-1)
         white = (columns / noise[:, None]).reshape(-1, columns.shape[-1])
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """Difference (n, 6) in noises of a row (6 n,), after the fit unless ``configured``."""
+        """Difference (n, 6) over row noise (6 n,), less the usual fit unless ``configured``."""
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 
     def gap(self, signal: np.ndarray, configured: bool = False) -> float:
-        """Mean square of `white` of a difference (n, 6)."""
+        """Gap of a difference of readings (n, 6): mean square of what `white` makes of it."""
         x = self.white(signal, configured)
         return float(x @ x) / len(x)

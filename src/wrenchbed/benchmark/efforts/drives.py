@@ -11,8 +11,8 @@ import numpy as np
 from scipy import signal
 
 from wrenchbed.benchmark.efforts.arm import Path, TrueArm, draw, manufactured
-from wrenchbed.benchmark.frame import Fault, Rng, log_uniform
-from wrenchbed.benchmark.rigid import Edit
+from wrenchbed.benchmark.fault import Fault, Rng, log_uniform
+from wrenchbed.benchmark.rigid_bodies import Edit
 from wrenchbed.robots.base import SimulatedRobot
 
 UNITS = ("tau", "i")
@@ -108,8 +108,8 @@ class State:
     viscous: float
 
 
-def way_of(state: State) -> np.ndarray:
-    """Direction of motion (T,) in −1 … 1."""
+def direction(state: State) -> np.ndarray:
+    """Direction of motion (T,) of the fault's joint, −1 … 1, smooth through rest."""
     return np.asarray(np.tanh(state.qd / _TURN))
 
 
@@ -202,7 +202,7 @@ class EffortSetting:
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """Torque a unit of effort (J,): drive constants, or ones."""
+        """Torque per unit of the recorded effort (J,): constants [N·m/A] of currents, else ones."""
         joints = range(1, len(self.rated) + 1)
         constants = [self.configured[f"drive.constant.{j}"] for j in joints]
         return np.array(constants) if self.prefix == "i" else np.ones(len(joints))
@@ -214,18 +214,18 @@ class EffortSetting:
 
     @cached_property
     def moving(self) -> np.ndarray:
-        """Whether joints move (N, J) at the rows; at rest the drive's effort is unknown."""
+        """Whether each joint moves at each recorded row (N, J); at rest its effort is unknown."""
         speed = np.abs(self.path.qd[self.path.rows])
         return np.asarray(speed > _MOVING * speed.max(axis=0))
 
     @cached_property
     def healthy(self) -> np.ndarray:
-        """Clean rows (N, J) without a fault."""
+        """Efforts at the recorded rows (N, J) of the robot without a fault, noise-free."""
         return simulate(self, HEALTHY)
 
 
 def state_of(setting: EffortSetting, fault: EffortFault) -> State:
-    """The state of a robot with a fault."""
+    """Simulate the motion, links' torque and friction of a robot with a fault: its state."""
     theta = setting.theta if fault.theta is None else fault.theta(setting.theta)
     edits = setting.edits if fault.edit is None else (*setting.edits, fault.edit)
     path = setting.path if fault.motion is None else fault.motion(setting.path)
@@ -240,7 +240,7 @@ def state_of(setting: EffortSetting, fault: EffortFault) -> State:
 
 
 def drive_torque(state: State, gear: float, fault: EffortFault) -> np.ndarray:
-    """Torque that the drives make (T, J) [N·m]: friction is Stribeck's, thinner when warm."""
+    """Torque of the drives (T, J) [N·m]: links, rotor, Stribeck friction that falls when warm."""
     d, path = state.drives, state.path
     thin = np.exp(-d.per_kelvin * (state.temperature - state.temperature[0])[:, None])
     dip = 1.0 + d.dip * np.exp(-((path.qd / d.dip_speed) ** 2))
@@ -259,7 +259,7 @@ def drive_torque(state: State, gear: float, fault: EffortFault) -> np.ndarray:
 
 
 def simulate(setting: EffortSetting, fault: EffortFault) -> np.ndarray:
-    """Clean rows of the effort (N, J) [effort's unit]."""
+    """Simulate noise-free efforts (N, J) at the recorded rows of a robot with a fault [unit]."""
     state = state_of(setting, fault)
     torque = drive_torque(state, setting.gear, fault)
     current = torque / (state.drives.constant if setting.prefix == "i" else 1.0)
@@ -277,7 +277,7 @@ def simulate(setting: EffortSetting, fault: EffortFault) -> np.ndarray:
 
 
 def draw_setting(robot: SimulatedRobot, rng: Rng) -> EffortSetting:
-    """A healthy robot with ordinary imperfections, in motion."""
+    """Draw a healthy robot with ordinary imperfections, its motion and its instruments."""
     path, joints = draw(robot, rng), len(robot.joints)
     stated = _stated(robot, rng)
     tool = robot.tool(stated)
@@ -327,7 +327,7 @@ def draw_setting(robot: SimulatedRobot, rng: Rng) -> EffortSetting:
 
 
 def warming(path: Path, rng: Rng, rise: float) -> np.ndarray:
-    """A start-up's warming (T,) [°C] with two time constants [s]."""
+    """Draw temperatures (T,) [°C] that rise by ``rise`` [K], with two time constants [s]."""
     fast, slow = rng.uniform(12.0, 40.0), rng.uniform(100.0, 400.0)
     warmth = 0.7 * -np.expm1(-path.t / fast) + 0.3 * -np.expm1(-path.t / slow)
     wave = 0.1 * np.sin(2.0 * np.pi * path.t / rng.uniform(20.0, 50.0))
@@ -335,7 +335,7 @@ def warming(path: Path, rng: Rng, rise: float) -> np.ndarray:
 
 
 def _stated(robot: SimulatedRobot, rng: Rng) -> np.ndarray:
-    """Parameters (P,) with a random tool of a size that users mount."""
+    """Draw stated parameters (P,): nominal ones with a tool of a size that users mount."""
     mass = float(f"{rng.uniform(0.4, 2.5):.3g}")
     cog = [round(float(c), 4) for c in rng.normal(0.0, 0.015, 2)]
     start = robot.parameters.nominal
@@ -343,7 +343,7 @@ def _stated(robot: SimulatedRobot, rng: Rng) -> np.ndarray:
 
 
 def rated_torques(robot: SimulatedRobot, theta: np.ndarray, rng: Rng) -> np.ndarray:
-    """Torques (J,) [N·m] that drives are rated for: of joints at random poses, and a margin."""
+    """Draw rated torques of drives (J,) [N·m]: the largest at random poses, with a margin."""
     poses = robot.sample(40, rng)
     still = Path(1.0, np.arange(40.0), poses, 0.0 * poses, 0.0 * poses)
     peak = 1.7 * np.abs(TrueArm(robot, theta).inverse(still)[0]).max(axis=0)

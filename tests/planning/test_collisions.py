@@ -8,7 +8,7 @@ import pytest
 import wrenchbed as wb
 from wrenchbed.campaigns.moves import itinerary
 from wrenchbed.errors import PlanError
-from wrenchbed.planning.clearance import Clearance
+from wrenchbed.planning.collisions import Clearance
 from wrenchbed.robots.motion_limits import Limits
 
 UR5 = wb.load("robots", "ur5")

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.signal import lfilter
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import Rng, converted
+from wrenchbed.benchmark.fault import Rng, converted
 from wrenchbed.benchmark.referee.machine import RefereeFault, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.rigid import wrench_at
+from wrenchbed.benchmark.rigid_bodies import wrench_at
 
 _ROUNDING = 1e-9
 """Share by which C's logarithm and numpy's differ less: a million times double precision."""
@@ -28,7 +28,7 @@ _ENCODER = {"rad": 2e-5, "m": 5e-6}
 
 
 def after(t: np.ndarray, y: np.ndarray, time: float) -> np.ndarray:
-    """First-order lag of y (T, k) with a time constant [s], exact between instants (T,)."""
+    """Output (T, k) of a first-order lag of ``time`` [s] for y (T, k) at instants (T,), exact."""
     keep = np.exp(-np.diff(t) / time).tolist()
     out = np.empty_like(y, dtype=float)
     out[0] = y[0]
@@ -44,7 +44,7 @@ def _follow(state: float, piece: tuple[float, float]) -> float:
 
 
 def bouc_wen(x: np.ndarray, shape: float) -> np.ndarray:
-    """Loop (T, k) in −1 … 1 of x (T, k): dz = dx (1 − (β sgn(dx z) + 1 − β) |z|), exact in pieces.
+    """Hysteresis z (T, k), −1 … 1, of x (T, k): dz = dx (1 − (β sgn(dx z) + 1 − β) |z|), exact.
 
     Bouc 1967; Wen 1976, doi 10.1061/JMCEA3.0002106, with A = n = 1 and β = ``shape``, not ½.
     """
@@ -79,7 +79,7 @@ def _loop(pieces: np.ndarray, a: float) -> list[float]:
 
 
 def lowpass(y: np.ndarray, dt: float, time: float, stages: int) -> np.ndarray:
-    """Equal first-order stages (T, k) with together ``time`` [s] of lag, input held linear."""
+    """Output (T, k) of equal low-pass stages, total lag ``time`` [s], y (T, k) every ``dt``."""
     a = float(np.exp(-dt * stages / time))
     b0 = 1.0 - (1.0 - a) * time / (stages * dt)
     b1 = (1.0 - a) * time / (stages * dt) - a
