@@ -13,9 +13,9 @@ WRENCHBED = {
     "channels": 939,
     "cli": 2684,
     "data": 5396,
-    "diagnosis": 13093,
-    "drives": 1671,
-    "effects": 4975,
+    "diagnosis": 13002,
+    "drives": 1669,
+    "effects": 4974,
     "environments": 589,
     "exports": 832,
     "files": 578,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79000,
-    "src/wrenchbed": 69500,
+    "src": 78892,
+    "src/wrenchbed": 69405,
     "src/robot_emulators": 9500,
     "tests": 39628,
     "scripts": 3476,

@@ -14,6 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from wrenchbed.data.clock import JITTER, pieces
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
+from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
 
@@ -48,9 +49,6 @@ _BEYOND = 2.5
 order 4, run twice, loses 0.07 % there."""
 _EDGE = 2.0
 """Half the length of the filter in cycles of the cutoff; as much is left out at both ends."""
-_MOVING = 0.03
-"""Share of a joint's largest speed below which it counts as at rest: its friction has no known sign
-there, where an encoder's noise turns that of the speed."""
 _LEAST_ROWS = 100
 """Fewest rows that a fit needs: some ten for each number of a joint."""
 
@@ -111,7 +109,7 @@ class DriveSignals:
     def moving(self) -> np.ndarray:
         """Whether each joint moves all through the filter's memory of a filtered row (M, J)."""
         speed = np.abs(self.q.d)
-        still = speed < _MOVING * speed.max(axis=0)
+        still = speed < REST * speed.max(axis=0)
         memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
         near = scipy.signal.fftconvolve(still, memory[:, None], mode="same", axes=0) > 0.5
         half = self._half()

@@ -1,6 +1,7 @@
 """Entries of ``diagnosis.json`` of joint efforts: causes, places, notes, what next."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from wrenchbed.diagnosis.answer import notes as of_gap
@@ -9,12 +10,13 @@ from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulators
 from wrenchbed.diagnosis.efforts.names import all_effects, place
-from wrenchbed.diagnosis.efforts.options import BELIEVED, blocks, facts_of
+from wrenchbed.diagnosis.efforts.options import blocks, facts_of
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import parameters
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
+from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Option, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.where import entries, located, of_channels
@@ -30,38 +32,28 @@ _OF_COMMANDS = (
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
     """Entries of ``which``: the claimed causes with sizes and probabilities."""
-    result = list[dict[str, Any]]()
-    for c in v.causes:
-        entry = _entry(s, c, blocks([x for x in v.causes if x is not c]), c.probability)
-        share = {"closed_share": gap.shares[c.part.label], "channels": families(gap)}
-        result.append(entry | share)
-    return result
+    channels = {"channels": families(gap)}
+    return [_entry(s, c, v.causes) | channels | {"closed_share": gap.shares[c.part.label]}
+            for c in v.causes]  # fmt: skip
 
 
-def _entry(s: Simulators, c: Cause, beside: Sequence[int], probability: float) -> dict[str, Any]:
-    """Entry of ``which`` for a cause with joints and rivals; other causes are fitted beside it."""
-    assert c.part.index is not None
-    numbers = parameters(s.of((*beside, c.part.index)), c.part.index)
-    elements = [place(key) for key in c.keys if key[0] == c.part.name]
-    numbers = with_rivals(numbers, elements)
-    return cause(c.part.name, probability, numbers, _rivals(s, c, beside), 0.0, elements)
-
-
-def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
-    """Entries of ``rivals``: effects fitted in a cause's place, with the parameters of the
-    likeliest joint. ``beside``: indices of the other causes that are fitted."""
-    by_effect: dict[str, list[tuple[Key, float]]] = {}
-    for key, share in zip(c.keys[1:], c.shares[1:], strict=True):
-        if key[0] != c.part.name:
-            by_effect.setdefault(key[0], []).append((key, share))
-    result = []
+def _entry(s: Simulators, c: Cause, claimed: Sequence[Cause]) -> dict[str, Any]:
+    """Entry of ``which`` for a cause, with its rivals: effects fitted in its place, with the
+    parameters of the likeliest joint. Other claimed causes are fitted beside it."""
+    beside, by_effect = blocks([x for x in claimed if x is not c]), dict[str, dict[Key, float]]()
+    for key, share in zip(c.keys, c.shares, strict=True):
+        by_effect.setdefault(key[0], {})[key] = share
+    of: dict[str, dict[str, Any]] = {}
     for effect, keys in by_effect.items():
-        block = next(k for k, b in enumerate(s.d.blocks) if b.key == keys[0][0])
-        elements = [place(key) for key, _ in keys]
-        numbers = {"elements": elements, "parameters": parameters(s.of((*beside, block)), block)}
-        probability = c.probability * sum(share for _, share in keys)
-        result.append(rival(effect, probability, numbers))
-    return result
+        block = next(k for k, b in enumerate(s.d.blocks) if b.key == next(iter(keys)))
+        block = c.part.index if effect == c.part.name and c.part.index is not None else block
+        numbers = {"elements": [place(key) for key in keys]}
+        of[effect] = numbers | {"parameters": parameters(s.of((*beside, block)), block)}
+    first = of.pop(c.part.name)
+    sizes = with_rivals(first["parameters"], first["elements"])
+    shares = {name: c.probability * sum(by_effect[name].values()) for name in of}
+    rivals = [rival(name, shares[name], of[name]) for name in of]
+    return cause(c.part.name, c.probability, sizes, rivals, 0.0, first["elements"])
 
 
 def minor(
@@ -72,16 +64,17 @@ def minor(
     result = []
     for c in leading(facts_of(s, every, 0, LEAST_MINOR)).causes if v.word != UNKNOWN else ():
         if c.part.share < CLAIMABLE and c.probability >= DETECTED and not claimed & {*c.keys}:
-            entry = _entry(s, c, blocks(v.causes), min(c.probability, BELIEVED))
+            believed = replace(c, probability=min(c.probability, RIGHT_ELSEWHERE))
+            entry = _entry(s, believed, v.causes) | {"gap": c.part.share}
             del entry["closed_share"], entry["channels"]
-            result.append(entry | {"gap": c.part.share})
+            result.append(entry)
     return sorted(result, key=lambda entry: -entry["gap"])
 
 
 def scales(d: Dictionary) -> dict[str, Scale]:
     """Noise of a row, and residual that counts as a gap of 1, of each channel."""
-    each = zip(d.scene.columns, d.channels, d.scene.units, strict=True)
-    return {name: Scale(c.noise.std, c.counts, unit) for name, c, unit in each}
+    each = zip(d.channels, d.scene.channels, strict=True)
+    return {column: Scale(c.noise.std, c.counts, unit) for c, (_, column, unit) in each}
 
 
 def where(
@@ -94,7 +87,7 @@ def where(
         each = ((c, gap.shares[c.part.label]) for c in v.causes)
         return entries([(c.part.name, place(c.part.key), s, 1.0 - c.probability) for c, s in each])
     channels = [("drive" if j < d.scene.joints else "sensor", n)
-                for j, n in enumerate(d.scene.channels)]  # fmt: skip
+                for j, (n, *_) in enumerate(d.scene.channels)]  # fmt: skip
     hints = [(channels[s.joint - 1], f"{s.text[:1].upper()}{s.text[1:]}") for s in seen[:2]]
     if hints:
         return [located(*of, 0.0, 1.0, f"{text}: no cause is claimed.") for of, text in hints]
@@ -117,26 +110,22 @@ def notes(
 ) -> tuple[str, ...]:
     """Notes on data, noise and remaining gap; ``outside``: unnamed cause that it resembles."""
     scene, noise = d.scene, [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
-    result = [f"noise of a row: {', '.join(noise)}, from what all effects together leave"]
-    stated = [k for k in scene.drives.value if scene.drives.known(k).any()]
-    result.append(
-        f"stated: {', '.join(stated)}" if stated
-        else "no friction is stated: ordinary friction of every joint is fitted, and no cause"
-    )  # fmt: skip
-    if scene.commanded:
-        result.append(_OF_COMMANDS)
-    if scene.currents and not scene.drives.known("drive.constant").all():
-        result.append("drive constants are fitted, and no cause: they hold as the link masses do")
-    result += [f"not ordinary noise: {s.text}" for s in seen]
-    if v.word == NONE:
-        result.append(
-            "ordinary errors of links and drives together may imitate a cause: none is never surer"
-        )
-    if v.causes and gap.calibrated.high < 1.0:
-        result.append(
-            "ordinary errors of all stated values together leave hardly a gap either: the cause is "
-            "the likelier explanation, and held-out rows do not refute it"
-        )
-    if outside:
-        result.append(f"what has no name looks most like: {outside}")
+    stated = ", ".join(k for k in scene.drives.value if scene.drives.known(k).any())
+    fitted = scene.currents and not scene.drives.known("drive.constant").all()
+    every = {
+        f"noise of a row: {', '.join(noise)}, from what all effects together leave": True,
+        f"stated: {stated}": stated,
+        "no friction is stated: ordinary friction of every joint is fitted, and no cause":
+            not stated,
+        _OF_COMMANDS: scene.commanded,
+        "drive constants are fitted, and no cause: they hold as the link masses do": fitted,
+        **{f"not ordinary noise: {s.text}": True for s in seen},
+        "ordinary errors of links and drives together may imitate a cause: none is never surer":
+            v.word == NONE,
+        "ordinary errors of all stated values together leave hardly a gap either: the cause is the "
+        "likelier explanation, and held-out rows do not refute it":
+            v.causes and gap.calibrated.high < 1.0,
+        f"what has no name looks most like: {outside}": outside,
+    }  # fmt: skip
+    result = [sentence for sentence, said in every.items() if said]
     return (*result, *of_gap(gap, (), unknown=False))

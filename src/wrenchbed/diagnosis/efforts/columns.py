@@ -194,7 +194,7 @@ def of_arm(scene: EffortScene) -> Made:
     largest = {c.name: float(np.abs(c.data).max()) for c in columns}
     seen = {name for name, size in largest.items() if size > _NOTHING * max(largest.values())}
     visible = [replace(b, columns=tuple(n for n in b.columns if n in seen)) for b in blocks]
-    return [c for c in columns if c.name in seen], [b for b in visible if b.columns]
+    return [c for c in columns if c.name in seen], visible
 
 
 def _links(scene: EffortScene) -> Made:
@@ -240,11 +240,10 @@ def _tool(scene: EffortScene) -> Made:
         data = seen(of_moment(cog, axis), axis, 0.0)
         columns.append(Column(f"tool.cog.{name}", data, std, not known[1]))
     names = tuple(c.name for c in columns)
-    causes = (
-        Block("tool.mass", None, False, names[:1], level=mass),
-        Block("tool.cog", None, False, names[1:]),
-    )
-    return columns, [cause for cause, is_stated in zip(causes, known, strict=True) if is_stated]
+    return columns, [
+        Block("tool.mass", None, False, names[:1] if known[0] else (), level=mass),
+        Block("tool.cog", None, False, names[1:] if known[1] else ()),
+    ]
 
 
 def _lag(scene: EffortScene) -> list[Column]:

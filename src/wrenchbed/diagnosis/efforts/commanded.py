@@ -12,7 +12,8 @@ from wrenchbed.data.recording import COMMAND, Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
 from wrenchbed.diagnosis.efforts.scene import COMMANDED
 from wrenchbed.diagnosis.prepare.prepared import Material
-from wrenchbed.drives.servo import DELAY, SERVO, STIFFNESS, Piece, calibrate_servos, pieces_of
+from wrenchbed.diagnosis.prepare.scenes import at_rows
+from wrenchbed.drives.servo import DELAY, SERVO, STIFFNESS, calibrate_servos, pieces_of
 from wrenchbed.drives.signals import encoder_noise
 from wrenchbed.errors import CalibrationError, DiagnosisError
 
@@ -31,7 +32,9 @@ def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives,
         raise DiagnosisError(str(error)) from error
     stiffness = drives.of(STIFFNESS)
     target, q = piece.held(drives.of(DELAY)), piece.signals.effort
-    columns = {k: v for k, v in _rows(recording, piece).items() if not k.startswith(COMMAND)}
+    first = int(np.searchsorted(recording.t, piece.signals.t[0]))
+    rows = at_rows(recording, slice(first, first + len(target)))
+    columns = {k: v for k, v in rows.columns.items() if not k.startswith(COMMAND)}
     for j, kp in enumerate(stiffness):
         columns[f"tau{j + 1}"] = kp * (target[:, j] - q[:, j])
         columns[f"{COMMANDED}{j + 1}"] = kp * target[:, j]
@@ -40,7 +43,7 @@ def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives,
     value = {**drives.value, "drive.constant": stiffness}
     std = {**drives.std, "drive.constant": drives.std[STIFFNESS]}
     known = replace(drives, value=value, std=std)
-    return Recording(recording.metadata, columns, recording.name), known, Material(counts, counts)
+    return replace(rows, columns=columns), known, Material(counts, counts)
 
 
 def _fitted(recording: Recording, drives: Drives) -> Drives:
@@ -49,10 +52,3 @@ def _fitted(recording: Recording, drives: Drives) -> Drives:
     kinds, many = (STIFFNESS, DELAY), range(1, len(recording.joints) + 1)
     value = {k: np.array([fit[f"{k}.{j}"].value for j in many]) for k in kinds}
     return replace(drives, value={**drives.value, **value})
-
-
-def _rows(recording: Recording, piece: Piece) -> dict[str, np.ndarray]:
-    """Columns of a recording at the rows of a piece."""
-    first = int(np.searchsorted(recording.t, piece.signals.t[0]))
-    rows = slice(first, first + len(piece.signals.t))
-    return {name: column[rows] for name, column in recording.columns.items()}

@@ -115,7 +115,7 @@ def diagnose_efforts(
     evidence, simulators = Evidence(d), Simulators(d)
     likely = weighed(search(evidence), simulators)
     progress("held-out rows")
-    unnamed = outside(d, likely[0])
+    unnamed = outside(simulators, likely[0])
     seen = () if scene.commanded else signs(d)  # counts of encoders are no ordinary noise
     decision = decide(facts_of(simulators, likely, seed))
     final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])

@@ -20,15 +20,10 @@ from wrenchbed.diagnosis.efforts.names import all_effects, drive_effects
 from wrenchbed.diagnosis.efforts.noise import RowNoise, remains, row_noise
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.drives.solution import FOLDS
 from wrenchbed.effects.drives.base import Block, Column, DriveResidual
 from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError
-
-BLOCKS = 20
-"""Blocks of time, each of which is held out once: 19 degrees of freedom for intervals, seconds
-each."""
-_NOTHING = 1e-9
-"""Rms in noises of a row below which a column is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +76,7 @@ class Dictionary:
         free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
         size: rms that an amplitude of 1 adds, in row noises (P,): in its joint, or the root mean
             square over joints times √J.
-        blocks: causes, with and without a name.
+        blocks: causes, with and without a name; those that cannot show here have no columns.
     """
 
     scene: EffortScene
@@ -98,44 +93,45 @@ class Dictionary:
     def at(self) -> tuple[np.ndarray, ...]:
         """Indices of each cause's columns among all, one array a cause."""
         place = {name: k for k, name in enumerate(self.names)}
-        return tuple(np.array([place[n] for n in b.columns]) for b in self.blocks)
+        return tuple(np.array([place[n] for n in b.columns], dtype=int) for b in self.blocks)
 
     def sized(self, block: int) -> np.ndarray:
         """Indices of the columns of cause number ``block`` that make up its size."""
         begins = all_effects()[self.blocks[block].effect].size.columns or ("",)
-        return np.array([k for k in self.at[block] if self.names[k].startswith(begins)])
+        return np.array([k for k in self.at[block] if self.names[k].startswith(begins)], dtype=int)
 
     @property
     def fold(self) -> np.ndarray:
         """Number of the time block of each kept row (M,); each block is held out of one fit."""
         rows = len(self.channels[0].y)
-        return np.arange(rows) * BLOCKS // rows
+        return np.arange(rows) * FOLDS // rows
 
     @cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray]:
         """Whitened products of P columns, by B time blocks (B, P, P), and with residuals (B, P)."""
         count = len(self.names)
-        gram, right = np.zeros((BLOCKS, count, count)), np.zeros((BLOCKS, count))
+        gram, right = np.zeros((FOLDS, count, count)), np.zeros((FOLDS, count))
         for channel in self.channels:
             at, white = channel.at, channel.noise.white(channel.y)
             columns = channel.noise.white(channel.data)
-            for b in range(BLOCKS):
+            for b in range(FOLDS):
                 rows = channel.use & (self.fold == b)
                 some = columns[rows]
                 gram[b][np.ix_(at, at)] += some.T @ some
                 right[b][at] += some.T @ white[rows]
         return gram, right
 
-    def weighed(self, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sums of `products` over the blocks of time, with weights (B,): (P, P) and (P, 1)."""
-        gram, right = self.products
-        return np.tensordot(weight, gram, axes=1), (weight @ right)[:, None]
+    def without(self, fold: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of `products` over all blocks of time but one: (P, P) and (P, 1)."""
+        weight = (np.arange(FOLDS) != fold).astype(float)
+        gram, right = (np.tensordot(weight, x, axes=1) for x in self.products)
+        return gram, right[:, None]
 
 
 def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
     """Columns and causes of a scene; ``material`` is the residual that counts as a gap of 1."""
     y, use = scene.thin(scene.residual), scene.moving()
-    if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:
+    if (lazy := np.flatnonzero(use.sum(axis=0) < FOLDS)).size:
         raise DiagnosisError(
             f"{scene.recording.name}: joint {lazy[0] + 1} hardly moves: record a longer motion of "
             "all joints"
@@ -154,7 +150,7 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     shared = np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0))
     size = np.concatenate([*sizes, shared])
     blocks = (*(b for _, _, some in each for b in some), *arm_blocks)
-    counts = (material or Material()).counts(scene.units, std_rows)
+    counts = (material or Material()).counts([unit for *_, unit in scene.channels], std_rows)
     channels = tuple(
         Channel(
             y[:, j], use[:, j], speeds[:, j] > REST * speeds[:, j].max(),
@@ -163,7 +159,7 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
         )
         for j in many
     )  # fmt: skip
-    std = [_prior(c, max(s, _NOTHING)) for c, s in zip(flat, size, strict=True)]
+    std = [_prior(c, max(s, 1e-12)) for c, s in zip(flat, size, strict=True)]
     return Dictionary(
         scene, channels, tuple(c.name for c in flat), joint, np.array(std),
         np.array([c.free for c in flat]),
@@ -189,11 +185,13 @@ def _made(
     left = remains(y, np.hstack([data, arm]), use)
     own = data[:, [(c.free or bool(c.std)) and not c.name.startswith("late") for c in columns]]
     residual = DriveResidual(y, use, scene.q.v[scene.kept(), j], left, own, scene.thin)
-    for effect in drive_effects().values():
+    for effect in filter(lambda effect: effect.shows(rows), drive_effects().values()):
         if (scanned := effect.scan(rows, residual)) is not None:
             more, block = scanned
             columns, blocks = [*columns, *more], [*blocks, block]
             data = np.hstack([data, scene.thin(np.column_stack([c.data for c in more]))])
+        elif effect.name not in {b.effect for b in blocks}:
+            blocks.append(effect.cause(rows, ()))
     return columns, data, blocks
 
 

@@ -14,20 +14,19 @@ from functools import cache, cached_property, partial
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.columns import FREE
-from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
-from wrenchbed.diagnosis.efforts.search import wide
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.diagnosis.efforts.noise import RIDGE
+from wrenchbed.diagnosis.efforts.search import AMPLITUDE, wide
 from wrenchbed.diagnosis.evidence.likelihood import Products
 from wrenchbed.diagnosis.explain.verdict import Part
 from wrenchbed.diagnosis.gap.gaps import Judged
+from wrenchbed.drives.identify import jackknife
+from wrenchbed.drives.solution import FOLDS
 
 ORDINARY = 2.0
 """Spreads beyond which a stated value is wrong: 95 % of ordinary robots lie within."""
 _ROUNDS = 6
 """Largest number of passes that fix amplitudes which leave their range."""
-_RIDGE = 1e-8
-"""Share of a column's square that is added to it: columns may be alike."""
-_PARTS = 4
-"""Folds in which the black box is cross-fitted: few, because it has hundreds of columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +36,12 @@ class Simulator:
     Attributes:
         d: columns: changes of the readings per unit of a parameter.
         blocks: indices of the causes that are free without bounds.
+        rms: what a cause may add, in noises of a row.
     """
 
     d: Dictionary
     blocks: tuple[int, ...]
+    rms: float = FREE
 
     @property
     def x(self) -> np.ndarray:
@@ -50,7 +51,7 @@ class Simulator:
     @cached_property
     def each(self) -> np.ndarray:
         """Amplitudes (B, P) of P columns, fitted without each of B blocks of time."""
-        return np.stack([self._fitted(weight)[0] for weight in 1.0 - np.eye(BLOCKS)])
+        return np.stack([self._fitted(fold)[0] for fold in range(FOLDS)])
 
     @cached_property
     def errors(self) -> np.ndarray:
@@ -64,14 +65,13 @@ class Simulator:
     def number(self, of: Callable[[np.ndarray], float]) -> dict[str, float]:
         """``value`` and ``std`` of a number that ``of`` computes from all amplitudes (P,)."""
         value = of(self.x)
-        each = np.array([of(x) for x in self.each])
-        scatter = (BLOCKS - 1) / BLOCKS * ((each - each.mean()) ** 2).sum()
+        scatter = jackknife(np.array([[of(x)] for x in self.each]))[0, 0]
         stated = sum((of(self.x + error) - value) ** 2 for error in self.errors)
         return {"value": value, "std": float(np.sqrt(scatter + stated))}
 
     @cached_property
     def _fit(self) -> tuple[np.ndarray, Products]:
-        return self._fitted(np.ones(BLOCKS))
+        return self._fitted()
 
     @cached_property
     def _unbounded(self) -> np.ndarray:
@@ -85,11 +85,11 @@ class Simulator:
         """Whether each amplitude (P,) is of a stated value, free within its ordinary spread."""
         return self.d.stated & ~self._unbounded
 
-    def _fitted(self, weight: np.ndarray) -> tuple[np.ndarray, Products]:
-        """Amplitudes (P,) fitted to B time blocks with weights (B,), and the Gaussian model."""
-        d, bounded, (gram, right) = self.d, self._bounded, self.d.weighed(weight)
-        free = np.where(self._unbounded, FREE / np.maximum(d.size, 1e-12), 0.0)
-        variance, fixed = np.where(bounded, d.std, free) ** 2, np.zeros(right.shape)
+    def _fitted(self, fold: int | None = None) -> tuple[np.ndarray, Products]:
+        """Amplitudes (P,) fitted to all blocks of time but one, and the Gaussian model."""
+        d, bounded, (gram, right) = self.d, self._bounded, self.d.without(fold)
+        variance = np.where(bounded, d.std**2, self._unbounded * wide(d, self.rms))
+        fixed = np.zeros(right.shape)
         for _ in range(_ROUNDS):
             level = Products(gram, variance)
             x = fixed + level.held(right - gram @ fixed)
@@ -106,6 +106,7 @@ class Simulators:
 
     def __init__(self, d: Dictionary) -> None:
         self.d, self._made = d, cache(partial(Simulator, d))
+        self._box = Simulator(d, tuple(range(len(d.blocks))), AMPLITUDE)
 
     def of(self, blocks: Iterable[int] = ()) -> Simulator:
         """Simulator with the causes of these indices; fitted at the first call."""
@@ -116,29 +117,29 @@ class Simulators:
 
         To measure one cause, the others are refitted without it. But a wrong number of the stated
         tool is measured from the configured value (`docs/contracts.md`), so no ordinary error of a
-        link takes its place.
+        link takes its place. The black box has all causes.
         """
-        d, fit = self.d, self.of(blocks)
+        d, fit, use = self.d, self.of(blocks), np.stack([c.use for c in self.d.channels], axis=-1)
         each = {
-            "configured": np.zeros((BLOCKS, len(d.names))), "calibrated": self.of().each,
-            "box": _box(d),
+            "configured": 0.0 * fit.each, "calibrated": self.of().each,
+            "box": self._box.each,
         }  # fmt: skip
+        stages = {"before": "calibrated"}
         if blocks:
-            each["with_effects"] = fit.each
-        without = dict[str, np.ndarray]()
-        for k in blocks:
-            amplitudes = self.of([b for b in blocks if b != k]).each
+            each["with_effects"], stages["after"] = fit.each, "with_effects"
+        labels = {k: Part(d.blocks[k].effect, 0.0, joint=d.blocks[k].joint).label for k in blocks}
+        for k, label in labels.items():
+            each[label] = self.of([b for b in blocks if b != k]).each
             if d.blocks[k].effect.startswith("tool."):
-                amplitudes = fit.each.copy()
-                amplitudes[:, d.at[k]] = 0.0
-            label = Part(d.blocks[k].effect, 0.0, joint=d.blocks[k].joint).label
-            without[label] = _gaps(d, remaining(d, amplitudes))
-        residuals = {name: remaining(d, x) for name, x in each.items()}
-        rows = len(d.fold)
-        every = {name: _gaps(d, x) for name, x in residuals.items()} | {"floor": np.zeros(rows)}
-        stages = {"before": "calibrated"} | ({"after": "with_effects"} if blocks else {})
-        channels = {stage: _of_channels(d, residuals[name]) for stage, name in stages.items()}
-        return Judged(d.fold, np.ones(rows), every, without, channels)
+                each[label] = fit.each.copy()
+                each[label][:, d.at[k]] = 0.0
+        counts = use * np.array([c.noise_counts for c in d.channels])
+        every = {name: (remaining(d, x) ** 2 - 1.0) * counts for name, x in each.items()}
+        rows = {name: x.sum(axis=1) * len(x) / use.sum() for name, x in every.items()}
+        rows["floor"] = np.zeros(len(use))
+        channels = {s: every[name].sum(axis=0) / use.sum(axis=0) for s, name in stages.items()}
+        without = {label: rows.pop(label) for label in labels.values()}
+        return Judged(d.fold, np.ones(len(use)), rows, without, channels)
 
 
 def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
@@ -152,14 +153,12 @@ def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
     in_one = bool((joint >= 0).all())
     free = d.free & (d.joint >= 0) if in_one else d.free
     for channel in [d.channels[joint[0]]] if in_one else d.channels:
-        at, gram = channel.at, channel.gram
-        here = np.isin(at, columns)
-        taken = free[at] & ~here
-        amplitudes = x[at[here]]
-        square = float(amplitudes @ gram[np.ix_(here, here)] @ amplitudes)
-        across, taking = gram[np.ix_(taken, here)] @ amplitudes, gram[np.ix_(taken, taken)]
-        ridge = np.diag(np.maximum(np.diagonal(taking), 1e-300) * _RIDGE)
-        gap = max(gap, square - float(across @ np.linalg.solve(taking + ridge, across)))
+        here = np.flatnonzero(np.isin(channel.at, columns))
+        taken = free[channel.at] & ~np.isin(channel.at, columns)
+        square = np.maximum(np.diagonal(channel.gram), 1e-300)
+        beside = Products(channel.gram, np.where(taken, 1.0 / (square * RIDGE), 0.0))
+        amplitudes = x[channel.at[here]]
+        gap = max(gap, float(amplitudes @ beside.information(here[None])[0] @ amplitudes))
     return gap
 
 
@@ -172,26 +171,3 @@ def remaining(d: Dictionary, each: np.ndarray) -> np.ndarray:
         made = np.einsum("mk,mk->m", channel.data[:, of_channel], values)
         result.append((channel.y - made) / channel.noise.std)
     return np.stack(result, axis=-1)
-
-
-def _gaps(d: Dictionary, residual: np.ndarray) -> np.ndarray:
-    """Gap at each of M rows (M,): mean over the C channels used there of a residual (M, C) in row
-    noises."""
-    use = np.stack([c.use for c in d.channels], axis=-1)
-    counts = np.array([c.noise_counts for c in d.channels])
-    return np.asarray(((residual**2 - 1.0) * counts * use * (use.size / use.sum())).mean(axis=1))
-
-
-def _of_channels(d: Dictionary, residual: np.ndarray) -> np.ndarray:
-    """Gap of each channel (C,) on the rows used, of a residual (M, C) in row noises."""
-    each = zip(d.channels, residual.T, strict=True)
-    return np.array([c.noise_counts * (np.mean(x[c.use] ** 2) - 1.0) for c, x in each])
-
-
-def _box(d: Dictionary) -> np.ndarray:
-    """Amplitudes (B, P) of a regression on all P columns, cross-fitted over B blocks of time."""
-    part, of_causes = np.arange(BLOCKS) * _PARTS // BLOCKS, np.concatenate(d.at)
-    std = d.std.copy()
-    std[of_causes] = np.maximum(std, wide(d))[of_causes]
-    both = [d.weighed((part != k).astype(float)) for k in range(_PARTS)]
-    return np.stack([Products(gram, std**2).held(right)[:, 0] for gram, right in both])[part]

@@ -14,8 +14,8 @@ _ORDER = 4
 """Order of the autoregressive noise model: two resonances."""
 _FLOOR = 1e-3
 """White share that is added to its variance: filters leave bands without any."""
-_RIDGE = 1e-6
-"""Share of a column's square that is added to it in the fit of the richest model."""
+RIDGE = 1e-6
+"""Share of a column's square that is added to it in a fit: columns may be alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
     scale = np.sqrt(np.maximum((columns**2).mean(axis=0), 1e-300))
     scaled = columns / scale
     some = scaled[use]
-    gram = some.T @ some + _RIDGE * len(y) * np.eye(columns.shape[1])
+    gram = some.T @ some + RIDGE * len(y) * np.eye(columns.shape[1])
     return np.where(use, y - scaled @ np.linalg.solve(gram, some.T @ y[use]), 0.0)
 
 

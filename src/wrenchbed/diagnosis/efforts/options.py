@@ -2,31 +2,29 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
-from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulators, added
 from wrenchbed.diagnosis.efforts.search import TEMPER, Structure
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.elements import DOUBT
+from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, closure
+from wrenchbed.drives.solution import FOLDS
 
 _SMALL = 1e-3
 """Total probability of the least probable structures, which are not examined."""
 _BESIDE = 0.25
 """Gap of causes without a name over that of named ones, from which nothing is named: the unnamed
 are then no small part."""
-BELIEVED = 0.85
-"""Share of right answers where ordinary errors may imitate a cause, or causes leave a gap that
-counts: 79 % of `none` were right on the development seeds, half of all arms having a cause."""
-
-
 _MOSTLY = 2.0 / 3.0
-"""Share of the gap that causes close at least that are surer than that: clearly more than half."""
+"""Share of the gap that causes close at least that are surer than `RIGHT_ELSEWHERE`, which is what
+is believed where ordinary errors may imitate a cause or causes leave what counts (79 % of `none`
+were right on the development seeds): clearly more than half."""
 
 
 def weighed(
@@ -49,7 +47,7 @@ def _part(
     that it contains unless evidence asks for more (a zero, of a zero with a cable)."""
     d, b, beside = s.d, s.d.blocks[block], [k for k in structure if k != block]
     for k, other in enumerate(d.blocks):
-        if other.joint == b.joint and set(other.columns) < set(b.columns):
+        if other.joint == b.joint and {*other.columns} < {*b.columns}:
             less = tuple(sorted((*beside, k)))
             block = k if chances.get(less, 0.0) >= chances[structure] else block
     gap = added(d, s.of(structure).x, d.at[block])
@@ -61,29 +59,11 @@ def _named(part: Part) -> bool:
     return "." in part.name
 
 
-def outside(d: Dictionary, best: Option[Structure]) -> str:
+def outside(s: Simulators, best: Option[Structure]) -> str:
     """Name and channel of the unnamed cause with the largest gap; empty if there is none."""
-    unnamed = [p for p in best.parts if not _named(p) and p.share >= CLAIMABLE]
-    if not unnamed:
-        return ""
-    return f"{unnamed[0].name} of {d.scene.channels[(unnamed[0].joint or 1) - 1]}"
-
-
-def options(
-    d: Dictionary, every: Sequence[Option[Structure]], least: float = CLAIMABLE
-) -> tuple[tuple[Option[Structure], ...], float]:
-    """Sets of named causes that each add at least the gap ``least``, and the total probability of
-    those sets in which unnamed causes add too much."""
-    result, unknown = list[Option[Structure]](), 0.0
-    for o in every:
-        named = tuple(p for p in o.parts if _named(p) and p.share >= least)
-        large = [p for p in o.parts if p.share >= CLAIMABLE]
-        counts = sum(p.share for p in large if p in named)
-        if sum(p.share for p in large) > (1.0 + _BESIDE) * counts:
-            unknown += o.probability
-        else:
-            result.append(replace(o, parts=named))
-    return tuple(result) or (Option((), 0.0, ()),), unknown
+    unnamed = (p for p in best.parts if not _named(p) and p.share >= CLAIMABLE)
+    each = (f"{p.name} of {s.d.scene.channels[(p.joint or 1) - 1][0]}" for p in unnamed)
+    return next(each, "")
 
 
 def blocks(causes: Sequence[Cause]) -> tuple[int, ...]:
@@ -96,23 +76,31 @@ def facts_of(
 ) -> Facts[Structure]:
     """Facts for a decision on joint efforts, from probable sets of causes, best first; see `Facts`.
 
-    A cause must add the gap ``least``.
+    A cause must add the gap ``least``. Sets in which unnamed causes add too much are unknown.
     """
-    some, unknown = options(s.d, every, least)
+    some, unknown = list[Option[Structure]](), 0.0
+    for o in every:
+        large = [p for p in o.parts if p.share >= CLAIMABLE]
+        named = sum(p.share for p in large if _named(p) and p.share >= least)
+        if sum(p.share for p in large) > (1.0 + _BESIDE) * named:
+            unknown += o.probability
+        else:
+            parts = tuple(p for p in o.parts if _named(p) and p.share >= least)
+            some.append(replace(o, parts=parts))
 
     @cache
     def measured(causes: tuple[int, ...]) -> Closure:
-        each, names = [s.judged(causes)], s.d.scene.columns
-        gap = closure(each, names, BLOCKS, seed, stated=False)
+        names = [column for _, column, _ in s.d.scene.channels]
+        of = partial(closure, [s.judged(causes)], names, FOLDS, seed)
+        gap = of(stated=False)
         stated = all(s.d.stated[s.d.at[b]].all() for b in causes)
-        if gap.closed is None or gap.closed.high < 0.0 or not (small(gap) and stated):
-            return gap
+        shrinks = gap.closed is not None and gap.closed.high >= 0.0
         # the usual fit takes wrong stated numbers: they close the configured gap
-        return closure(each, names, BLOCKS, seed, stated=True)
+        return of(stated=True) if shrinks and stated and small(gap) else gap
 
     return Facts(
-        some, unknown, lambda verdict: measured(blocks(verdict.causes)), _right,
-        doubt=DOUBT / TEMPER, ordinary_fitted=True,
+        some or (Option((), 0.0, ()),), unknown, lambda verdict: measured(blocks(verdict.causes)),
+        _right, doubt=DOUBT / TEMPER, ordinary_fitted=True,
     )  # fmt: skip
 
 
@@ -120,9 +108,9 @@ def _right(verdict: Verdict[Structure], gap: Closure) -> float:
     """Share of verdicts with such gaps that are right: less where ordinary errors may imitate a
     cause, or where much of the gap, or a gap of 1, is left in all joints or in the cause's."""
     if not verdict.causes:
-        return BELIEVED if verdict.word == NONE else 1.0
+        return RIGHT_ELSEWHERE if verdict.word == NONE else 1.0
     joint = verdict.causes[0].part.joint
     of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
     little = gap.closed is None or gap.closed.value < _MOSTLY
     much = bool(of_joint) and of_joint[0].get("after", 0.0) > LARGEST_NONE
-    return gap.closed_beside(LARGEST_NONE) * (BELIEVED if little or much else 1.0)
+    return gap.closed_beside(LARGEST_NONE) * (RIGHT_ELSEWHERE if little or much else 1.0)

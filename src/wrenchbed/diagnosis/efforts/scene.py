@@ -135,22 +135,12 @@ class EffortScene:
         return replace(self.model, gravity=gravity).predict(self.q, whole)
 
     @property
-    def channels(self) -> tuple[str, ...]:
-        """Names of the channels (C,): ``joint 1`` …, then ``fx`` …."""
-        joints = tuple(f"joint {j + 1}" for j in range(self.joints))
-        return joints if self.wrench is None else (*joints, *CHANNELS)
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Name of each channel's column in the recording (C,)."""
-        joints = tuple(f"{self.recording.effort}{j + 1}" for j in range(self.joints))
-        return (*joints, *self.channels[self.joints :])
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each channel (C,)."""
-        joints = tuple(joint.own("N·m") for joint in self.robot.joints[: self.joints])
-        return joints if self.wrench is None else (*joints, *UNITS)
+    def channels(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, column in the recording and unit of each channel (C,): of joints, then ``fx`` …."""
+        prefix, joints = self.recording.effort, self.robot.joints[: self.joints]
+        named = ((f"joint {j}", f"{prefix}{j}", x.own("N·m")) for j, x in enumerate(joints, 1))
+        wrench = () if self.wrench is None else zip(CHANNELS, CHANNELS, UNITS, strict=True)
+        return (*named, *wrench)
 
     @cached_property
     def speeds(self) -> np.ndarray:

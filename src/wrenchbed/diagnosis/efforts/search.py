@@ -6,17 +6,21 @@ with a beam. Evidence is tempered, so that a law that is not quite right makes a
 """
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.special import softmax
 
-from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import all_effects
-from wrenchbed.diagnosis.evidence.likelihood import Products, gains
-from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
+from wrenchbed.diagnosis.evidence.likelihood import Products
+from wrenchbed.diagnosis.evidence.search import (
+    MORE,
+    NONE,
+    PRIOR,
+    UNKNOWN,
+    Candidates,
+    batches,
+)
 
 AMPLITUDE = 6.0
 """Rms that a named cause adds a priori, in noises of a row: twice what just counts."""
@@ -36,101 +40,70 @@ Structure = tuple[int, ...]
 """Sorted indices of the dictionary's blocks that act together."""
 
 
-def wide(d: Dictionary) -> np.ndarray:
-    """Standard deviation (P,) of each column's amplitude in a fit whose cause uses it."""
-    return np.asarray(AMPLITUDE / np.maximum(d.size, 1e-12))
+def wide(d: Dictionary, rms: float = AMPLITUDE) -> np.ndarray:
+    """Variance (P,) of each column's amplitude in a fit whose cause uses it and adds an rms of so
+    many noises of a row."""
+    return np.asarray(np.maximum((rms / np.maximum(d.size, 1e-12)) ** 2, d.std**2))
 
 
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """Log evidence of sets of causes, Gaussian, from all rows of the columns ``d``."""
+class Evidence(Candidates):
+    """Log evidence of sets of causes, from all rows of the columns ``d``."""
 
-    d: Dictionary
-
-    @cached_property
-    def level(self) -> Products:
-        """Gaussian model without any cause: columns that every fit takes, and noise."""
-        return Products(self._products[0], self.d.std**2)
-
-    @cached_property
-    def _products(self) -> tuple[np.ndarray, np.ndarray]:
-        gram, right = self.d.weighed(np.ones(BLOCKS))
-        return gram / TEMPER, right / TEMPER
-
-    @cached_property
-    def known(self) -> tuple[np.ndarray, np.ndarray]:
-        """Information (P, P) and score (P,) of P columns, beside what every fit takes."""
-        (gram, right), every = self._products, np.arange(len(self.d.std))[None]
-        score = right - gram @ self.level.held(right)
-        return self.level.information(every)[0], score[:, 0]
-
-    def information(self, columns: np.ndarray) -> np.ndarray:
-        """Information matrices (b, k, k) of b sets of k columns, by the columns' indices."""
-        return np.asarray(self.known[0][columns[:, :, None], columns[:, None, :]])
-
-    @cached_property
-    def _added_std(self) -> np.ndarray:
-        """Standard deviation (P,) that a cause adds in quadrature to that of its columns."""
-        return np.sqrt(np.maximum(wide(self.d) ** 2 - self.level.V, 0.0))
+    def __init__(self, d: Dictionary) -> None:
+        super().__init__()
+        self.d, (gram, right) = d, (x / TEMPER for x in d.without())
+        level = Products(gram, d.std**2)
+        self.levels = (level,)
+        self.information = level.information(np.arange(len(gram))[None])[0]
+        self.score = (right - gram @ level.held(right))[:, 0]
+        self._more = wide(d) - d.std**2
+        named = Counter({b.key: b.outside for b in d.blocks if b.columns}.values())
+        each = {k: np.log(PRIOR[UNKNOWN if k else "one"] / n) for k, n in named.items()}
+        self.prior = np.array([each.get(b.outside, -np.inf) + b.prior for b in d.blocks])
+        """Log prior of each cause (B,): the same for all, divided among variants."""
+        shown = ((k, at) for k, at in enumerate(d.at) if len(at))
+        self.batches = batches(
+            (k, at, np.sqrt(self._more[at]), np.ones(1), self.prior[k]) for k, at in shown
+        )
 
     def _freed(self, blocks: Structure) -> np.ndarray:
         """Indices of the columns (K,) that these causes use."""
         return np.unique(np.concatenate([np.zeros(0, int), *(self.d.at[b] for b in blocks)]))
 
-    def logs(self, structures: Sequence[Structure]) -> np.ndarray:
-        """Log evidence (S,) of S sets of causes, less that of the model without any cause."""
-        each = [self._freed(blocks) for blocks in structures]
-        shape = len(each), max(len(at) for at in each)
-        columns, more = np.zeros(shape, dtype=int), np.zeros(shape)
-        for k, at in enumerate(each):
-            columns[k, : len(at)], more[k, : len(at)] = at, self._added_std[at]
-        score = self.known[1]
-        p = self.information(columns)
-        return gains(p, score[columns][:, :, None], more, np.ones(1))[:, 0, 0]
-
-    @cached_property
-    def _block_prior(self) -> np.ndarray:
-        """Log prior of each candidate cause (B,): the same for all, divided among variants."""
-        every = self.d.blocks
-        counts = Counter({b.key: b.outside for b in every}.values())
-        of = {k: np.log(PRIOR[UNKNOWN if k else "one"] / n) for k, n in counts.items()}
-        return np.array([of[b.outside] + b.prior for b in every])
-
-    def prior(self, blocks: Structure) -> float:
-        """Log prior of a set of causes, given by their indices."""
-        none = np.log(PRIOR[NONE]) if not blocks else (len(blocks) - 1) * np.log(MORE)
-        return float(none + self._block_prior[list(blocks)].sum())
+    def beside(self, blocks: Structure, log_posterior: float) -> dict[Structure, float]:
+        """Log posterior of a set of causes with each further one that they do not exclude."""
+        at, of = self._freed(blocks), [b.slot for b in self.d.blocks]
+        at = at[self._more[at] > 0.0]
+        side, normal = self.information[:, at], self.information[np.ix_(at, at)]
+        normal = normal + np.diag(1.0 / self._more[at])
+        score = self.score - side @ np.linalg.solve(normal, self.score[at])
+        half = np.linalg.solve(np.linalg.cholesky(normal), side.T)
+        base = log_posterior + (np.log(MORE) if blocks else -np.log(PRIOR[NONE]))
+        taken = {of[k] for k in blocks}
+        every = (s for s in self.added(0, base, score, half) if of[s.index] not in taken)
+        return {tuple(sorted((*blocks, s.index))): s.log_posterior for s in every}
 
     def possible(self, blocks: Structure) -> bool:
         """Whether all causes of a set whose size cannot be negative come out so in its fit."""
-        every = self.d.blocks
-        signed = [
-            k for k in blocks if not every[k].outside and all_effects()[every[k].effect].one_way
-        ]
-        if not signed:
-            return True
-        (information, score), at = self.known, self._freed(blocks)
-        x, more = np.zeros(len(score)), self._added_std[at] ** 2
-        x[at] = more * np.linalg.solve(
-            np.eye(len(at)) + information[np.ix_(at, at)] * more, score[at]
-        )
-        x += self.level.held(self._products[1] - self.level.gram @ x[:, None])[:, 0]
-        return all(x[self.d.sized(k)].sum() >= 0.0 for k in signed)
+        d, at = self.d, self._freed(blocks)
+        effects = {k: all_effects().get(d.blocks[k].effect) for k in blocks}
+        signed = [k for k, effect in effects.items() if effect is not None and effect.one_way]
+        if signed:
+            taken = np.eye(len(at)) + self.information[np.ix_(at, at)] * self._more[at]
+            x = wide(d)[at] * np.linalg.solve(taken, self.score[at])
+        return all(x[np.isin(at, d.sized(k))].sum() >= 0.0 for k in signed)
 
 
 def search(evidence: Evidence) -> dict[Structure, float]:
     """Probabilities of sets of up to `MOST_CAUSES` causes, the empty set included, best first."""
-    slots = [b.slot for b in evidence.d.blocks]
-    score: dict[Structure, float] = {(): evidence.prior(())}
+    score: dict[Structure, float] = {(): float(np.log(PRIOR[NONE]))}
     beam: list[Structure] = [()]
     for _ in range(MOST_CAUSES):
-        taken = [{slots[k] for k in s} for s in beam]  # of causes that exclude others
-        pairs = ((i, k) for i in range(len(beam)) for k in range(len(slots)))
-        free = (tuple(sorted((*beam[i], k))) for i, k in pairs if slots[k] not in taken[i])
-        grown = list(dict.fromkeys(free))
-        logs = evidence.logs(grown) + [evidence.prior(s) for s in grown]
-        likely = [(grown[i], float(logs[i])) for i in np.argsort(-logs)[:_LIKELY]]
-        possible = {s: log for s, log in likely if evidence.possible(s)}
+        grown = dict[Structure, float]()
+        for s in reversed(beam):
+            grown |= evidence.beside(s, score[s])
+        likely = sorted(grown, key=lambda s: -grown[s])[:_LIKELY]
+        possible = {s: grown[s] for s in likely if evidence.possible(s)}
         score |= possible
         beam = list(possible)[:_BEAM]
         if not beam or score[beam[0]] < max(score.values()) - _HOPELESS:

@@ -51,7 +51,7 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
     """Signs of faults in the residuals of all channels, detected without a model of the cause."""
     scene, result = d.scene, list[Sign]()
     time = scene.signals.t[scene.kept()]
-    for j, (name, channel) in enumerate(zip(scene.channels, d.channels, strict=True)):
+    for j, ((name, *_), channel) in enumerate(zip(scene.channels, d.channels, strict=True)):
         use, residual = channel.use, channel.left
         every = (
             held(scene.signals.t, scene.measured[:, j], scene.speeds[:, j]),

@@ -4,7 +4,7 @@ The sizes from which a cause shows are those of `next.blind`: detected by the ev
 enough gap to be reported.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,14 +15,13 @@ from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulator, added
 from wrenchbed.diagnosis.efforts.names import all_effects, place
 from wrenchbed.diagnosis.efforts.search import AMPLITUDE, Evidence
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST
+from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, batches
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot, reported_from
+from wrenchbed.drives.identify import FRICTION
 from wrenchbed.effects.drives.wave import Wave
 
-ABSURD = 30.0
-"""Plausible sizes from which a cause has no effect: a link of 30 times its mass is none."""
 FITTED = "fitted, since nobody states it"
-_UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inertia": "kg·m²"}
-"""Units of the values that every drive has, of hinges."""
 
 
 def parameters(fit: Simulator, block: int) -> dict[str, Any]:
@@ -31,12 +30,12 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     about, some = all_effects()[b.effect], d.sized(block)
     size = about.size
 
+    def whole(x: np.ndarray) -> float:
+        parts = _scale(d, block, x) * x[some]
+        return float(np.linalg.norm(parts) if size.vector else parts.sum())
+
     def part(x: np.ndarray, k: int) -> float:
         return float(_scale(d, block, x) * x[k])
-
-    def whole(x: np.ndarray) -> float:
-        parts = [part(x, k) for k in some]
-        return float(np.linalg.norm(parts)) if size.vector else sum(parts)
 
     result: dict[str, Any] = {size.name: {**fit.number(whole), "unit": unit_of(d, block)}}
     if b.joint is not None and isinstance(about, Wave):
@@ -76,10 +75,12 @@ def fitted(fit: Simulator) -> list[dict[str, Any]]:
     d, result = fit.d, list[dict[str, Any]]()
     for name in (d.names[k] for k in np.flatnonzero(d.free)):
         kind, _, of = name.partition(".")
+        drive = f"drive.{kind}"
         if kind == "tool":
             label, unit = name, "kg" if of == "mass" else "m"
-        elif kind in _UNITS:
-            label, unit = f"drive.{name}", d.scene.robot.joints[int(of) - 1].own(_UNITS[kind])
+        elif drive in FRICTION:
+            unit = d.scene.robot.joints[int(of) - 1].own(all_effects()[drive].size.unit)
+            label = f"drive.{name}"
         else:
             continue
         number = fit.number(partial(_value, d, name))
@@ -91,20 +92,19 @@ def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
     """Value of a drive, or the tool's mass or CoG, from amplitudes x (P,) of all columns."""
     (kind, _, of), amplitude = name.partition("."), float(x[d.names.index(name)])
     if kind != "tool":
-        start = dict(zip(_UNITS, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
-        return float(start[kind][int(of) - 1]) + amplitude
+        start = dict(zip(FRICTION, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
+        return float(start[f"drive.{kind}"][int(of) - 1]) + amplitude
     if of == "mass":
         return float(d.scene.tool.mass) + amplitude
     # a moment beside that of the mass at the model's centre of gravity [kg·m]
-    return float(np.asarray(d.scene.tool.cog)["xyz".index(of[-1])]) + amplitude / _mass_of_tool(
-        d, x
-    )
+    centre = np.asarray(d.scene.tool.cog)["xyz".index(of[-1])]
+    return float(centre) + amplitude / _mass_of_tool(d, x)
 
 
 def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Contents of ``drives.json``: drive values corrected by amplitudes x (P,), named effects."""
-    names = [n for n in d.names if n.partition(".")[0] in _UNITS]
-    values = {f"drive.{n}": _value(d, n, x) for n in names}
+    each = {f"drive.{n}": n for n in d.names}
+    values = {k: _value(d, n, x) for k, n in each.items() if k.rpartition(".")[0] in FRICTION}
     for entry in entries:
         if entry["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
             numbers = entry["parameters"]
@@ -119,63 +119,41 @@ def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
     """Effects, by joint or link, that these efforts would show at no plausible size, or only from
     sizes on that count."""
     d, spots, every = evidence.d, list[BlindSpot](), shown_from(evidence)
-    for effect, number in _every(d):
-        blocks = [k for k in every if d.blocks[k].key == (effect, number)]
+    keys = {b.key for b in d.blocks if not b.outside}
+    for effect, number in sorted(keys, key=lambda key: (key[0], key[1] or 0)):
+        shown, counts, k = min((*every[k], k) for k in every if d.blocks[k].key == (effect, number))
         element = "" if number is None else place((effect, number))
-        most = all_effects()[effect].size.plausible * (d.blocks[blocks[0]].level if blocks else 1.0)
-        shown, counts = min((every[k] for k in blocks), default=(np.inf, np.inf))
-        if shown > ABSURD * most:
-            why = NOTHING if blocks else _why(effect)
+        most = all_effects()[effect].size.plausible * d.blocks[k].level
+        if shown > LARGEST * most:
+            why = NOTHING if d.blocks[k].columns or effect.startswith("link.") else FITTED
+            why = NOT_HERE if effect == "drive.temperature" else why
             spots.append(BlindSpot(effect, element, None, "", why))
         elif shown > min(most, counts):
-            spots.append(BlindSpot(effect, element, shown, unit_of(d, blocks[0])))
+            spots.append(BlindSpot(effect, element, shown, unit_of(d, k)))
     return tuple(spots)
 
 
 def shown_from(evidence: Evidence) -> dict[int, tuple[float, float]]:
     """For each named cause by index: size from which 95 % of recordings like this one report it,
     and size that adds a gap of 1, if all its columns have that size."""
-    d, widths, result = evidence.d, dict[int, list[int]](), dict[int, tuple[float, float]]()
-    for block, b in enumerate(d.blocks):
-        if not b.outside and d.size[d.sized(block)].any():
-            widths.setdefault(len(d.sized(block)), []).append(block)
-        elif not b.outside:  # no reversal, or nothing that warms
-            result[block] = np.inf, np.inf
-    for width, some in widths.items():
-        at = np.stack([d.sized(k) for k in some])
-        units = 1.0 / np.maximum(np.sqrt((d.size[at] ** 2).mean(axis=1)), 1e-12)  # a row's noise
-        odds = np.array([evidence.prior((k,)) - evidence.prior(()) for k in some])
-        ones = np.zeros((len(some), len(d.names)))
-        np.put_along_axis(ones, at, units[:, None], axis=1)
-        gaps = np.array([max(added(d, *pair), 1e-300) for pair in zip(ones, at, strict=True)])
-        information = units[:, None, None] ** 2 * evidence.information(at)
-        times = reported_from(information, np.full((len(some), 1), AMPLITUDE), odds, gaps)
-        for block, unit, *sizes in zip(some, units, times, gaps**-0.5, strict=True):
-            vector = all_effects()[d.blocks[block].effect].size.vector
-            one = abs(_scale(d, block, np.zeros(len(d.names)))) * unit
-            one *= width ** (0.5 if vector else 1.0)
-            result[block] = float(sizes[0] * one), float(sizes[1] * one)
+    d = evidence.d
+    named = [(k, d.sized(k)) for k, b in enumerate(d.blocks) if not b.outside]
+    result = {k: (np.inf, np.inf) for k, _ in named}  # without reversal, or anything that warms
+    shown = ((k, at, float(np.sqrt((d.size[at] ** 2).mean()))) for k, at in named if len(at))
+    for b in batches(
+        (k, at, np.full(len(at), 1.0 / unit), np.array([AMPLITUDE]), evidence.prior[k])
+        for k, at, unit in shown
+        if unit > 0.0
+    ):
+        ones = np.zeros((len(b.index), len(d.names)))
+        np.put_along_axis(ones, b.columns, b.size, axis=1)  # together a row's noise
+        gaps = np.array([max(added(d, *x), 1e-300) for x in zip(ones, b.columns, strict=True)])
+        information = evidence.information[b.columns[:, :, None], b.columns[:, None]]
+        information = b.size[:, :, None] * information * b.size[:, None]
+        times = reported_from(information, b.scales, b.prior - np.log(PRIOR[NONE]), gaps)
+        for k, unit, *sizes in zip(b.index.tolist(), b.size[:, 0], times, gaps**-0.5, strict=True):
+            vector = all_effects()[d.blocks[k].effect].size.vector
+            one = abs(_scale(d, k, np.zeros(len(d.names)))) * unit
+            one *= b.columns.shape[1] ** (0.5 if vector else 1.0)
+            result[k] = float(sizes[0] * one), float(sizes[1] * one)
     return result
-
-
-def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
-    """Effects, each with every joint, or every link that has a mass."""
-    for effect, about in all_effects().items():
-        if d.scene.commanded and effect == "drive.bandwidth":  # a delay stands for it
-            continue
-        if "{joint}" not in about.title:
-            yield effect, None
-        elif effect in ("link.mass", "link.cog", "link.inertia"):
-            heavy = np.flatnonzero(d.scene.inertias.phi[:, 0] > 0.0)
-            yield from ((effect, int(k) + 1) for k in heavy)
-        else:
-            for j, joint in enumerate(d.scene.robot.joints, start=1):
-                if effect != "link.spring" or joint.unit == "rad":  # on a slide there is none
-                    yield effect, j
-
-
-def _why(effect: str) -> str:
-    """Reason why no change of an effort can be computed for an effect."""
-    if effect == "drive.temperature":
-        return NOT_HERE
-    return NOTHING if effect.startswith("link.") else FITTED

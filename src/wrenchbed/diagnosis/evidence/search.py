@@ -3,11 +3,19 @@
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import Background, gains, ladder, log_sum, squares
+from wrenchbed.diagnosis.evidence.likelihood import (
+    Background,
+    OfProducts,
+    gains,
+    ladder,
+    log_sum,
+    squares,
+)
 
 NONE, UNKNOWN = "none", "unknown"
 PRIOR = {NONE: 0.35, "one": 0.45, UNKNOWN: 0.15}
@@ -47,23 +55,80 @@ def best_variants(
 
 
 @dataclass(frozen=True, eq=False)
-class _Batch:
-    """Effect variants with the same number of columns, evaluated together."""
+class Batch:
+    """Hypotheses with the same number of columns, evaluated together."""
 
-    index: np.ndarray  # (b,) place in Searcher.columns
+    index: np.ndarray  # (b,) their names
     columns: np.ndarray  # (b, k)
-    scales: np.ndarray  # (b, s)
+    size: np.ndarray  # (b, k) relative prior standard deviations that they add
+    scales: np.ndarray  # (b, s) factors on these
     prior: np.ndarray  # (b,) log
 
 
-class Searcher:
+class Candidates:
+    """Evidence of hypotheses, columns whose prior a cause widens, beside a set of causes.
+
+    Attributes:
+        batches: the hypotheses.
+        levels: of background.
+    """
+
+    batches: Sequence[Batch]
+    levels: Sequence[OfProducts]
+
+    def __init__(self) -> None:
+        self._informations: dict[int, list[np.ndarray]] = {}
+
+    def added(
+        self, rung: int, base: float, score: np.ndarray, known: np.ndarray | None = None
+    ) -> list[SingleEvidence]:
+        """Log posterior of a set of causes with each further effect variant or smooth function.
+
+        Args:
+            rung: index of the background level.
+            base: log posterior of the set of causes alone.
+            score: w of all columns (n,), beside these causes.
+            known: H (m, n), where the structure takes HᵀH from the columns' information; None if it
+                is empty.
+        """
+        result: list[SingleEvidence] = []
+        for batch, alone in zip(self.batches, self._information(rung), strict=True):
+            blocks = alone if known is None else alone - squares(known, batch.columns)
+            w = score[batch.columns][:, :, None]
+            gain = gains(blocks, w, batch.size, batch.scales)[:, :, 0]
+            total = log_sum(gain) - np.log(gain.shape[1]) + batch.prior + base
+            result += [
+                SingleEvidence(int(k), rung, float(v))
+                for k, v in zip(batch.index, total, strict=True)
+            ]
+        return result
+
+    def _information(self, rung: int) -> list[np.ndarray]:
+        """Information matrices (b, k, k) of each group of variants at a background level."""
+        if rung not in self._informations:
+            every = (batch.columns for batch in self.batches)
+            self._informations[rung] = self.levels[rung].informations(every)
+        return self._informations[rung]
+
+
+def batches(
+    each: Iterable[tuple[int, np.ndarray, np.ndarray, np.ndarray, float]],
+) -> list[Batch]:
+    """Hypotheses by number of columns; index, columns, size, scales and prior of each."""
+    groups: dict[int, list[Any]] = {}
+    for hypothesis in each:
+        groups.setdefault(len(hypothesis[1]), []).append(hypothesis)
+    return [Batch(*map(np.array, zip(*some, strict=True))) for some in groups.values()]
+
+
+class Searcher(Candidates):
     """Evidence of hypotheses for readings of one design, made once of its dictionary."""
 
     def __init__(self, dictionary: EffectDictionary) -> None:
+        super().__init__()
         self.d = dictionary
         self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
         self.kernels = tuple(dictionary.kernels)
-        self._informations: dict[int, list[np.ndarray]] = {}
         self._last: tuple[np.ndarray, tuple[list[np.ndarray], np.ndarray]] | None = None
 
     @cached_property
@@ -72,26 +137,20 @@ class Searcher:
         return ladder(self.d)
 
     @cached_property
-    def batches(self) -> tuple[_Batch, ...]:
+    def levels(self) -> tuple[OfProducts, ...]:  # type: ignore[override]
+        return tuple(rung.level for rung in self.rungs)
+
+    @cached_property
+    def batches(self) -> tuple[Batch, ...]:  # type: ignore[override]
         """Effect variants, and smooth functions of unknown causes, grouped by number of columns."""
-        groups: dict[int, list[int]] = {}
-        for k, h in enumerate(self.hypotheses):
-            groups.setdefault(len(h.columns), []).append(k)
-        result = [
-            _Batch(
-                np.array(members),
-                np.stack([self.hypotheses[k].columns for k in members]),
-                np.stack([self.scales(self.hypotheses[k]) for k in members]),
-                np.array([self.prior(self.hypotheses[k]) for k in members]),
-            )
-            for members in groups.values()
-        ]
+        every = enumerate(self.hypotheses)
+        result = batches(
+            (k, h.columns, np.ones(len(h.columns)), self.scales(h), self.prior(h)) for k, h in every
+        )
         log_prior = np.log(PRIOR[UNKNOWN] / max(1, len(self.kernels)))
-        for k, name in enumerate(self.kernels):
-            columns = self.d.kernels[name][None]
-            result.append(
-                _Batch(np.array([-1 - k]), columns, KERNEL_SCALES[None], np.array([log_prior]))
-            )
+        for k, columns in enumerate(self.d.kernels.values()):
+            one = -1 - k, columns, np.ones(len(columns)), KERNEL_SCALES, log_prior
+            result += batches([one])
         return tuple(result)
 
     def scales(self, h: Hypothesis) -> np.ndarray:
@@ -143,30 +202,6 @@ class Searcher:
             result += self.added(r, float(base), score)
         return result
 
-    def added(
-        self, rung: int, base: float, score: np.ndarray, known: np.ndarray | None = None
-    ) -> list[SingleEvidence]:
-        """Log posterior of a set of causes with each further effect variant or smooth function.
-
-        Args:
-            rung: index of the background level.
-            base: log posterior of the set of causes alone.
-            score: w of all columns (n,), beside these causes.
-            known: H (m, n), where the structure takes HᵀH from the columns' information; None if it
-                is empty.
-        """
-        result: list[SingleEvidence] = []
-        for batch, alone in zip(self.batches, self._information(rung), strict=True):
-            blocks = alone if known is None else alone - squares(known, batch.columns)
-            w = score[batch.columns][:, :, None]
-            gain = gains(blocks, w, np.ones(batch.columns.shape), batch.scales)[:, :, 0]
-            total = log_sum(gain) - np.log(gain.shape[1]) + batch.prior + base
-            result += [
-                SingleEvidence(int(k), rung, float(v))
-                for k, v in zip(batch.index, total, strict=True)
-            ]
-        return result
-
     def remainders(
         self, rung: int, energy: float, score: np.ndarray, known: np.ndarray
     ) -> np.ndarray:
@@ -188,13 +223,6 @@ class Searcher:
             x = np.linalg.solve(alone - squares(known, batch.columns) + precision, w[:, :, None])
             result[batch.index] = energy - (w * x[:, :, 0]).sum(axis=1)
         return result
-
-    def _information(self, rung: int) -> list[np.ndarray]:
-        """Information matrices (b, k, k) of each group of variants at a background level."""
-        if rung not in self._informations:
-            level = self.rungs[rung].level
-            self._informations[rung] = level.informations(batch.columns for batch in self.batches)
-        return self._informations[rung]
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
         """Log prior of each rung (L,): equal for normal ones; larger ones are likely only if the

@@ -21,7 +21,7 @@ from scipy.special import chndtrinc, logit
 
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import MOST, log_sum
-from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
+from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher, batches
 from wrenchbed.diagnosis.explain.elements import element, listed, of_element
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.base import Effect
@@ -148,21 +148,15 @@ class Design:
         """s95 of each signature (W,), common to its numbers, in typical sizes; infinite if nothing
         shows."""
         every, known = self.signatures, {h.name for h in self.searcher.hypotheses}
-        result, widths = np.full(len(every), np.inf), dict[int, list[int]]()
-        for k, w in enumerate(every):
-            if w.name in known and w.typical_gap > 0.0:
-                widths.setdefault(len(w.columns), []).append(k)
-        level = self.searcher.rungs[self.rung].level
-        for some in widths.values():
-            blocks = level.information(np.stack([every[k].columns for k in some]))
-            result[some] = self._sizes([every[k] for k in some], blocks)
+        result, gaps = np.full(len(every), np.inf), np.array([w.typical_gap for w in every])
+        shown = ((k, w) for k, w in enumerate(every) if w.name in known and w.typical_gap > 0.0)
+        level, of = self.searcher.rungs[self.rung].level, self.searcher
+        for b in batches(
+            (k, w.columns, np.ones(len(w.columns)), of.scales(w), of.prior(w)) for k, w in shown
+        ):
+            information, odds = level.information(b.columns), b.prior - np.log(PRIOR[NONE])
+            result[b.index] = reported_from(information, b.scales, odds, gaps[b.index])
         return result
-
-    def _sizes(self, some: Sequence[Hypothesis], information: np.ndarray) -> np.ndarray:
-        """s95 (n,) of signatures with k numbers each, from their information (n, k, k)."""
-        scales = np.stack([self.searcher.scales(h) for h in some])
-        odds = np.array([self.searcher.prior(h) for h in some]) - np.log(PRIOR[NONE])
-        return reported_from(information, scales, odds, np.array([h.typical_gap for h in some]))
 
     def rivals(self, w: Hypothesis) -> tuple[str, ...]:
         """Names of other effects that can make a signature's readings at sizes that may occur."""

@@ -73,11 +73,11 @@ def stretch(recording: Recording) -> Recording:
         return recording
     parts = pieces(recording.columns)
     if len(parts) > 1:
-        recording = _rows(recording, max(parts, key=lambda part: part.stop - part.start))
+        recording = at_rows(recording, max(parts, key=lambda part: part.stop - part.start))
     spare = len(recording) - MOTION
     if spare <= 0:
         return recording
-    return _rows(recording, slice(spare // 2, spare // 2 + MOTION))
+    return at_rows(recording, slice(spare // 2, spare // 2 + MOTION))
 
 
 def excerpt(recording: Recording) -> Recording:
@@ -90,20 +90,20 @@ def excerpt(recording: Recording) -> Recording:
     if n <= ROWS:
         return recording
     if recording.metadata.mode == "dynamic":
-        return _rows(recording, slice((n - ROWS) // 2, (n - ROWS) // 2 + ROWS))
+        return at_rows(recording, slice((n - ROWS) // 2, (n - ROWS) // 2 + ROWS))
     count = gather(recording, np.ones(n, dtype=bool)).count
     last = ROWS // len(count)
     if last >= LEAST_IN_HOLD:
-        return _rows(recording, np.repeat(np.cumsum(count), count) - np.arange(n) <= last)
+        return at_rows(recording, np.repeat(np.cumsum(count), count) - np.arange(n) <= last)
     size = ROWS // RUNS
     begins = np.linspace(0, n - size, RUNS).astype(int)
-    return _rows(recording, (begins[:, None] + np.arange(size)).ravel())
+    return at_rows(recording, (begins[:, None] + np.arange(size)).ravel())
 
 
 def longest(recording: Recording, keep: np.ndarray) -> Recording:
     """Recording of the longest run of marked rows ``keep`` (N,)."""
     begin, end = max(runs(keep), key=lambda run: run[1] - run[0])
-    return _rows(recording, slice(begin, end))
+    return at_rows(recording, slice(begin, end))
 
 
 def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]:
@@ -120,5 +120,6 @@ def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]
     return ()
 
 
-def _rows(recording: Recording, keep: slice | np.ndarray) -> Recording:
+def at_rows(recording: Recording, keep: slice | np.ndarray) -> Recording:
+    """Recording of some rows alone."""
     return replace(recording, columns={k: v[keep] for k, v in recording.columns.items()})

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.drives.base import Block, Column, DriveResidual, DriveRows, Size
+from wrenchbed.effects.drives.base import DriveRows, Size
 from wrenchbed.effects.drives.lag import Lag
 from wrenchbed.effects.drives.operators import slow
 
@@ -19,11 +19,8 @@ class DriveBandwidth(Lag):
     # with more the arm hardly runs
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
-    def scan(
-        self, rows: DriveRows, residual: DriveResidual
-    ) -> tuple[tuple[Column, ...], Block] | None:
-        """Columns and cause as in `Lag.scan`; None for servo commands, where a delay is fitted."""
-        return super().scan(rows, residual) if rows.command is None else None
+    def shows(self, rows: DriveRows) -> bool:
+        return rows.command is None  # of servo commands a delay is fitted
 
     def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:
         return slow(torque, rows.rate, time)

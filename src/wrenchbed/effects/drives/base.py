@@ -204,6 +204,10 @@ class DriveEffect(ABC):
         level = 1.0 if self.size.absolute else rows.level
         return Block(self.name, rows.joint, False, columns, value, prior, level)
 
+    def shows(self, rows: DriveRows) -> bool:
+        """Whether it is sought in such rows at all."""
+        return True
+
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:

@@ -61,9 +61,7 @@ class Lag(DriveEffect):
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
         turn = direction(rows.speed, TURNS) - rows.sign
-        late = (
-            [rows.lagging] if rows.command is not None else [rows.total + rows.level * turn, turn]
-        )
+        late = [rows.total + rows.level * turn, turn] if rows.command is None else [rows.lagging]
 
         def changes(time: float) -> list[np.ndarray]:
             return [residual.thin(self.change(rows, x, time))[residual.use] for x in late]

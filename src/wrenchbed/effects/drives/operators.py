@@ -10,8 +10,8 @@ import numpy as np
 from wrenchbed.physics.noise import carried
 
 REST = 0.03
-"""Share of a joint's largest speed below which it counts as at rest, as in `drives.signals`:
-friction has no known sign there, and encoders' noise has one of its own."""
+"""Share of a joint's largest speed below which it counts as at rest: friction has no known sign
+there, and encoders' noise has one of its own."""
 _MEMORY_S = 0.04
 """Time around rest that does not count either [s], a few rows: bristles and filters settle."""
 _LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
