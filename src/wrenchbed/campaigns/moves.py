@@ -28,10 +28,10 @@ _HALVES = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Straight moves that lead to a pose of a plan.
+    """Straight joint-space moves that lead from the pose before to a pose of a plan.
 
     Attributes:
-        row: of the plan.
+        row: number of the pose's row in the plan.
         via: joint values (J,) to go through in straight lines; the last are the pose's own.
         seconds: of all its moves at the driver's speed.
     """
@@ -101,14 +101,14 @@ def itinerary(
 
 @dataclass(frozen=True)
 class LiveLimits:
-    """Complete limits of every motion of a live robot; texts state the origin of ``workspace``,
-    ``force`` and ``torque`` (given, or derived from what)."""
+    """Limits of every motion of a live robot, none missing; ``workspace``, ``force`` and ``torque``
+    each with a text on its origin (given, or derived from what)."""
 
     limits: Limits
     origin: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
-        """Limits as a recording's metadata state them."""
+        """Limits as JSON, in the form of a recording's metadata."""
         limits, box = self.limits, self.limits.workspace
         assert box is not None
         return {
@@ -119,8 +119,8 @@ class LiveLimits:
 
 
 def live_limits(driver: Driver, plan: Plan, *, clear: bool = True) -> LiveLimits:
-    """Complete the limits of a connected driver, which does not move, for a plan; with ``clear``
-    its moves lead around obstacles.
+    """Derive the limits that a connected driver, which does not move, lacks for a plan; with
+    ``clear`` its moves lead around obstacles.
 
     Raises:
         PlanError: the robot cannot run the plan.

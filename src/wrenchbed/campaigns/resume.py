@@ -36,7 +36,7 @@ _SAME = {
 
 
 class Retries(IntEnum):
-    """Allowed successive repetitions without a person, by the cause of failure."""
+    """Largest number of repeated attempts in a row without a person, by the cause of failure."""
 
     NEVER = 0
     """The robot protects itself or people, is in fault or off, or the load was too large."""
@@ -68,17 +68,17 @@ def retries(driver: Driver, error: DriverError) -> Retries:
 
 
 def bare(error: DriverError) -> str:
-    """Message of a failure, without its advice for programs."""
+    """Message of a driver's error, without the advice that is for programs."""
     return re.sub(r"(,? then|[:;,]) call recover\((unlock=True)?\)( again)?$", "", str(error))
 
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """Rows of a recording that was interrupted.
+    """Content of the recording of an interrupted run, which a resumed run continues.
 
     Attributes:
-        columns: rows of complete poses (N,) by name; empty if there are none.
-        poses: rows of the plan that are done.
+        columns: columns (N,) by name, of rows of complete poses; empty if there are none.
+        poses: numbers of the plan's rows that are done.
         elapsed: time since t = 0 [s].
         metadata: of the recording.
         revisited: whether the second visit of the first pose is complete.
@@ -91,7 +91,7 @@ class Before:
     revisited: bool
 
     def first(self, segment: int) -> Hold | None:
-        """End [s] and wrench (n, 6) of a segment at the plan's first pose; None if it has none."""
+        """End [s] and wrenches (n, 6) of a segment; None if it is not at the plan's first pose."""
         if not self.columns:
             return None
         rows = np.flatnonzero((self.columns[POSE] == 0) & (self.columns["segment"] == segment))
@@ -102,7 +102,7 @@ class Before:
 
 
 def second_visit(plan: Plan) -> int:
-    """Segment number of the second visit of the first pose."""
+    """Number of the segment that the second visit of a plan's first pose has."""
     return int(plan.segment.max()) + 1
 
 
@@ -151,8 +151,8 @@ def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Be
 
 
 def check_same(path: Path, old: Metadata, new: Metadata, kept: bool = True) -> None:
-    """Raise a `PlanError` where rows of a recording that states ``old`` would state ``new``; zeros
-    may differ, as they are watched. ``kept``: there are such rows."""
+    """Raise a `PlanError` if metadata ``old`` of a recording and ``new`` of the run differ; zeros
+    may, as they are watched. ``kept``: the recording has rows."""
     was, asked = (json.loads(json.dumps(m.to_json())) for m in (old, new))
     for field, remedy in _SAME.items():
         a, b = was.get(field), asked.get(field)

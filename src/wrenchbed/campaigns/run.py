@@ -53,7 +53,7 @@ class RunSettings:
         rate: of sampling [Hz]; if None the plan's, or 100 at rest and 125 in motion.
         revisit: visit the first pose again at the end; if None, on live drivers.
         clear: let no move touch the robot or its surroundings; if None, on live drivers.
-        resume: continue the stopped run at the recording's path, at the pose where it stopped.
+        resume: continue the stopped run that wrote the recording, at the pose where it stopped.
         limits: of a live driver; if None, those that it has, completed by `live_limits`.
     """
 
@@ -65,8 +65,8 @@ class RunSettings:
     limits: LiveLimits | None = None
 
     def of(self, driver: Driver, plan: Plan) -> tuple[float, bool, bool]:
-        """Values for a driver and a plan: sampling rate [Hz], revisit and clear; a `PlanError` for
-        a rate that does not suit the plan, or no positive rate or samples."""
+        """Defaults filled in for a driver and a plan: sampling rate [Hz], ``revisit``, ``clear``; a
+        `PlanError` if rate or samples are not positive, or the rate does not suit the plan."""
         rate = self.rate
         if plan.mode == "dynamic" and plan.rate_hz is not None and rate not in (None, plan.rate_hz):
             text = f"this motion is sampled at {plan.rate_hz:g} Hz, not {rate:g}"
@@ -81,7 +81,7 @@ class RunSettings:
 
 @dataclass(frozen=True)
 class Drift:
-    """The first pose, visited again: change of its reading (6,), uncertainty, time between [s]."""
+    """Change (6,) of the first pose's reading at a second visit, its std, time between [s]."""
 
     change: np.ndarray
     std: np.ndarray
@@ -110,7 +110,7 @@ def record(
     progress: Progress = silent,
     **changes: Any,
 ) -> RunProgress:
-    """Visit every pose of a plan, or follow its trajectory, and record.
+    """Visit every pose of a plan, or follow its trajectory, and write the recording to ``path``.
 
     The whole plan is checked before anything moves or is written.
 
@@ -134,7 +134,7 @@ def record(
 
 
 class _Run:
-    """One run of a plan whose checks are done."""
+    """One run of a plan on a driver, after the plan was checked."""
 
     def __init__(
         self, driver: Driver, plan: Plan, path: Path, settings: RunSettings, progress: Progress
@@ -240,8 +240,8 @@ class _Run:
     def _failed(
         self, what: str, error: DriverError, failed: Counter[Retries], most: int, remedy: str
     ) -> None:
-        """Count a failure and wait; raise it where a person must look, or at the last
-        repetition."""
+        """Count a failed attempt and wait; raise the error where a person must look, or at the last
+        attempt."""
         if not self.driver.live:
             raise error
         kind = resume.retries(self.driver, error)
@@ -284,7 +284,7 @@ class _Run:
     def _hold(
         self, row: int, segment: int, writer: RecordingWriter, taken: list[np.ndarray]
     ) -> Hold:
-        """Record the rows that a pose still needs; return time and readings (n, 6) of the hold."""
+        """Record the rows that a pose lacks; return end time [s] and readings (n, 6) of it."""
         at_once = max(1, int(_BLOCK_S * self.rate))
         while (missing := int(self.needed[row]) - sum(map(len, taken))) > 0:
             block = dict(self.driver.sample(min(at_once, missing), self.rate))
@@ -306,7 +306,7 @@ class _Run:
         return self.t, np.concatenate(taken)
 
     def _watch_zero(self, where: str) -> None:
-        """Warn where the sensor's zero changed; the run itself never sets it."""
+        """Warn, naming ``where``, if the sensor's zero changed; the run itself never sets it."""
         if not self.driver.live:
             return
         was, self.bias_id = self.bias_id, self.driver.read_wrench().bias_id

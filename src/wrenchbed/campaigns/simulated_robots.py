@@ -64,12 +64,12 @@ class Fleet:
     Attributes:
         robot: registry name.
         robots: how many.
-        vary: of `VARIED`; what does not vary is the same for all: the same noise, nominal
-            parameters, the same poses.
-        poses: of each, where no plan is given.
+        vary: names of `VARIED`; others are the same for all robots: noise, nominal parameters,
+            poses.
+        poses: number of poses of each robot, where no plan is given.
         samples: rows a pose.
         seed: not negative.
-        plan: that all robots run.
+        plan: plan that all robots run; None: each its own.
     """
 
     robot: str
@@ -161,7 +161,7 @@ def schema(fleet: Fleet) -> pa.Schema:
 
 @lru_cache(1)  # robots that share their poses share it
 def course(fleet: Fleet, k: int) -> Recording:
-    """Recording of robot k before it is measured: its times and poses, with readings of 0."""
+    """Recording of robot k with its times and poses, before simulation: readings are 0."""
     robot = fleet.model_robot()
     plan = fleet.plan
     if plan is None:
@@ -182,7 +182,7 @@ def course(fleet: Fleet, k: int) -> Recording:
 
 
 def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and poses of all rows (N,)."""
+    """Times (N,) [s] and joint values (N, J) of all rows of a plan at rest."""
     here, now, begins = np.asarray(robot.home, dtype=float), 0.0, []
     speed = Limits().speed
     for q, dwell in zip(plan.q, plan.dwell, strict=True):
@@ -196,7 +196,7 @@ def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray,
 
 
 def robot_row(fleet: Fleet, k: int) -> Row:
-    """Row of robot k in the table; a named error of the package stands in column ``error``."""
+    """Simulate and calibrate robot k: its row of the table; an error stands in column ``error``."""
     row, begun = Row(robot=k, seed=fleet.seed, error=""), time.perf_counter()
     try:
         recording, theta = recorded(fleet, k)
@@ -258,7 +258,7 @@ def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
 
 @cache
 def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Poses (100, J) for errors of readings, and those (G, J) for errors of positions, if any."""
+    """Test poses (100, J) for errors of readings, (G, J) in the target for those of positions."""
     robot: SimulatedRobot = Fleet(name, 1).model_robot()
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
 

@@ -45,7 +45,7 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
 
 
 def figures(table: pa.Table) -> dict[str, float | None]:
-    """Key results as JSON."""
+    """Key results of a campaign's rows as JSON: shares, medians, coverage."""
     failed = int((text(table, "error") != "").sum())
     results: dict[str, float | None] = {"robots": table.num_rows, "failed": failed}
     for what, scale, unit in _ERRORS:
@@ -77,7 +77,7 @@ def _finite(values: np.ndarray) -> np.ndarray:
 
 
 def _cards(table: pa.Table) -> tuple[Card, ...]:
-    """Card of the accuracy of calibration, if there is one."""
+    """Cards with the accuracy of calibration over the robots, if there is any."""
     before, after = (_finite(1e3 * numbers(table, f"force.{w}")) for w in _WHEN)
     if not len(after):
         return ()

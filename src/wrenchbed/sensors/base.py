@@ -43,23 +43,23 @@ class SensorCalibration:
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """A sensor family.
+    """A kind of six-axis force/torque sensor as it is sold.
 
     Attributes:
         name: registry name.
         title: one line for people.
         calibrations: the ranges it is sold with.
-        default: name of the one that ``noise`` belongs to.
+        default: name of the calibration that ``noise`` belongs to.
         mass: of the complete sensor [kg]; ``…_source`` says where this and other values come from.
-        noise: of one row at rest, see ``NoiseModel``.
+        noise: noise of one row at rest, see ``NoiseModel``.
         accuracy: (6,) certified accuracy ± [N, N·m], None where no certificate is known.
         plate_offset: (3,) from the middle of the face on the robot's side to the origin of the
             wrench, in sensor axes [m].
-        counts: (6,) counts of the digital output per newton and newton metre, None where the
-            output is a floating-point number.
+        counts: (6,) counts of the digital output per newton and newton metre, None where the output
+            is a floating-point number.
         gauges: (6, 6) matrix from gauge voltages to the wrench [N/V, N·m/V] of one sensor, None
             where none is known.
-        record: what `described.rebuilt` makes the sensor of again; None of what everybody has.
+        record: what `described.rebuilt` makes a user's sensor of again; None of a shipped one.
     """
 
     name: str

@@ -36,7 +36,7 @@ _WRENCH = "must be six numbers fx fy fz tx ty tz in N and N·m, without units"
 
 
 def shipped(path: Path) -> Sensor:
-    """Read the file of a sensor of this package, which has a plain name.
+    """Read the TOML file of a sensor of this package; its name gets no hash.
 
     Raises:
         ParameterError: names the file, the field, its value and what is allowed.
@@ -55,7 +55,7 @@ def read(path: Path) -> Sensor:
 
 
 def rebuilt(record: Mapping[str, Any]) -> Sensor:
-    """Make the sensor again from what a recording carries, see `Sensor.record`.
+    """Make a user's sensor again from the TOML that a recording carries, see `Sensor.record`.
 
     Raises:
         ParameterError: it is incomplete.
@@ -120,7 +120,7 @@ def _calibration(row: Fields) -> SensorCalibration:
 
 
 def _noise(table: Fields, calibration: SensorCalibration) -> NoiseModel:
-    """Noise of the default calibration."""
+    """Read the noise of the default calibration from the TOML's table."""
     full = calibration.range
     parts: dict[str, Any] = {}
     for key in _VECTORS:
@@ -142,7 +142,7 @@ def _noise(table: Fields, calibration: SensorCalibration) -> NoiseModel:
 
 
 def _positive(table: Fields, key: str) -> Array:
-    """Read six numbers above 0."""
+    """Read six numbers above 0 of a table's key, as an array (6,)."""
     value = np.array(table.stated_numbers(key, 6, _WRENCH))
     if not (value > 0.0).all():
         raise table.error(key, "must be above 0 in every channel")
@@ -150,7 +150,7 @@ def _positive(table: Fields, key: str) -> Array:
 
 
 def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:
-    """The TOML of a sensor; ``notes`` are comments at its beginning."""
+    """TOML text of a sensor's file; ``notes`` are comments at its beginning."""
     noise, lines = sensor.noise, [f"# {note}".rstrip() for note in notes]
     top = {"name": sensor.name.partition("@")[0], "title": sensor.title, "default": sensor.default}
     lines += [f"format = {FORMAT}", *(f"{key} = {quoted(value)}" for key, value in top.items())]
@@ -196,7 +196,7 @@ def _lines(values: Mapping[str, str], source: str) -> list[str]:
 
 
 def _numbers(values: Array | None) -> str:
-    """TOML of six numbers, or of six rows of them; empty if there are none."""
+    """TOML text of six numbers, or of six rows of them; empty for None."""
     if values is None:
         return ""
     rows = [f"  {listed(row)}," for row in values] if values.ndim == 2 else []

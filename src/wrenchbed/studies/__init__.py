@@ -19,7 +19,7 @@ from wrenchbed.pages.document import Document, provenance
 
 
 def steps(paper: str, quick: bool, robots: int | None) -> int:
-    """Number of steps of the study of a paper, ``medrue`` or ``ur5``."""
+    """Number of progress steps of the study of a paper, ``medrue`` or ``ur5``."""
     return int(_module(paper).steps(quick, robots))
 
 

@@ -48,7 +48,7 @@ _DRAWN = 2500
 
 
 def steps(quick: bool, robots: int | None) -> int:
-    """Number of steps that `run` reports."""
+    """Number of progress steps that `run` reports."""
     return _FIXED + (ROBOTS[quick] if robots is None else robots)
 
 
@@ -94,8 +94,8 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
 
 
 def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, dict[str, int]]:
-    """Observability of all 49 parameters by 100 configurations, and ranks by parameters and
-    data."""
+    """Observability of all 49 parameters at chosen configurations (n, 6), and the Jacobian's rank
+    by robot and number of configurations."""
     model = setting.model
     columns = model.parameters.select(setting.robot.candidates)
     scale = model.parameters.tolerance[list(columns)]
@@ -147,7 +147,7 @@ def _lead(summary: dict[str, Any]) -> str:
 def column(
     table: pa.Table, name: str, *, quantity: str = "position", place: str = "target", **where: str
 ) -> np.ndarray:
-    """A column (robots,) of the rows with these labels, in the order of the robots."""
+    """Values (robots,) of a column of the rows with these labels, in the order of the robots."""
     labels = {"quantity": quantity, "workspace": place, **where}
     keep = np.logical_and.reduce([table[k].to_numpy() == v for k, v in labels.items()])
     rows = table.filter(pa.array(keep)).sort_by("robot")
@@ -218,7 +218,7 @@ def _choice(setting: StudySetting, designs: Mapping[str, PoseDesign]) -> tuple[T
 def paper_robot_section(
     setting: StudySetting, designs: Mapping[str, PoseDesign], one: PaperRobot
 ) -> Section:
-    """Section with Table 1 and Figures 6 to 8."""
+    """Section on the paper's robot identified by each design: Table 1 and Figures 6 to 8."""
     target, whole = (1e3 * one.errors["exact"][k].max() for k in ("target", "whole"))
     robot, theta = setting.robot, setting.robot.robot_theta(setting.theta)
     some = np.linspace(0, len(setting.q) - 1, _DRAWN).astype(int)
@@ -281,7 +281,7 @@ def _table1(setting: StudySetting, designs: Mapping[str, PoseDesign], one: Paper
 
 
 def population_section(table: pa.Table, one: PaperRobot) -> Section:
-    """Section with Tables 2 to 6 over many random robots."""
+    """Section on errors of many random robots: Tables 2 to 6."""
     robots = len(np.unique(table["robot"].to_numpy()))
     return Section(
         f"{robots} random robots",
@@ -392,7 +392,7 @@ def _p(p: float) -> str:
 
 
 def limit_section(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Section:
-    """Section on the bound of two noises at O1's configurations, beside attained errors."""
+    """Section on the Cramér–Rao bound of O1's poses for two noises, and on attained errors."""
     rows: list[tuple[object, ...]] = [("published", *published.AFTER.values())]
     means = []
     for noise in (MINI40, PAPER):

@@ -33,7 +33,7 @@ AGAIN = "O1 again"
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedRobot:
-    """Parameters (P,), and the number of Newton steps."""
+    """Result of an identification: parameters (P,), and the number of Newton steps."""
 
     theta: np.ndarray
     steps: int
@@ -94,7 +94,7 @@ def weighted(
 
 
 def of_table_1(setting: StudySetting, values: Mapping[str, float]) -> np.ndarray:
-    """Parameters (P,) of a column of Table 1, `ACTUAL` or `NOISY`."""
+    """Robot parameters (P,) with the values of a column of Table 1, `ACTUAL` or `NOISY`."""
     theta = setting.theta.copy()
     for c, unit in zip(setting.columns, setting.units, strict=True):
         theta[c] = values[setting.model.parameters.names[c]] * unit
@@ -153,7 +153,7 @@ def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: 
 
 
 def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number: int) -> list[Row]:
-    """Rows of one robot before calibration, without noise, by design and by noise.
+    """Draw and identify a robot: rows of its errors before, without noise, by design and noise.
 
     The number and the shared seed give its parameters and noise; shared are also the study's
     setting and the indices (n,) of each design's configurations in its pool.
@@ -197,7 +197,7 @@ class Judge:
         self._target = simulation.wrench(setting.target), simulation.tip(setting.target)
 
     def rows(self, theta: np.ndarray, *, whole: bool = True, **labels: object) -> list[Row]:
-        """Errors as rows with ``labels``, one for each workspace and quantity, SI."""
+        """Errors of parameters (P,), SI: a row with ``labels`` for each workspace and quantity."""
         places = {"target": (self.setting.target, self._target)}
         if whole:
             places["whole"] = (self.setting.q, self._whole)

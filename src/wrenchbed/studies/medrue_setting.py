@@ -65,8 +65,8 @@ UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Interpretation of the paper's noise: its name for people, and the standard deviation of one
-    of the `SAMPLES` measurements that are averaged (6,) [N, N·m]."""
+    """One reading of what the paper's noise is: its name for people, and the standard deviation
+    (6,) [N, N·m] of one of the `SAMPLES` measurements that are averaged."""
 
     name: str
     row: np.ndarray
@@ -89,10 +89,10 @@ we have."""
 
 @dataclass(frozen=True, eq=False)
 class StudySetting:
-    """The study at nominal parameters: pool, target and Jacobians.
+    """Data that all parts of the study share, at nominal parameters: pool, target, Jacobians.
 
     Attributes:
-        columns: positions of the 27 identified parameters.
+        columns: indices of the 27 identified parameters among all.
         units: the paper's unit of each (27,) in SI.
         q: pool (N, 6).
         jacobian: of the wrench at the pool (N, 6, 27), SI.
@@ -120,7 +120,7 @@ class StudySetting:
         return self.jacobian * self.units
 
     def covariance(self, chosen: np.ndarray, std: np.ndarray) -> np.ndarray:
-        """Cramér–Rao bound (27, 27): of any unbiased estimate from the chosen configurations."""
+        """Cramér–Rao bound (27, 27): least covariance of an unbiased estimate from chosen poses."""
         rows = (self.in_table_units[chosen] / std[:, None]).reshape(-1, len(self.columns))
         triangle = np.linalg.inv(np.linalg.qr(rows, mode="r"))
         return (triangle @ triangle.T) * np.outer(self.units, self.units)
@@ -130,7 +130,7 @@ class StudySetting:
         return self.goal.rms(self.covariance(chosen, std))
 
     def expected(self, chosen: np.ndarray, noise: NoiseModel) -> np.ndarray:
-        """Expected mean, maximum, std, rms (4,) [m] over the target of an efficient estimate."""
+        """Mean, maximum, std, rms (4,) [m] over the target of an efficient estimate's error."""
         covariance = self.covariance(chosen, noise.std) / np.outer(self.units, self.units)
         draws = np.random.default_rng(0).standard_normal((DRAWS, len(covariance)))
         draws = draws @ np.linalg.cholesky(covariance).T * self.units
@@ -153,7 +153,7 @@ def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> St
 
 @dataclass(frozen=True, eq=False)
 class PoseDesign:
-    """100 chosen configurations and how near the best possible they are certified to be."""
+    """100 chosen configurations, and how near they are certified to be to the best possible."""
 
     name: str
     chosen: np.ndarray

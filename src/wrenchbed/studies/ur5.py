@@ -99,7 +99,7 @@ _READING = (
 
 @dataclass(frozen=True)
 class Scenario:
-    """Deviations from the article's assumptions.
+    """Deviations of the simulated robot from the article's assumptions.
 
     Attributes:
         true: parameters that are not as stated, by name.
@@ -172,7 +172,7 @@ class StudyScene:
         return Recording(self.metadata, columns, self.scenario.name), exact
 
     def stated(self) -> np.ndarray:
-        """Parameters (P,) as the metadata states them."""
+        """Parameters (P,) as the recording's metadata states them."""
         return self.model.configured(self.metadata)
 
 
@@ -207,7 +207,7 @@ class Trial:
 
     Attributes:
         residual: by method, (5 · POSITIONS, 6), in the order of the directions.
-        direction: of each judging pose.
+        direction: tool direction of each judging pose.
         fit: the joint fit.
         calibrating: joint values of the poses that were fitted (5 · CALIBRATION, 6).
     """
@@ -219,7 +219,7 @@ class Trial:
     calibrating: np.ndarray
 
     def rows(self) -> list[Row]:
-        """Rows for each method and direction, SI."""
+        """Rows of the results table for each method and direction, SI."""
         rows = []
         for method, residual in self.residual.items():
             for direction in DIRECTIONS:
@@ -242,7 +242,7 @@ def geometric_mean(values: np.ndarray) -> float:
 
 
 def trial(scenario: Scenario, seed: int) -> Trial:
-    """Simulate a campaign: reference pose, calibrating poses in random order, judging poses."""
+    """Simulate reference, calibrating and judging poses in a scenario; residuals of all methods."""
     scene = StudyScene.of(scenario, seed)
     robot = cast(URArm, scene.model.robot)
     rng = np.random.default_rng([seed, 1])
@@ -280,7 +280,7 @@ def trial(scenario: Scenario, seed: int) -> Trial:
 
 
 def steps(quick: bool, robots: int | None) -> int:
-    """Number of steps that `run` reports."""
+    """Number of progress steps that `run` reports."""
     return 1 + len(SCENARIOS) * (robots or REPEATS[quick])
 
 
@@ -337,13 +337,13 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
 
 
 def repetition(seed: int, number: int) -> list[Row]:
-    """Rows of one scenario with its own poses and noise."""
+    """Rows of the results table of one scenario with its own poses and noise."""
     k, which = divmod(number, len(SCENARIOS))
     return [row | {"repetition": k} for row in trial(SCENARIOS[which], 1000 * seed + k).rows()]
 
 
 def overall(table: pa.Table, scenario: str, method: str) -> float:
-    """Residual force of a method [N]: geometric mean over directions, median over repetitions."""
+    """Residual force [N] of a method: geometric mean over directions, median over repetitions."""
     keep = pc.and_(pc.equal(table["scenario"], scenario), pc.equal(table["method"], method))
     rows = table.filter(keep).sort_by("repetition")
     values = rows["force"].to_numpy().reshape(-1, len(DIRECTIONS))
@@ -430,7 +430,7 @@ def _bound(one: Trial) -> float:
 
 
 def _lead(summary: dict[str, Any]) -> str:
-    """Sentences on what force each method leaves at worst, and with a wrong stated mass."""
+    """Sentences on the largest force that each method leaves, also with a wrong stated mass."""
     worst = {m: max(summary["force"][d][m] for d in DIRECTIONS) for m in ORDER}
     wrong = summary["scenarios"][SCENARIOS[2].name]
     return (
