@@ -30,7 +30,7 @@ _TRIES = 50
 
 
 def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
-    """Knowledge before any pose of a pool (N, J) is read with a ``std`` (6,) [N, N·m]."""
+    """Information on a robot before any pose of a pool (N, J) is read with noise ``std`` (6,)."""
     robot, nominal = model.robot, model.parameters.nominal
     columns = model.parameters.select(robot.free)
     scale = model.parameters.tolerance[list(columns)]
@@ -48,7 +48,7 @@ def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """Knowledge of the robot's accuracy that some poses give.
+    """What readings at some poses tell about the robot's parameters, by a linear design.
 
     Attributes:
         columns: parameters that differ from robot to robot.
@@ -77,12 +77,12 @@ class Knowledge:
 
     @property
     def open(self) -> tuple[float, float]:
-        """Least and mean share of the initial uncertainty of the parameters that remains, 0 … 1."""
+        """Smallest and mean share of the parameters' initial uncertainty that remains, 0 … 1."""
         std = np.sqrt(np.clip(np.linalg.inv(self.information).diagonal(), 0.0, 1.0))
         return float(std.min()), float(std.mean())
 
     def with_pose(self, pose: int) -> "Knowledge":
-        """Knowledge after one more pose of the pool."""
+        """Knowledge after a reading at one more pose of the pool, by its number."""
         rows = self.rows[pose]
         return replace(self, information=self.information + rows.T @ rows)
 

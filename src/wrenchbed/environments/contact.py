@@ -201,7 +201,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         return self.picture(self.body.simulation, self.body.q, self.limb)
 
     def _limb(self) -> Limb:
-        """Draw a limb below the tip."""
+        """Draw a limb (cylinder) below the tip, of random radius, stiffness, distance and axis."""
         draws = self.np_random.random(4)
         stiffness = STIFFNESS[0] * (STIFFNESS[1] / STIFFNESS[0]) ** draws[0]
         radius, above = (

@@ -10,8 +10,8 @@ from wrenchbed.errors import ParameterError
 
 
 class GreedyInformation:
-    """Chooses the pose with the most information per second of robot time, by the nominal model, of
-    a calibration environment, wrapped or not; a `ParameterError` for another environment."""
+    """Policy of a calibration environment, wrapped or not: the pose with the most information per
+    second of robot time, by the nominal model; a `ParameterError` for another environment."""
 
     def __init__(self, env: Any) -> None:
         words = "the greedy policy is for calibration"
@@ -25,8 +25,8 @@ class GreedyInformation:
 
 
 class ForceController:
-    """Lowers the tip until the sensor reads the wanted force, and keeps it: integral control, by an
-    estimated compliance of what is touched, ``softness`` [m/N].
+    """Policy that lowers the tip until the sensor reads the wanted force, and keeps it: integral
+    control with an assumed compliance of what is touched, ``softness`` [m/N].
 
     The environment is one of contact, wrapped or not; a `ParameterError` for another one.
     """

@@ -30,7 +30,7 @@ def simulated(name: str) -> SimulatedRobot:
 
 
 class Rendered:
-    """Base of an environment that renders its robot; ``render_mode`` is ``rgb_array`` or None."""
+    """Base of environments that show their robot; ``render_mode`` is ``rgb_array`` or None."""
 
     render_mode: str | None
     _renderer: mujoco.Renderer | None = None
@@ -59,7 +59,7 @@ class Rendered:
         return np.asarray(self._renderer.render())
 
     def close(self) -> None:
-        """Release the renderer."""
+        """Release MuJoCo's renderer."""
         if self._renderer is not None:
             self._renderer.close()
         self._renderer = self._model = None

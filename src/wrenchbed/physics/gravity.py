@@ -21,7 +21,7 @@ class BodyMass:
 
 
 class ArmBodies(ABC):
-    """Masses of an arm: moving links that carry a sensor, which carries a tool.
+    """Base of a robot with weight: moving links that carry a sensor, which carries a tool.
 
     Methods take joint values q (N, J), or jets in motion, real parameters theta (P,) and gravity
     (3,) in world axes [m/s²].
@@ -37,7 +37,7 @@ class ArmBodies(ABC):
 
     @abstractmethod
     def tool(self, theta: np.ndarray) -> Tool:
-        """What the sensor carries, and the mass of its own tool side."""
+        """Tool that the sensor carries, and the mass of the sensor's own tool side."""
 
     def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
         """Masses (B,) [kg] and centres of gravity in the world, B times (N, 3) [m], of moving
@@ -100,8 +100,8 @@ class ArmBodies(ABC):
     def _pull(
         self, q: Value, theta: np.ndarray, gravity: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weights m (g − a) [N] of all that moves, and their places in the world [m], (N, B, 3)
-        each."""
+        """Weights m (g − a) [N] of the moving bodies and their positions in the world [m], (N, B,
+        3) each."""
         mass, centres = self._centres(q, theta)
         acceleration = centres.dd if isinstance(centres, Jet) else 0.0
         return mass[:, None] * (gravity - acceleration), value(centres)

@@ -19,7 +19,7 @@ INERTIAL = 10
 
 
 class Motion(NamedTuple):
-    """How a sensor moves, in its own axes, components first (3, …, N).
+    """Motion of a sensor in its own axes, components first (3, …, N).
 
     Attributes:
         origin: acceleration of its origin less gravity [m/s²].

@@ -196,7 +196,7 @@ class NoiseStream:
             raise ParameterError(f"t = {time[row]!r} in row {row} does not increase")
 
     def _wander(self, time: Array) -> Array:
-        """Sums (6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
+        """Draw sums (6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
         exponent = -self._rates[:, None] * np.diff(time, prepend=self._last)
         keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))  # (K, N) each
         normal = self._flicker.standard_normal((len(time), *self._state.shape))
@@ -211,8 +211,8 @@ class NoiseStream:
 
 
 def carried(keep: Array, push: Array) -> Array:
-    """x of x_k = keep_k x_(k−1) + push_k along rows (…, N), which may be overwritten, and
-    x_0 = push_0; the first of ``keep`` (N,) is not used."""
+    """Solve x_k = keep_k x_(k−1) + push_k, x_0 = push_0, along rows (…, N) of ``push``, which may
+    be overwritten; the first of ``keep`` (N,) is not used."""
     from scipy.linalg.lapack import dtbtrs  # slow to load: only when it is used
 
     bands = np.stack([np.ones(len(keep)), np.append(-keep[1:], 0.0)])  # x_k − keep_k x_(k−1)
@@ -222,7 +222,7 @@ def carried(keep: Array, push: Array) -> Array:
 
 
 def shown(model: NoiseModel, wrench: Array) -> tuple[Array, NDArray[np.uint32]]:
-    """Readings (…, 6), rounded and clipped, and status words (…) of loads (…, 6) on the gauges."""
+    """Readings (…, 6) of loads (…, 6), rounded and clipped; status words (…) of saturation."""
     step = model.resolution
     where = step > 0 if (step <= 0).any() else np.True_  # the latter is faster
     np.divide(wrench, step, out=wrench, where=where)
@@ -244,7 +244,7 @@ def _root(correlation: Array) -> Array:
 
 
 def _mix(rows: Array, root: Array) -> Array:
-    """root @ rows (6, N), summed in an order that does not depend on N, as BLAS's does."""
+    """Product of ``root`` (6, 6) and rows (6, N), the same to the last bit whatever N is."""
     rows, mixed = np.ascontiguousarray(rows), np.empty(rows.shape)
     for i in range(6):
         mixed[i] = root[i, 0] * rows[0]

@@ -72,11 +72,11 @@ class ParameterSet(Sequence[Parameter]):
 
     @property
     def tolerance(self) -> np.ndarray:
-        """Typical deviations ``(P,)``."""
+        """Typical deviations of a real robot from nominal ``(P,)``."""
         return np.array([p.tolerance for p in self.items])
 
     def index(self, name: str) -> int:  # type: ignore[override]
-        """Position of a parameter.
+        """Index of a parameter in the set by its name.
 
         Raises:
             ParameterError: no such parameter; the message suggests a close name.
@@ -88,7 +88,7 @@ class ParameterSet(Sequence[Parameter]):
             raise ParameterError(f"there is no parameter {name!r}{hint}") from None
 
     def select(self, patterns: Iterable[str]) -> tuple[int, ...]:
-        """Positions of the parameters that match any pattern, in the set's order.
+        """Indices of the parameters whose names match any pattern, in the set's order.
 
         A pattern is a name, a group (``tool.cog`` takes ``tool.cog.x`` …) or of the shell (``L*``).
 
@@ -119,7 +119,7 @@ class ParameterSet(Sequence[Parameter]):
         return theta
 
     def mapping(self, theta: np.ndarray) -> dict[str, float]:
-        """Values ``(P,)`` by name."""
+        """Values by name, from a vector ``(P,)``."""
         return {p.name: float(v) for p, v in zip(self.items, theta, strict=True)}
 
     @staticmethod
@@ -140,7 +140,7 @@ class ParameterSet(Sequence[Parameter]):
 
 @lru_cache(_PATTERNS)
 def _matching(names: tuple[str, ...], pattern: str) -> frozenset[int]:
-    """Positions of the names that a pattern matches: one name, a group, or shell style."""
+    """Indices of the names that a pattern matches: one name, a group, or shell style."""
     return frozenset(
         i
         for i, name in enumerate(names)

@@ -28,17 +28,17 @@ def rot_z(angle: Value) -> Value:
 
 
 def rot_x_of(c: Value, s: Value) -> Value:
-    """Rotation about x from cosine and sine."""
+    """Rotation matrices (…, 3, 3) about x from cosine and sine (…) of the angle."""
     return reshape_matrix(stack_jets([1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c]))
 
 
 def rot_y_of(c: Value, s: Value) -> Value:
-    """Rotation about y from cosine and sine."""
+    """Rotation matrices (…, 3, 3) about y from cosine and sine (…) of the angle."""
     return reshape_matrix(stack_jets([c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c]))
 
 
 def rot_z_of(c: Value, s: Value) -> Value:
-    """Rotation about z from cosine and sine."""
+    """Rotation matrices (…, 3, 3) about z from cosine and sine (…) of the angle."""
     return reshape_matrix(stack_jets([c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0]))
 
 
@@ -48,7 +48,7 @@ def euler(alpha: Value, beta: Value, gamma: Value) -> Value:
 
 
 def euler_rates(alpha: float, beta: float, gamma: float) -> np.ndarray:
-    """Columns (3, 3): the angular velocity, in the turned axes, of dα/dt, dβ/dt, dγ/dt = 1."""
+    """Matrix (3, 3): columns are the angular velocities, body axes, of dα/dt, dβ/dt, dγ/dt = 1."""
     inner = rot_y(beta) @ rot_z(alpha)
     return np.stack([np.eye(3)[2], rot_z(alpha).T[:, 1], inner.T[:, 0]], axis=-1)
 
@@ -128,7 +128,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def sphere(count: int) -> np.ndarray:
-    """Even unit vectors (count, 3) on a golden spiral: by definition, steps of π(1 + √5)."""
+    """Evenly spaced unit vectors (count, 3) on a golden spiral, by definition of step π(1 + √5)."""
     k = np.arange(count) + 0.5
     z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
     flat = np.sqrt(1.0 - z**2)

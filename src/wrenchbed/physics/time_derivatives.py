@@ -21,7 +21,7 @@ STEP = 1e-30
 
 @dataclass(frozen=True, eq=False)
 class Jet:
-    """Value ``v``, first derivative ``d`` [1/s] and second derivative ``dd`` [1/s²]."""
+    """Value ``v`` with its time derivatives ``d`` [1/s] and ``dd`` [1/s²], exact."""
 
     v: np.ndarray
     d: np.ndarray
@@ -71,7 +71,7 @@ class Jet:
         return Jet(self.v[key], self.d[key], self.dd[key])
 
     def _chain(self, f: np.ndarray, f1: np.ndarray, f2: np.ndarray) -> "Jet":
-        """f(self) from f and its first two derivatives at the value."""
+        """Jet of a function of this one, from its value and first two derivatives there."""
         return Jet(f, f1 * self.d, f1 * self.dd + f2 * self.d**2)
 
 
@@ -107,7 +107,7 @@ def jet_sqrt(x: Value) -> Value:
 
 
 def atan2(y: Value, x: Value) -> Value:
-    """Angle of (x, y); of jets by d atan2 = (x dy − y dx)/(x² + y²). Real values only."""
+    """Angle [rad] of (x, y), also of jets: d atan2 = (x dy − y dx)/(x² + y²). Real values only."""
     if not isinstance(y, Jet) and not isinstance(x, Jet):
         return np.arctan2(y, x)
     jy, jx = _as_jet(y), _as_jet(x)
@@ -119,7 +119,7 @@ def atan2(y: Value, x: Value) -> Value:
 
 
 def stack_jets(parts: Sequence[Value]) -> Value:
-    """Stack along a new last axis, with broadcasting."""
+    """Stack arrays or jets along a new last axis, with broadcasting."""
     if any(isinstance(p, Jet) for p in parts):
         jets = [_as_jet(p) for p in parts]
         return Jet(
@@ -137,21 +137,21 @@ def stack_jets(parts: Sequence[Value]) -> Value:
 
 
 def reshape_matrix(rows: Value) -> Value:
-    """(…, 9) in row order → (…, 3, 3)."""
+    """Matrices (…, 3, 3) from arrays or jets (…, 9) in row order."""
     if isinstance(rows, Jet):
         return Jet(reshape_matrix(rows.v), reshape_matrix(rows.d), reshape_matrix(rows.dd))
     return rows.reshape(*rows.shape[:-1], 3, 3)
 
 
 def transposed(x: Value) -> Value:
-    """(…, m, n) → (…, n, m)."""
+    """Transpose of arrays or jets: (…, m, n) → (…, n, m)."""
     if isinstance(x, Jet):
         return Jet(transposed(x.v), transposed(x.d), transposed(x.dd))
     return np.swapaxes(x, -1, -2)
 
 
 def value(x: Value) -> np.ndarray:
-    """The value without its time derivatives."""
+    """Value of a jet without its time derivatives; arrays unchanged."""
     return x.v if isinstance(x, Jet) else np.asarray(x)
 
 

@@ -55,7 +55,7 @@ class Tool:
 
 
 def about_centre(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mass [kg], CoG (3,) [m], inertia about it (3, 3) [kg·m²] of ten inertial parameters (10,)."""
+    """Mass [kg], CoG (3,) [m], inertia about it (3, 3) [kg·m²] from inertial parameters φ (10,)."""
     mass, cog = phi[0], phi[1:4] / phi[0]
     return mass, cog, symmetric(phi[4:]) - mass * (cog @ cog * np.eye(3) - np.outer(cog, cog))
 
@@ -81,13 +81,13 @@ def weight(seen: np.ndarray, tool: Tool) -> np.ndarray:
 
 
 def symmetric(six: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Matrix (3, 3) of the six numbers xx yy zz xy xz yz."""
+    """Symmetric matrix (3, 3) from its six numbers xx yy zz xy xz yz."""
     xx, yy, zz, xy, xz, yz = six
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def six_of(inertia: np.ndarray) -> np.ndarray:
-    """xx yy zz xy xz yz (6,) of a symmetric matrix (3, 3)."""
+    """Six numbers xx yy zz xy xz yz (6,) of a symmetric matrix (3, 3)."""
     return inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 

@@ -59,7 +59,7 @@ class Efforts(NamedTuple):
 
 
 class RealTimeDrives:
-    """Computes what the drives of a robot report, cycle by cycle.
+    """Computes the torques and currents that a robot's drives report, cycle by cycle.
 
     Args:
         theta: true parameters of the robot (P,).
@@ -91,7 +91,7 @@ class RealTimeDrives:
 
     @property
     def now(self) -> Efforts:
-        """Efforts of the reported state, some cycles behind the newest."""
+        """Efforts of the reported state, which is ``behind`` cycles older than the newest."""
         return self._past[0]
 
     def step(self, plant: ServoDrivenRobot, q: np.ndarray, qd: np.ndarray) -> None:
@@ -118,7 +118,7 @@ class RealTimeDrives:
 
 @dataclass(frozen=True)
 class BodyOptions:
-    """Which robot is simulated, and how.
+    """Options of a simulated robot: parameters, noise, effects, sensor.
 
     Attributes:
         robot: registry name, or the robot itself.
@@ -242,7 +242,7 @@ class Body:
             return values, status
 
     def _press(self, surface: Surface) -> None:
-        """Apply the force of the surface to the tool's tip."""
+        """Apply a surface's contact force to the tool's tip in MuJoCo, for the next step."""
         data, model = self._plant.data, self._plant.model
         mujoco.mj_kinematics(model, data)
         tip = tip_in(model, data)

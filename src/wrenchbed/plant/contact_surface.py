@@ -16,7 +16,7 @@ _CREEP = 1e-3
 
 
 class Surface(Protocol):
-    """Something that pushes back on the tool's tip."""
+    """Surface that pushes back on the tool's tip."""
 
     def push(self, tip: np.ndarray, speed: np.ndarray) -> np.ndarray:
         """Force (3,) [N] on a tip at (3,) [m] that moves with a speed (3,) [m/s]."""
@@ -47,7 +47,7 @@ class Limb:
         axis: unit vector (3,).
         radius: [m].
         stiffness: [N/m].
-        damping: by which a unit of speed adds to the spring's force [s/m].
+        damping: relative rise of the spring's force per unit of speed [s/m].
         friction: coefficient of Coulomb.
     """
 
@@ -75,7 +75,7 @@ class Limb:
 
 
 def tip_in(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """Place of the tool's tip (3,) in the world [m], by MuJoCo's kinematics."""
+    """Position (3,) [m] of the tool's tip in the world, at the state of MuJoCo's ``data``."""
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tcp")
     if site >= 0:
         return np.array(data.site_xpos[site])
@@ -84,7 +84,7 @@ def tip_in(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def tip_of(robot: Robot, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Orientation of the tool (N, 3, 3) and place of its tip (N, 3) [m] in the world."""
+    """Orientations of the tool (N, 3, 3), positions of its tip (N, 3) [m] in the world, at q."""
     if type(robot).tool_pose is Robot.tool_pose:
         rotation, origin = robot.sensor_pose(q, theta)
         return rotation, origin + rotation @ _TIP

@@ -50,10 +50,10 @@ _MOVED = 1e-5
 
 
 class BufferedNoise:
-    """Noise of a sensor that is read continuously.
+    """Generator of sensor noise for continuous reading, drawn in blocks of rows.
 
-    A block is drawn at the spacing of the reading that needed it, so that the slow parts keep
-    their pace; where the spacing changes, within a block they do not follow.
+    A block is drawn at the spacing of the reading that needed it, so that the slow parts keep their
+    pace; where the spacing changes, within a block they do not follow.
 
     Args:
         model: of the noise.
@@ -68,8 +68,8 @@ class BufferedNoise:
         self._last = 0.0
 
     def corrupt(self, t: np.ndarray, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Add noise to loads (n, 6) at t (n,) [s]; return readings (n, 6), saturated channels
-        (n,)."""
+        """Add noise to loads (n, 6) at t (n,) [s]: readings (n, 6), and saturated channels (n,) as
+        bits."""
         n = len(t)
         if len(self._rows) < n:
             self._draw(n, float(t[-1]))
@@ -98,8 +98,8 @@ class SensorRow(NamedTuple):
 
 
 class SensorWithEffects:
-    """A sensor with effects, fed one control cycle at a time; ``touching`` if the tool may press on
-    a surface."""
+    """Computes a sensor's readings with effects, from the robot's state of each control cycle;
+    ``touching``: the tool may press on a surface."""
 
     def __init__(self, playback: Playback, touching: bool = False) -> None:
         self._playback, self._twin, self._touching = playback, playback.twin, touching
@@ -117,7 +117,7 @@ class SensorWithEffects:
         self._extra_load, self._age = np.zeros(6), 0
 
     def advance(self, rows: deque[SensorRow]) -> None:
-        """Process the newest cycle, the last of ``rows``."""
+        """Compute what the newest control cycle, the last of ``rows``, adds to the readings."""
         now = rows[-1]
         self._calm = self._calm + 1 if np.abs(now.qd).max() < STILL else 0
         if self._calm >= _CALM_CYCLES:
@@ -153,7 +153,7 @@ class SensorWithEffects:
         return self._twin.corrupt(self._since, self._times, seed)[-len(rows) :]
 
     def _rest(self, now: SensorRow) -> None:
-        """Compute ahead the readings of the robot at rest; a surface pushes as it does now."""
+        """Compute readings ahead for a robot at rest; a surface pushes on as it does now."""
         push = np.zeros(6)
         if self._touching:
             push = now.load - self._plain.load(self._twin.scene(now.q[None], np.zeros(1)))[0]

@@ -33,7 +33,7 @@ from wrenchbed.simulation.drives.faults import faults_apart
 
 
 class MujocoPlant(Body):
-    """The plant that an emulator asks for, simulated in MuJoCo; raises as `Body` does."""
+    """Robot in MuJoCo behind an emulator, by the door `Plant`; raises errors as `Body` does."""
 
     def __init__(self, options: "EmulatorOptions", request: PlantRequest) -> None:
         body = BodyOptions(
@@ -59,13 +59,13 @@ class MujocoPlant(Body):
 
     @property
     def efforts(self) -> Efforts:
-        """Efforts that the drives report of the reported state."""
+        """Torques and currents that the drives report of the reported state."""
         assert self.drives is not None
         _, torque, current = self.drives.now
         return Efforts(torque, current, self.drives.temperatures)
 
     def wrench(self) -> np.ndarray:
-        """Load that the robot itself measures now (6,) [N, N·m]."""
+        """Reading (6,) [N, N·m] of the wrench that the robot itself measures now."""
         sensor = self._own_sensor
         return self.load if sensor is None else sensor.read(self.q, self.load)
 
@@ -95,7 +95,7 @@ class MujocoPlant(Body):
 
 
 def _links(robot: SimulatedRobot) -> np.ndarray:
-    """a, d, alpha of each joint (J, 3); none where the robot has no such parameters."""
+    """Denavit–Hartenberg a, d, alpha of each joint (J, 3); empty if the robot has none."""
     values = robot.values(robot.parameters.nominal)
     if "alpha1" not in values:
         return np.empty((0, 3))
@@ -157,7 +157,7 @@ def serve(
 
 @contextmanager
 def translated() -> Iterator[None]:
-    """Raise an emulator's errors inside the block as this package's own."""
+    """Context manager: raise an emulator's errors inside the block as this package's own."""
     try:
         yield
     except SettingError as error:

@@ -56,7 +56,7 @@ SENSOR = _sensor_parameters()
 
 @dataclass(frozen=True, eq=False)
 class CompiledForm:
-    """Readings of a robot and its sensor under gravity (3,) [m/s²] by compiled C functions.
+    """Readings of a robot and its sensor under gravity (3,) [m/s²], by compiled C functions.
 
     Each method returns None where plain numpy has to do it: `Model` then does.
     """
@@ -68,14 +68,14 @@ class CompiledForm:
     )
 
     def readings(self, q: Value, theta: np.ndarray, sensed: bool) -> np.ndarray | None:
-        """Result of `Model.predict`, or of `Model.true_wrench` if not ``sensed``."""
+        """Readings as `Model.predict`, or the loads of `Model.true_wrench` if not ``sensed``."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
         return statics.readings(name, q, self._of_one(theta, sensed))
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
-        """Result of `Model.gravity_seen`, the force on 1 kg; None if it is not compiled."""
+        """Gravity in sensor axes as `Model.gravity_seen` has it; None if it is not compiled."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
@@ -83,8 +83,8 @@ class CompiledForm:
         return statics.readings(name, q, constants)[:, :3]
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
-        """Result of `Model.jacobian`: C's slopes by the constants, whose slopes are complex
-        steps."""
+        """Derivatives as `Model.jacobian` has them: C's by the constants, times complex-step
+        ones."""
         name = self.robot.compiled
         if not statics.available(name, slopes=True) or not self._takes(q, theta):
             return None
@@ -95,8 +95,8 @@ class CompiledForm:
         return np.moveaxis(slopes, -3, -1)
 
     def _of_one(self, theta: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
-        """Packed `constants` of one parameter vector, cached: they take longer than one pose's
-        wrench; if ``unit`` of a tool of 1 kg at the sensor's origin instead of the robot's."""
+        """Bytes of `constants` for one parameter vector (P,), cached as they take longer than a
+        wrench; if ``unit`` with a tool of 1 kg at the sensor's origin."""
         key = theta.tobytes(), sensed, unit
         constants = self._kept.get(key)
         if constants is None:
@@ -123,7 +123,7 @@ class CompiledForm:
         return np.concatenate([np.broadcast_to(x, (*rows, x.shape[-1])) for x in parts], axis=-1)
 
     def _takes(self, q: Value, theta: np.ndarray) -> bool:
-        """Whether joint values (N, J) and parameters (P,) are plain float64 arrays."""
+        """Whether joint values (N, J) and parameters (P,) are plain float64, which C can take."""
         if not isinstance(q, np.ndarray) or q.ndim != 2 or q.shape[1] != len(self.robot.joints):
             return False
         return q.dtype == theta.dtype == _DOUBLE and theta.ndim == 1
@@ -131,7 +131,7 @@ class CompiledForm:
 
 @dataclass(frozen=True)
 class Model:
-    """A robot with its sensor under gravity (3,) [m/s²] in world axes."""
+    """A robot with its sensor as formulas, under gravity (3,) [m/s²] in world axes."""
 
     robot: Robot
     gravity: tuple[float, ...]
@@ -170,17 +170,17 @@ class Model:
         return names.vector(stated, start=theta)
 
     def true_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Load on the sensor (…, N, 6) [N, N·m] before the sensor changes it."""
+        """Load on the sensor (…, N, 6) [N, N·m], before the sensor's gains and bias."""
         compiled = self._compiled.readings(q, theta, sensed=False)
         return self.plain_wrench(q, theta) if compiled is None else compiled
 
     def plain_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """`true_wrench` in numpy, for all robots and parameters; compiled code is tested against
+        """Load on the sensor as `true_wrench`, by numpy alone; compiled code is tested against
         it."""
         return self._load(self._seen(q, theta), theta)
 
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:
-        """Gravity in sensor axes (…, N, 3) [m/s²], or for jets the sensor's motion under it."""
+        """Gravity in sensor axes (…, N, 3) [m/s²]; for jets the sensor's `Motion` under gravity."""
         place, gravity = theta[..., : len(self.robot.parameters)], np.asarray(self.gravity)
         if isinstance(q, Jet):
             return motion_of(*self.robot.sensor_pose(q, place), gravity)
@@ -198,7 +198,7 @@ class Model:
         return np.asarray(self._seen(q, theta))
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Reading of the sensor for a load (…, N, 6), with its force gains and its bias."""
+        """Reading (…, N, 6) of the sensor for a load (…, N, 6): force gains and bias applied."""
         bias, gain = np.split(theta[..., len(self.robot.parameters) :], [6], axis=-1)
         force = load[..., None, :3] @ np.swapaxes(gain.reshape(*gain.shape[:-1], 3, 3), -1, -2)
         return np.concatenate([force[..., 0, :], load[..., 3:]], axis=-1) + bias
@@ -269,7 +269,7 @@ def robot_of(recording: Recording) -> Robot:
 
 
 def _within_limits(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Joint values (N, J), clipped to the limit where an encoder reads a little past it."""
+    """Joint values (N, J), clipped to joint limits that an encoder reads a little beyond."""
     lower = np.array([joint.lower for joint in robot.joints])
     upper = np.array([joint.upper for joint in robot.joints])
     near = (q >= lower - _PAST_LIMIT) & (q <= upper + _PAST_LIMIT)

@@ -50,33 +50,33 @@ class ServoDrivenRobot:
 
     @property
     def q(self) -> np.ndarray:
-        """Joint values (J,)."""
+        """Present joint values (J,) [rad or m]."""
         return np.array(self.data.qpos[self._columns])
 
     @property
     def qd(self) -> np.ndarray:
-        """Joint speeds (J,)."""
+        """Present joint speeds (J,) [rad/s or m/s]."""
         return np.array(self.data.qvel[self._speeds])
 
     @property
     def target(self) -> np.ndarray:
-        """Last target (J,)."""
+        """Last joint targets of the servos (J,) [rad or m]."""
         return np.array(self._target)
 
     def _aim(self, target: np.ndarray) -> None:
-        """Set the servos' targets (J,); they stand still when the joints are there."""
+        """Set the servos' targets such that at rest the joints stand at ``target`` (J,)."""
         self._target = np.asarray(target, dtype=float)
         self.data.ctrl[:] = self._scale * self._target + self._offset
 
     def advance(self, target: np.ndarray, seconds: float) -> None:
-        """Follow a target for some time, in equal steps of at most `LONGEST_STEP`."""
+        """Simulate some seconds at constant targets (J,), in steps of at most `LONGEST_STEP`."""
         steps = steps_in(seconds)
         self.model.opt.timestep = seconds / steps
         self._aim(target)
         mujoco.mj_step(self.model, self.data, steps)
 
     def settle(self, target: np.ndarray) -> tuple[bool, float]:
-        """Wait until the joints rest at a target (J,): whether they do, and the time waited [s]."""
+        """Simulate until the joints rest at targets (J,): whether they do, and the time [s]."""
         waited, step = 0.0, 0.05
         while waited < _PATIENCE_S:
             self.advance(target, step)
@@ -86,7 +86,7 @@ class ServoDrivenRobot:
         return bool(np.abs(self.q - target).max() < _TOLERABLE), waited
 
     def follow(self, targets: np.ndarray, seconds: float) -> Sampled:
-        """Take one step to each target (S, J) in ``seconds``; return state and load before the
+        """Simulate ``seconds`` in S steps to targets (S, J); return state and load before the
         first.
 
         The load is read inside MuJoCo's step: with the discrete integrator only that acceleration
@@ -103,8 +103,8 @@ class ServoDrivenRobot:
         return Sampled(q, qd, load)
 
     def follow_all(self, ways: np.ndarray, seconds: float) -> Sampled:
-        """Follow targets (N, S, J) through N samples of ``seconds`` each: states (N, J), loads (N,
-        6)."""
+        """Simulate N samples of ``seconds``, each of S steps with targets (N, S, J): states (N, J)
+        and loads (N, 6) at their beginnings."""
         model, data, every = self.model, self.data, ways.shape[1]
         model.opt.timestep = seconds / every
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -123,5 +123,5 @@ class ServoDrivenRobot:
 
 
 def steps_in(seconds: float) -> int:
-    """Number of steps of at most `LONGEST_STEP` in a duration."""
+    """Number of equal steps of at most `LONGEST_STEP` in a duration [s]."""
     return max(1, int(np.ceil(seconds / LONGEST_STEP - 1e-9)))

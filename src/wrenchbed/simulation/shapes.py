@@ -63,7 +63,7 @@ def triangles(model: mujoco.MjModel, geom: int) -> np.ndarray:
 
 
 def _outline(model: mujoco.MjModel, geom: int) -> np.ndarray:
-    """Points (V, 3) [m] whose hull is a geom, in its own frame."""
+    """Points (V, 3) [m] in a geom's frame whose convex hull is the geom."""
     kind, size = _GEOM(model.geom_type[geom]), np.array(model.geom_size[geom])
     turn = 2.0 * np.pi * np.arange(_ROUND) / _ROUND
     circle = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
@@ -85,7 +85,7 @@ def _outline(model: mujoco.MjModel, geom: int) -> np.ndarray:
 
 
 def _hull(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points and the triangles (T, 3) of their convex hull."""
+    """Convex hull of points (V, 3): the points and its triangles (T, 3), as indices of them."""
     from scipy.spatial import ConvexHull  # slow to load: only when it is used
 
     hull = ConvexHull(points)
@@ -95,13 +95,13 @@ def _hull(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def xyzw(quaternion: np.ndarray) -> np.ndarray:
-    """MuJoCo's w x y z (…, 4) as x y z w."""
+    """Quaternions (…, 4) reordered from MuJoCo's w x y z to x y z w."""
     return np.asarray(np.roll(quaternion, -1, axis=-1))
 
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """A robot at K moments.
+    """Positions and orientations of a robot's visible bodies and its sensor at K moments.
 
     Attributes:
         names: bodies that can be seen (B).
@@ -119,7 +119,7 @@ class BodyMotion:
 
 
 def motion(simulation: Simulation, q: np.ndarray) -> BodyMotion:
-    """Bodies at joint values (K, J), by MuJoCo's kinematics."""
+    """Positions and orientations of bodies at joint values (K, J), by MuJoCo's kinematics."""
     model, data = simulation.model, mujoco.MjData(simulation.model)
     known = bodies(model)
     numbers = list(known.values())

@@ -20,7 +20,7 @@ _STEP, _TRIES, _SEATED = 1e-6, 30, 1e-9
 
 
 class Simulation:
-    """One robot with one parameter vector, compiled in MuJoCo.
+    """One robot with one parameter vector, compiled in MuJoCo: exact loads and tip positions.
 
     Args:
         theta: parameters of the robot (P,).
@@ -38,7 +38,7 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
 
     def wrench(self, q: Value) -> np.ndarray:
-        """Load on the sensor (N, 6) [N, N·m] at joint values (N, J), at rest; of jets in motion."""
+        """Load on the sensor (N, 6) [N, N·m] at joint values (N, J) at rest, or jets in motion."""
         qpos = self.robot.qpos(q, self.theta)
         rows = value(qpos)
         result = np.empty((len(rows), 6))

@@ -34,7 +34,7 @@ class Spring(NamedTuple):
     Attributes:
         stiffness: [N·m/rad or N/m].
         half: half its backlash [rad or m]; None without backlash.
-        lags: whether it lies against the way in which its joint last moved.
+        lags: whether it rests on the side against its joint's last motion.
         friction: force [N] up to which it stays where it is.
         bias: the spring's force in the middle [N].
     """
@@ -70,7 +70,7 @@ def slide(
 
 
 def tool_mass(spec: mujoco.MjSpec, effect: str) -> mujoco.MjsBody:
-    """Body that holds the tool's mass, made on the first call so that it can move."""
+    """Body of the MJCF that holds the tool's mass alone, so that it can move; made once."""
     tool = spec.body("tool")
     for child in tool.bodies:
         if child.name.endswith(MASS):

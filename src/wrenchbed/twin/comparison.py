@@ -51,7 +51,7 @@ def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simula
 
 
 def modelled(recording: Recording) -> bool:
-    """Whether the recording's robot has joints and a model."""
+    """Whether the recording's robot has joints and a model, so that it can be simulated."""
     try:
         robot_of(recording)
     except ParameterError:
@@ -97,7 +97,7 @@ def binned_rms(residual: np.ndarray, groups: Sequence[np.ndarray]) -> np.ndarray
 
 
 def _read(path: Path, model: Model) -> tuple[Twin, bool]:
-    """A twin, from twin.json or from fit.json (then without effects), and whether it was a fit."""
+    """Twin of a twin.json or fit.json (then without effects), and whether it was a fit.json."""
     raw = load(path, ParameterError)
     if not isinstance(raw, dict):
         raise ParameterError(f"{path}: is no fit or twin")

@@ -54,7 +54,7 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
 
 
 def exact(xml: str, model: mujoco.MjModel) -> str:
-    """XML of a compiled model with all digits of what a wrench depends on: MuJoCo writes six."""
+    """XML of a compiled model with all digits of the numbers in wrenches; MuJoCo writes six."""
     root = ElementTree.fromstring(xml)
     option = root.find("option")
     option = ElementTree.SubElement(root, "option") if option is None else option
@@ -109,7 +109,7 @@ def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
 
 
 def _stand(spec: mujoco.MjSpec) -> None:
-    """Extend each keyframe, in place, by zeros for the added joints."""
+    """Extend each keyframe of a spec, in place, by zeros for the joints that effects added."""
     bare = spec.copy()
     for key in bare.keys:
         bare.delete(key)

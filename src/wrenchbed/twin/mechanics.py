@@ -60,25 +60,25 @@ class SensorOnly:
         return self._robot.values(theta)
 
     def tool(self, theta: np.ndarray) -> Tool:
-        """What the sensor carries."""
+        """Tool that the sensor carries, by parameters (P,)."""
         return self._robot.tool(theta)
 
     def qpos(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Hinge angles (N, 3) about x, y, z in turn that give the sensor's orientations q."""
+        """Hinge angles (N, 3) about x, y, z in turn that give a sensor orientations q (N, 4)."""
         from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
         rotation, _ = self._robot.sensor_pose(q, theta)
         return np.asarray(Rotation.from_matrix(rotation).as_euler("XYZ"))
 
     def spec(self, theta: np.ndarray) -> mujoco.MjSpec:
-        """The MJCF with the load in it."""
+        """MJCF of three hinges that carry the sensor and its tool."""
         spec = mujoco.MjSpec.from_string(_MJCF)
         write_load(spec, self._robot.tool(theta))
         return spec
 
 
 def in_mujoco(robot: Robot) -> SimulatedRobot | SensorOnly:
-    """The robot itself if it has an MJCF, else its `SensorOnly`."""
+    """Robot that MuJoCo simulates: itself if it has an MJCF, else its `SensorOnly`."""
     return robot if isinstance(robot, SimulatedRobot) else SensorOnly(robot)
 
 
@@ -102,7 +102,7 @@ def marked(spec: mujoco.MjSpec) -> list[str]:
 def set_weights(
     model: mujoco.MjModel, robot: SimulatedRobot | SensorOnly, theta: np.ndarray
 ) -> None:
-    """Let every body weigh but the bolted base; allow any inertia of the tool (in place)."""
+    """Let gravity act on all bodies but the base; allow an unphysical tool inertia (in place)."""
     names = [model.body(b).name for b in range(model.nbody)]
     model.body_gravcomp[:] = [float(name == "base") for name in names]
     p = robot.values(theta)
@@ -131,7 +131,7 @@ def _compiles(six: Sequence[float] | np.ndarray) -> bool:
 
 @dataclass(frozen=True)
 class _Added:
-    """A joint that an effect added."""
+    """A joint that an effect added to the MJCF: spring, backlash, friction."""
 
     name: str
     at: int
@@ -219,7 +219,7 @@ class Mechanism:
         return give
 
     def load(self, q: Value, give: Value) -> np.ndarray:
-        """Load on the sensor (M, 6) [N, N·m] with the added joints at ``give`` (M, E)."""
+        """Load on the sensor (M, 6) [N, N·m] at q (M, J) and added-joint positions (M, E)."""
         rows = _moving(self._place(q, give))
         result = np.empty((len(rows.v), 6))
         for i in range(len(result)):
@@ -229,8 +229,8 @@ class Mechanism:
         return result
 
     def place(self, q: np.ndarray, give: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Orientation (M, 3, 3) and place (M, 3) [m] of the sensor in the world, at rest, with the
-        added joints at ``give`` (M, E)."""
+        """Orientation (M, 3, 3) and position (M, 3) [m] of the sensor in the world, at rest, with
+        the added joints at positions ``give`` (M, E)."""
         turn, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
         for i, row in enumerate(self._place(q, give)):
             self.data.qpos[:] = row
@@ -266,8 +266,8 @@ class Mechanism:
             give[:, disc] = force[:, disc] / size * soft / self._added[disc[0]].stiffness
 
     def _place(self, q: Value, give: Value) -> Value:
-        """All MuJoCo coordinates (M, nq), jets in motion; loops stay closed as their joints
-        yield."""
+        """All MuJoCo coordinates (M, nq), jets in motion, from joint values and added-joint
+        positions; loops are kept closed."""
         moved = q + give @ self._series if self._series.size else q
         inner = self.robot.qpos(moved, self.theta)
         if not isinstance(inner, Jet):
@@ -310,7 +310,7 @@ class Mechanism:
 
 
 def _moving(values: Value) -> Jet:
-    """Values as jets, with zero rates at rest."""
+    """Values as jets: jets unchanged, arrays with zero speed and acceleration."""
     if isinstance(values, Jet):
         return values
     return Jet(values, np.zeros_like(values), np.zeros_like(values))

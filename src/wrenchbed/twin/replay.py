@@ -115,7 +115,7 @@ def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
 
 
 class Playback:
-    """Makes a twin's readings pose by pose, with the memory of earlier poses."""
+    """Computes a twin's readings pose by pose as a run goes on; effects remember earlier poses."""
 
     def __init__(self, twin: Twin, seed: int) -> None:
         self.twin, self.seed = twin, seed
@@ -126,18 +126,18 @@ class Playback:
         self._plain = Twin(twin.model, twin.theta)
 
     def expect(self, q: np.ndarray) -> None:
-        """Announce poses (N, J) to come: hysteresis depends on the range of all loads."""
+        """Announce the poses (N, J) of a run: hysteresis depends on the range of all loads."""
         self._ahead = q
         self._ahead_load = self.twin.load(self.twin.scene(q, np.arange(len(q)) * 1.0))
 
     def way(self, t: tuple[float, float], start: np.ndarray, end: np.ndarray) -> None:
-        """Record a move from one pose (J,) to another, within times from … to [s]."""
+        """Remember a move from one pose (J,) to another, between times (from, to) [s]."""
         share = np.arange(0 if not len(self._q) else 1, WAY + 1) / (WAY + 1)
         q = start + share[:, None] * (end - start)
         self._extend(q, t[0] + share * (t[1] - t[0]))
 
     def rest(self, t: np.ndarray, q: np.ndarray, push: np.ndarray) -> np.ndarray:
-        """Readings (n, 6) at times t (n,) [s] at a pose (J,), with a push (6,) on the tool."""
+        """Readings (n, 6) at times t (n,) [s] of a rest at q (J,); ``push`` (6,) adds to loads."""
         self._extend(q[None], t[:1])
         self._load[-1] += push
         last = len(self._q) - 1

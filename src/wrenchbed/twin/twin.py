@@ -132,7 +132,7 @@ class Twin:
 
     @cached_property
     def robot_theta(self) -> np.ndarray:
-        """Parameters of the robot alone, without the sensor's."""
+        """Parameters of the robot alone: ``theta`` without the sensor's."""
         return self.model.robot.robot_theta(self.theta)
 
     @cached_property
@@ -144,12 +144,12 @@ class Twin:
 
     @cached_property
     def _outside(self) -> EffectChain:
-        """Chain of the effects that MuJoCo does not carry."""
+        """Chain of the active effects that MuJoCo does not carry."""
         carried = self.mechanism.carried
         return EffectChain([a for a in self.active if a.effect.name not in carried])
 
     def load(self, scene: Scene, first: int = 0) -> np.ndarray:
-        """Load on the sensor (M − first, 6) [N, N·m]; at rest, of rows from ``first`` on."""
+        """Load on the sensor (M − first, 6) [N, N·m]; at rest, of the rows from ``first`` on."""
         scene, mechanism = self._own_scene(scene), self.mechanism
         shift = self._outside.displacement(scene)
         q, coming = (scene.q + shift)[first:], scene.coming[first:]

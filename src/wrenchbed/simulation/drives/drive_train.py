@@ -112,7 +112,7 @@ class JointTorques:
         return np.array([self.at(*row) for row in rows])
 
     def at(self, qpos: np.ndarray, qvel: np.ndarray, qacc: np.ndarray) -> np.ndarray:
-        """Torques (J,) at MuJoCo's own coordinates, speeds and accelerations."""
+        """Torques (J,) at MuJoCo's coordinates (nq,), speeds and accelerations (nv,)."""
         data = self.data
         data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
         mujoco.mj_inverse(self.model, data)
@@ -235,14 +235,14 @@ class DriveTrain:
         return np.asarray(total)
 
     def level(self) -> np.ndarray:
-        """Current (J,) [A] that noise and ripple are proportional to."""
+        """Typical current (J,) [A], to which the noise and the ripple are proportional."""
         load = self.holding + _FRICTIONS * self.nominal.coulomb
         return np.asarray(load / np.abs(self.nominal.constant))
 
 
 class EffortNoise:
-    """Adds the drives' reading noise (``real``, ``white`` or ``off``) to currents of rows at a rate
-    [Hz], one call after another."""
+    """Generator of the noise of current readings (``real``, ``white`` or ``off``) for rows at a
+    rate [Hz]; each call continues the last one."""
 
     def __init__(self, train: DriveTrain, noise: str, seed: int, rate: float) -> None:
         self._kind, self._level = noise, train.level()
@@ -252,7 +252,7 @@ class EffortNoise:
         self._last = np.zeros(train.joints)
 
     def on(self, current: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """Reported currents (N, J) [A]: ``current`` with noise, at joint values (N, J)."""
+        """Reported currents (N, J) [A]: true ones plus noise, at joint values q (N, J)."""
         if self._kind == "off":
             return current
         noise = _WHITE * self._rng.normal(size=current.shape)

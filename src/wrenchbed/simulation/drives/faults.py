@@ -27,7 +27,7 @@ _TURN = 2.0 * np.pi
 
 
 class Rows(NamedTuple):
-    """Motion, rigid torque and temperature of one joint in time (N,), SI.
+    """Motion, rigid-body torque and drive temperature of one joint over time (N,), SI.
 
     Attributes:
         rigid: torque of the rigid body, motor included.
@@ -54,7 +54,7 @@ Formula = Callable[[Rows, np.ndarray, Values, Memory], np.ndarray]
 
 
 class Fault(NamedTuple):
-    """One kind of drive fault, with its formula and defaults.
+    """One kind of drive fault: its formula, units and default values.
 
     Attributes:
         unit: of ``size``; N·m stands for N on a slide.
@@ -71,8 +71,7 @@ class Fault(NamedTuple):
 
 
 def _hysteresis(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    """Torque with bristles that wind up over a way: z ← s + (z − s) e^(−|dq|/w), s the direction of
-    dq."""
+    """Torque with bristles that wind up over w: z ← s + (z − s) e^(−|dq|/w), s the sign of dq."""
     z, last = memory.get("z", 0.0), memory.get("q", float(rows.q[0]))
     deflection = np.empty_like(rows.q)
     for k, q in enumerate(rows.q.tolist()):
@@ -166,7 +165,7 @@ class ActiveFault:
     _memory: Memory = field(default_factory=dict)
 
     def act(self, rows: Rows, torque: np.ndarray) -> np.ndarray:
-        """Torque (N,) [N·m or N] with the fault; calls must follow each other in time."""
+        """Torque (N,) [N·m or N] with the fault added; calls must follow each other in time."""
         return FAULTS[self.name.removeprefix(PREFIX)].formula(
             rows, torque, self.values, self._memory
         )
@@ -206,7 +205,7 @@ def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> Ac
 
 
 def apart(given: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Split values by name into those of the drives (``drive.…``) and all others."""
+    """Split values by name into those of the drives (``drive.…``), as numbers, and all others."""
     drives = {k: v for k, v in given.items() if k.startswith(PREFIX)}
     return drives, {k: v for k, v in given.items() if k not in drives}
 
