@@ -22,9 +22,9 @@ MESH_VERTICES = 300
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A geom that is drawn, in the frame of its link: MuJoCo's word for its kind (box, sphere,
-    capsule, cylinder, ellipsoid, plane or mesh), its sizes (3,) [m], place (3,) [m] and turn w x y
-    z, its colour 0 … 1, and of a mesh vertices (V, 3) [m] and faces (F, 3)."""
+    """A drawn geom in the frame of its link: MuJoCo's kind (box, sphere, capsule, cylinder,
+    ellipsoid, plane or mesh), sizes (3,) [m], position (3,) [m], quaternion w x y z, colour 0 … 1,
+    and of a mesh vertices (V, 3) [m] and faces (F, 3)."""
 
     kind: str
     size: tuple[float, ...]
@@ -37,16 +37,16 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class ArmLink:
-    """Joint of an arm and the link that it moves.
+    """A joint of an arm and the link that it moves.
 
     Attributes:
-        joint, body: the file's names.
+        joint, body: their names in the user's file.
         kind: hinge or slide.
         axis: unit vector (3,) in the link's axes.
         turn: rotation (3, 3) from the link before; shift (3,) [m] in its axes.
         lower, upper, speed, home: limits, top speed and home [rad or m, 1/s].
         mass, cog, inertia: of all that moves with it [kg], (3,) [m], (3, 3) [kg·m²] about the CoG.
-        shapes: what is drawn.
+        shapes: its geoms for drawing.
     """
 
     joint: str
@@ -67,8 +67,8 @@ class ArmLink:
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """Load behind the sensor: mass [kg], CoG (3,) [m] and inertia (6,) [kg·m²] about it, xx yy zz
-    xy xz yz, in sensor axes; the names of its bodies and its shapes."""
+    """Load behind the sensor, in sensor axes: mass [kg], CoG (3,) [m], inertia (6,) [kg·m²] about
+    the CoG, xx yy zz xy xz yz; the names of its bodies and its shapes."""
 
     mass: float
     cog: tuple[float, ...]
@@ -79,7 +79,8 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """Constraint that closes a loop: MuJoCo's ``connect``, by which a point of two links is one.
+    """Constraint that closes a loop: MuJoCo's ``connect``, which keeps points of two links
+    together.
 
     Attributes:
         name: the file's, or ``loop1`` …
@@ -95,10 +96,10 @@ class Closure:
 
 @dataclass(frozen=True, eq=False)
 class ArmModel:
-    """An arm from base to sensor.
+    """Geometry and inertia of an arm from base to sensor, as read from a user's model file.
 
     Attributes:
-        name: of the model in its file.
+        name: name of the model in its file.
         base_turn, base_shift: the base in the world (3, 3), (3,) [m].
         base_shapes: what stands around the first joint, in base axes.
         links: along the chain.
@@ -108,8 +109,8 @@ class ArmModel:
         parents: the link before each link; −1 is the base.
         end: the link that carries the sensor.
         driven: links whose joints have actuators, q1 … in this order; all others are passive.
-        closures: what closes loops; empty of a serial chain.
-        floor: lowest height of what moves [m], None without a floor.
+        closures: constraints that close loops; empty of a serial chain.
+        floor: lowest height that moving parts may have [m], None without a floor.
     """
 
     name: str
@@ -128,7 +129,7 @@ class ArmModel:
     floor: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Arm as a JSON object; `from_json` reads it."""
+        """Convert this arm to a JSON object, which `from_json` reads."""
 
         def plain(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
             return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in pairs}
@@ -139,7 +140,7 @@ class ArmModel:
 
     @classmethod
     def from_json(cls, raw: Mapping[str, Any]) -> "ArmModel":
-        """Arm from the JSON object of `to_json`."""
+        """Make an arm from the JSON object of `to_json`."""
         load, count = raw["load"], len(raw["links"])
         chain = {"parents": [*range(-1, count - 1)], "end": count - 1, "driven": [*range(count)]}
         rest = {key: value for key, value in raw.items() if key != "loops"}
@@ -153,7 +154,7 @@ class ArmModel:
 
     @property
     def reach(self) -> float:
-        """Length of the stretched arm [m], with loops of its longest branch at home."""
+        """Length of the stretched arm [m]; with closed loops, of its longest branch at home."""
         far = [0.0]
         for link, before in zip(self.links, self.parents, strict=True):
             length = float(np.linalg.norm(link.shift)) if before >= 0 else 0.0
@@ -163,18 +164,18 @@ class ArmModel:
 
     @property
     def moved(self) -> tuple[ArmLink, ...]:
-        """The links that the joints q1 … move, in this order."""
+        """Links whose joints are driven, in the order q1 … of these joints."""
         return tuple(self.links[k] for k in self.driven)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Name of each link's joint in the robot's own MJCF: q1 …, of passive joints the file's."""
+        """Name of each link's joint in the robot's own MJCF: q1 … if driven, else the file's."""
         driven = {k: f"q{n}" for n, k in enumerate(self.driven, start=1)}
         return tuple(driven.get(k, f"passive_{x.joint}") for k, x in enumerate(self.links))
 
 
 def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
-    """Make a dataclass of its fields as JSON has them, and of ``parts`` that are made already."""
+    """Make a dataclass from its fields in JSON and, in place of some, from ``parts``."""
     arrays = {f.name for f in fields(kind) if f.type is np.ndarray}
     values: dict[str, Any] = {
         k: np.array(v, dtype=float) if k in arrays else _tuples(v) for k, v in raw.items()
@@ -185,7 +186,7 @@ def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
 
 
 def _connect(raw: Mapping[str, Any]) -> Closure:
-    """Make a closure from JSON; refuse kinds that recordings up to 2026-11 may state."""
+    """Make a `Closure` from JSON; a `ParameterError` for kinds that only old recordings state."""
     if raw.get("kind", "connect") != "connect":
         raise ValueError(f"{raw['name']} is a {raw['kind']}: only a connect closes a loop")
     return _made(Closure, {f.name: raw[f.name] for f in fields(Closure)})
@@ -196,14 +197,14 @@ def _tuples(value: Any) -> Any:
 
 
 def about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rotation (3, 3) by an angle [rad] about a unit axis (3,)."""
+    """Rotation matrix (3, 3) by an angle [rad] about a unit axis (3,)."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     return np.asarray(Rotation.from_rotvec(angle * np.asarray(axis)).as_matrix())
 
 
 def lighter(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Simplify a mesh (V, 3), (F, 3) to about `MESH_VERTICES` vertices by joining near ones.
+    """Simplify a mesh (V, 3), (F, 3) to about `MESH_VERTICES` vertices, and return it.
 
     Vertex clustering on a grid: Rossignac & Borrel 1993, doi 10.1007/978-3-642-78114-8_29.
     """

@@ -64,7 +64,7 @@ _HEAD = """
 
 
 def spec_of(arm: ArmModel, load: Load, zeros: np.ndarray) -> mujoco.MjSpec:
-    """MJCF of an arm with a load, at home; ``zeros`` (L,) are added to its joints' values."""
+    """MJCF spec of an arm with a load at home; ``zeros`` (L,): the joints' offsets [rad or m]."""
     spec = mujoco.MjSpec.from_string(_HEAD)
     spec.modelname, spec.option.gravity = arm.name, arm.gravity
     stretch = max(arm.reach, 0.1)
@@ -121,7 +121,7 @@ def _draw(
     far: np.ndarray,
     thick: float,
 ) -> None:
-    """Add a body's shapes, or without any a bone to a point (3,) in its axes."""
+    """Add shapes to a body; if it has none, draw a bone from its origin to ``far`` (3,) [m]."""
     if not shapes:
         _bone(body, f"{name}_bone", far, thick, _GREY)
     for n, shape in enumerate(shapes):
@@ -149,7 +149,7 @@ def _draw(
 def _bone(
     body: mujoco.MjsBody, name: str, far: np.ndarray, thick: float, rgba: Sequence[float]
 ) -> None:
-    """Add a capsule to a point (3,), or a ball where that is near."""
+    """Add to a body a capsule from its origin to ``far`` (3,) [m], or a ball if that is near."""
     if float(np.linalg.norm(far)) > thick:
         ends = [0.0, 0.0, 0.0, *far]
         size = [thick, 0.0, 0.0]
@@ -170,7 +170,7 @@ def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
 
 
 def _close(spec: mujoco.MjSpec, bodies: Sequence[mujoco.MjsBody], arm: ArmModel) -> None:
-    """Add sites ``<loop>_1`` and ``<loop>_2`` that MuJoCo keeps together, stiffly."""
+    """Add sites ``<loop>_1`` and ``<loop>_2`` for each closure, and stiff constraints on both."""
     kind = mujoco.mjtEq.mjEQ_CONNECT
     for c in arm.closures:
         equality = spec.add_equality(name=c.name, type=kind, solref=_STIFF, solimp=_HARD)

@@ -55,11 +55,11 @@ Frame = tuple[np.ndarray, np.ndarray]
 
 
 class ArmTree:
-    """Reads the arm of a compiled file that stands at home.
+    """Reads the arm of a compiled model file, standing in its home pose.
 
     Args:
-        model: with the site `SITE`.
-        source: the file.
+        model: with the site `SITE`, where the sensor is.
+        source: the file as XML, for names and messages.
         frame: the user's name of that site.
         key: coordinates (nq,) of the keyframe, if there is one.
 
@@ -110,7 +110,7 @@ class ArmTree:
         mujoco.mj_kinematics(model, self.data)
 
     def arm(self, actuators: Iterable[str]) -> ArmModel:
-        """Read the arm as numbers; ``actuators`` are the driven joints where loops close."""
+        """Return the arm's links, load and loops; ``actuators`` names the driven joints."""
         model, data, chain = self.model, self.data, self.chain
         driven = self._driven(actuators) if self.equalities else tuple(range(len(chain)))
         segment = self._segments()
@@ -143,8 +143,8 @@ class ArmTree:
         )  # fmt: skip
 
     def held(self, allowed: bool) -> list[str]:
-        """Names of joints that are neither on the way to the sensor nor behind it; a
-        `ParameterError` if they are a second arm, and that is not ``allowed``."""
+        """Names of joints neither between base and sensor nor behind the sensor; a `ParameterError`
+        if they are a second arm and that is not ``allowed``."""
         depth, names = 0, list[str]()
         for body in sorted(set(range(self.model.nbody)) - self.behind):
             series = [
@@ -171,7 +171,7 @@ class ArmTree:
         return self.model.joint(j).name or f"joint{j + 1}"
 
     def _refuse_kinds(self, joints: Iterable[int]) -> None:
-        """Refuse joints other than hinges and slides."""
+        """Raise `ParameterError` for a joint of this list that is neither a hinge nor a slide."""
         for j in joints:
             body = int(self.model.jnt_bodyid[j])
             named = f"{self._joint_name(j)!r} of {self.model.body(body).name!r}"
@@ -184,7 +184,7 @@ class ArmTree:
                 )
 
     def _sides(self, e: int) -> tuple[int, int]:
-        """The two bodies of an equality, or of joints the bodies that they move; 0 is the world."""
+        """Numbers of the two bodies that the e-th equality constraint couples; 0 is the world."""
         model, one, two = self.model, int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
         if model.eq_type[e] == COUPLED:
             return int(model.jnt_bodyid[one]), int(model.jnt_bodyid[two]) if two >= 0 else 0
@@ -193,7 +193,7 @@ class ArmTree:
         return one, two
 
     def _words(self, e: int) -> str:
-        """Words for an equality constraint in messages: what it couples or closes."""
+        """Describe the e-th equality constraint for messages: what it couples or closes."""
         model, one, two = self.model, int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
         if model.eq_type[e] == COUPLED:
             other = repr(model.joint(two).name) if two >= 0 else "a number"
@@ -202,9 +202,9 @@ class ArmTree:
         return f"closes a loop between {first!r} and {second!r}"
 
     def _joined(self) -> tuple[list[int], list[int]]:
-        """Joints from the base to the sensor and those that move with them because of loops, in
-        MuJoCo's order, and the equalities that close the loops. Those behind the sensor are held; a
-        `ParameterError` if an equality of the arm is no ``connect``."""
+        """Numbers of the joints that move the sensor, through loops too, in MuJoCo's order, and of
+        the equalities that close these loops; a `ParameterError` if one of these is no ``connect``.
+        """
         joints, equalities = set(self._above[self._end]), set[int]()
         while True:
             reached = set()
@@ -225,7 +225,7 @@ class ArmTree:
         return sorted(joints), sorted(equalities)
 
     def _driven(self, actuators: Iterable[str]) -> tuple[int, ...]:
-        """Numbers, in the actuators' order, of the joints that have actuators."""
+        """Numbers of the arm's joints that have actuators, in the actuators' order."""
         names = [self.model.joint(j).name for j in self.chain]
         driven = tuple(names.index(name) for name in actuators if name in names)
         if not driven:
@@ -236,7 +236,7 @@ class ArmTree:
         return driven
 
     def _closure(self, n: int, frames: list[Frame], segment: np.ndarray) -> Closure:
-        """Closure between links of the n-th equality, all joints at their reference values."""
+        """Make the `Closure` of the n-th loop equality, all joints at their reference values."""
         model, data, e = self.model, self.data, self.equalities[n]
         name = _plain(model.equality(e).name or f"loop{n + 1}")
         one, two = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
@@ -250,8 +250,7 @@ class ArmTree:
         return Closure(name, ends[0] - 1, ends[1] - 1, np.array(at))
 
     def _segments(self) -> np.ndarray:
-        """Link number of each body (B,): from 1 on, 0 of the base, −1 of the tool and loose
-        ones."""
+        """Link number of each body (B,): 1 … of links, 0 of the base, −1 of tool and loose ones."""
         result = np.zeros(self.model.nbody, dtype=int)
         for body, above in enumerate(self._above):
             loose = any(self.model.jnt_type[j] == JOINT.mjJNT_FREE for j in above)
@@ -284,7 +283,8 @@ class ArmTree:
         )  # fmt: skip
 
     def _range(self, j: int, bound: float) -> tuple[float, float, float]:
-        """Limits of a joint, ± ``bound`` where the file states none, and its home [rad, m].
+        """Lower limit, upper limit and home of a joint [rad or m]; no limit in the file is ±
+        ``bound``.
 
         In a loop home is the keyframe's.
         """
@@ -304,7 +304,7 @@ class ArmTree:
     def _together(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Mass, CoG (3,) and inertia about it (3, 3) of some bodies in all, in a world frame."""
+        """Total mass, CoG (3,) and inertia about it (3, 3) of bodies, in a frame of the world."""
         model, data = self.model, self.data
         some = [b for b in bodies if b and model.body_mass[b] > _NOTHING]
         mass = float(sum(model.body_mass[b] for b in some))
@@ -331,7 +331,7 @@ class ArmTree:
     def _shapes(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[Shape, ...]:
-        """Shapes of some bodies in a frame of the world: visuals, else collision shapes."""
+        """Shapes of bodies, in a frame of the world: visual geoms, else collision geoms."""
         model, data, shapes = self.model, self.data, list[Shape]()
         for body in bodies:
             axes = _axes(data.xmat[body])
@@ -372,12 +372,12 @@ def _floats(values: np.ndarray) -> tuple[float, ...]:
 
 
 def _plain(name: str) -> str:
-    """Replace the characters of a name that patterns and effects use."""
+    """Replace characters in a name that have a meaning in patterns and effect names."""
     return re.sub(r"[^\w.-]", "_", name)
 
 
 def _distinct(links: Iterable[ArmLink]) -> tuple[ArmLink, ...]:
-    """Add numbers to links' names that occur more than once."""
+    """Return the links with numbers added to names that occur more than once."""
     bodies, joints, renamed = set(RESERVED), set[str](), []
     for k, link in enumerate(links, start=1):
         body = link.body if link.body not in bodies else f"{link.body}_{k}"

@@ -46,7 +46,7 @@ LOAD = frozenset([*(f"tool.inertia.{a}" for a in INERTIA_AXES), "sensor.mass"])
 
 @dataclass(frozen=True)
 class Joint:
-    """An actuated joint: its unit (m or rad), limits [unit] and top speed [unit/s]."""
+    """An actuated joint: name, unit (m or rad), limits [unit] and top speed [unit/s]."""
 
     name: str
     unit: str
@@ -55,12 +55,12 @@ class Joint:
     speed: float
 
     def own(self, unit: str) -> str:
-        """Unit of this joint for a unit of hinges: a slide has N for N·m and m for rad."""
+        """Convert a hinge's unit to this joint's: a slide has N, not N·m, and m, not rad."""
         return _OF_SLIDES.get(unit, unit) if self.unit == "m" else unit
 
 
 class GoalSets(NamedTuple):
-    """Poses at which a robot may be measured and must be accurate, as joint values.
+    """Candidate joint values for measuring and touching, and those that must be accurate.
 
     Attributes:
         gravity: poses at which the sensor may read the tool's weight (N, J).
@@ -76,7 +76,7 @@ class GoalSets(NamedTuple):
 
 
 class Robot(ArmBodies):
-    """A robot that carries a six-axis force/torque sensor; `ArmBodies` weighs its links.
+    """Base class of robots that carry a six-axis force/torque sensor.
 
     Every formula accepts joint values ``q`` of shape (N, J) as an array or as a `Jet` (then the
     result carries velocity and acceleration), and parameters ``theta`` of shape (P,) or (K, 1, P),
@@ -111,7 +111,7 @@ class Robot(ArmBodies):
     """Parameters that are angles, and lengths, between the axes of neighbouring joints."""
 
     def robot_theta(self, theta: np.ndarray) -> np.ndarray:
-        """The robot's parameters from a model's full vector (P,), which begins with them."""
+        """Parameters of the robot alone, which stand first in a model's parameter vector (P,)."""
         return theta[: len(self.parameters)]
 
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -124,31 +124,31 @@ class Robot(ArmBodies):
         return np.asarray(np.swapaxes(self.sensor_pose(q, theta)[0], -1, -2) @ gravity)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """Input of `compiled.statics`, made of parameters (P,), or of (R, P) that broadcast."""
+        """Constants for `compiled.statics` at theta (P,) or (R, P) and gravity (3,), world axes."""
         raise NotImplementedError
 
     @abstractmethod
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
-        """Parameters (P,) with another tool: mass [kg], CoG in sensor axes from its origin [m]."""
+        """Parameters (P,) with a new tool: mass [kg], CoG in sensor axes from its origin [m]."""
 
     @abstractmethod
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
-        """Rows of q (N, J) that have no solution or lie outside limits, and why."""
+        """Row → reason, of the rows of q (N, J) without a solution or outside joint limits."""
 
     @abstractmethod
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw feasible joint values (n, J) that turn the tool well about."""
+        """Draw n random feasible joint values (n, J) with widely varied tool orientations."""
 
     def pool(self, n: int, seed: int) -> np.ndarray:
-        """Make candidate configurations (n, J) from which calibration poses are chosen."""
+        """Draw n candidate joint values (n, J) from which calibration poses are chosen."""
         return self.sample(n, np.random.default_rng(seed))
 
     def target(self) -> np.ndarray | None:
-        """Joint values (G, J) over the workspace where the tool must be accurate, if any."""
+        """Joint values (G, J) over the workspace where the tool must be accurate; None if none."""
         return None
 
     def goal_sets(self, pool: int, points: np.ndarray | None, seed: int) -> GoalSets:
-        """Candidates for a plan that makes the tool accurate; touches of ``points`` (K, 3) [m].
+        """Make the candidates of a plan for tool accuracy, with touches of ``points`` (K, 3) [m].
 
         Raises:
             NotFoundError: the robot has no tool tip or no target workspace.
@@ -161,19 +161,20 @@ class Robot(ArmBodies):
         return tuple(joint.name for joint in self.joints)
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
-        """Known changes of parameters that should not change any wrench, by name.
+        """Changes of parameters, by name, that should not change any wrench: name → parameter →
+        change.
 
         They give null directions a name; whether one is null is always decided by the data.
         """
         return {}
 
     def values(self, theta: np.ndarray) -> Values:
-        """Parameter values by name from (P,) or (K, 1, P)."""
+        """Parameter name → value, from a vector theta (P,) or a batch (K, 1, P)."""
         return dict(zip(self.parameters.names, np.moveaxis(np.asarray(theta), -1, 0), strict=True))
 
     def check(self, q: np.ndarray | Iterable[np.ndarray], theta: np.ndarray, where: str) -> None:
-        """Refuse joint values (N, J), whole or in parts, that the robot cannot take; a `PlanError`
-        names the first bad row and the number of bad rows."""
+        """Check that the robot can take joint values (N, J), in one array or in parts; a
+        `PlanError` names the first bad row and the number of bad rows."""
         parts: Iterable[np.ndarray] = [q] if isinstance(q, np.ndarray) else q
         bad, first = dict[int, str](), 0
         for q in parts:
@@ -209,7 +210,7 @@ class Robot(ArmBodies):
 
 
 class SimulatedRobot(Robot):
-    """A robot that also exists as ``models/<name>/<name>.xml``."""
+    """Base class of robots that also exist in MuJoCo, as ``models/<name>/<name>.xml``."""
 
     bodies: tuple[BodyMass, ...]
     """The body behind each of MuJoCo's joints, as `link_frames`."""
@@ -218,11 +219,11 @@ class SimulatedRobot(Robot):
 
     @abstractmethod
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
-        """MuJoCo's joint coordinates (N, nq) from the actuated joints (N, J)."""
+        """MuJoCo's joint coordinates (N, nq) at actuated joint values q (N, J)."""
 
     @abstractmethod
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        """MJCF of the robot with every parameter (P,) written into it."""
+        """MJCF spec of the robot, with every parameter of theta (P,) written into it."""
 
     def link_frames(self, q: Value, theta: np.ndarray) -> Sequence[tuple[Value, Value]]:
         """R_world_link (…, N, 3, 3) and origin (…, N, 3) [m] of the link behind each of MuJoCo's
@@ -241,11 +242,11 @@ class SimulatedRobot(Robot):
     @property
     @abstractmethod
     def home(self) -> np.ndarray:
-        """Joint values (J,) at which the MJCF stands when it opens."""
+        """Joint values (J,) of the pose in which the MJCF opens."""
 
     @property
     def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Camera position of the robot's pictures, and the point in their middle [m]."""
+        """Camera position (3,) for pictures of the robot, and the point (3,) it looks at [m]."""
         return (0.75, -1.3, 0.95), (-0.2, -0.1, 0.35)
 
     @property
@@ -255,15 +256,15 @@ class SimulatedRobot(Robot):
 
 
 def complex_steps(theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-    """Copies of parameters (K, 1, P), the k-th with an imaginary `STEP` in ``columns[k]``."""
+    """Copy theta (P,) to (K, 1, P), the k-th copy with an imaginary `STEP` in ``columns[k]``."""
     shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
     shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
     return shifted
 
 
 def load_parameters(inertia: Sequence[float]) -> ParameterSet:
-    """Parameters of the load that every robot has, sensor axes, from the tool's inertia about its
-    CoG, xx yy zz xy xz yz [kg·m²]."""
+    """Parameters of the load that every robot has, in sensor axes; ``inertia`` is the tool's about
+    its CoG, xx yy zz xy xz yz [kg·m²]."""
     text = "inertia about the centre of gravity"
     items = (
         Parameter(f"tool.inertia.{a}", v, "kg·m²", 1e-3, -10.0 if a[0] != a[1] else 0.0, 10.0, text)
@@ -274,14 +275,14 @@ def load_parameters(inertia: Sequence[float]) -> ParameterSet:
 
 
 def inertia_matrix(p: Values) -> np.ndarray:
-    """Inertia (…, 3, 3) [kg·m²] of the load about its centre of gravity."""
+    """Inertia matrix (…, 3, 3) [kg·m²] of the load about its CoG, from parameter values."""
     xx, yy, zz, xy, xz, yz = (p[f"tool.inertia.{a}"] for a in INERTIA_AXES)
     rows = [stack_jets([xx, xy, xz]), stack_jets([xy, yy, yz]), stack_jets([xz, yz, zz])]
     return np.stack(rows, axis=-2)
 
 
 class LoadInSensorAxes(Robot):
-    """A robot whose tool is described by ``tool.mass`` and ``tool.cog`` in sensor axes."""
+    """Base class of robots with their tool's mass and CoG, in sensor axes, as parameters."""
 
     load = LOAD | {"tool.mass", *(f"tool.cog.{a}" for a in "xyz")}
 
@@ -296,7 +297,7 @@ class LoadInSensorAxes(Robot):
 
 
 class MountedArm(LoadInSensorAxes, SimulatedRobot):
-    """An arm whose base may lean, with a sensor mounted on its flange (`mounted_parameters`).
+    """Base class of arms whose base may tilt, with a sensor mounted on the flange.
 
     Subclasses set ``parameters`` and call `_prepare`.
     """
@@ -319,7 +320,7 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
         return (rotation @ mount_turn(turn) if turn.any() else rotation), position
 
     def _leaning(self, base: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """R_world_base (…, 3, 3) of a base that leans from its nominal rotation (3, 3).
+        """R_world_base (…, 3, 3) of a base tilted from its nominal rotation ``base`` (3, 3).
 
         The tilt turns gravity as the base sees it: the base turns against it.
         """
@@ -330,7 +331,7 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
 
 
 def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
-    """The parameters ``tool.mass`` [kg] and ``tool.cog`` [m] of a `LoadInSensorAxes`."""
+    """Make the parameters ``tool.mass`` [kg] and ``tool.cog`` [m] of a `LoadInSensorAxes`."""
     centre = (
         Parameter(f"tool.cog.{a}", c, "m", 5e-3, -2.0, 2.0, "CoG in sensor axes")
         for a, c in zip("xyz", cog, strict=True)
@@ -339,7 +340,7 @@ def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
 
 
 def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[float]) -> ParameterSet:
-    """Parameters of every arm's base, of its sensor's mount, and of the load behind the sensor."""
+    """Make the parameters of an arm's base tilt, its sensor's mount and its load."""
     position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
     items = (
         *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
@@ -353,7 +354,7 @@ def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[floa
 def vector_parameters(
     group: str, axes: str, unit: str, tolerance: float, text: str
 ) -> list[Parameter]:
-    """Parameters ``group.x`` …, one for each axis, nominally 0."""
+    """Make parameters ``group.x`` …, one for each letter of ``axes``, nominally 0."""
     bound = 3.2 if unit == "rad" else 2.0
     return [Parameter(f"{group}.{a}", 0.0, unit, tolerance, -bound, bound, text) for a in axes]
 
@@ -361,7 +362,7 @@ def vector_parameters(
 def sample_until(
     n: int, draw: Callable[[int], np.ndarray], good: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """Draw batches until n rows are good; return these (n, …).
+    """Call ``draw(n)`` until n rows are ``good``; return these (n, …).
 
     Raises:
         WrenchbedError: fewer than 1 in 1,000 draws is good.
@@ -381,7 +382,7 @@ def sample_until(
 
 
 def segment_distance(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance (N,) of the nearest of points (M, N, 3) from the segment start–end (N, 3)."""
+    """Distance (N,) [m] between segments start–end (N, 3) and the nearest of points (M, N, 3)."""
     along = end - start
     fraction = ((points - start) * along).sum(axis=-1) / (along * along).sum(axis=-1)
     nearest = start + np.clip(fraction, 0.0, 1.0)[..., None] * along
@@ -390,7 +391,7 @@ def segment_distance(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> 
 
 @cache
 def models() -> Path:
-    """Folder of MJCF models: inside the installed package, or at the top of a checkout."""
+    """Folder that holds the MJCF models: in the installed package, or at the top of a checkout."""
     inside = Path(str(files("wrenchbed"))) / "models"
     checkout = Path(__file__).resolve().parents[3] / "models"
     for folder in (inside, checkout):
@@ -400,12 +401,12 @@ def models() -> Path:
 
 
 def mount_turn(vector: np.ndarray) -> np.ndarray:
-    """Rotation R_flange_sensor of a rotation vector (…, 3) [rad]."""
+    """Rotation matrix R_flange_sensor (…, 3, 3) of a rotation vector (…, 3) [rad]."""
     return exp(vector[..., 0], vector[..., 1], vector[..., 2]) if vector.any() else np.eye(3)
 
 
 def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Parameters (P,) after gravity, in base axes, was turned by a rotation vector (3,) [rad].
+    """Parameters (P,) changed so that gravity, in base axes, turns by a rotation vector (3,) [rad].
 
     A turn about the vertical is lost on robots whose base has a tilt only; no wrench shows it.
     """
@@ -421,7 +422,7 @@ def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarr
 
 
 def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Parameters (P,) with the sensor turned on its flange by a vector (3,) [rad] in its axes."""
+    """Parameters (P,) changed so that the sensor turns by a vector (3,) [rad] in its axes."""
     names, turned = robot.parameters.names, np.array(theta, dtype=float)
     if "mount.rotation.x" in names:
         at = [names.index(f"mount.rotation.{a}") for a in "xyz"]
@@ -434,7 +435,7 @@ def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.nda
 
 
 def _angles(rotation: np.ndarray) -> np.ndarray:
-    """Angles α, β, γ of Rx(γ) Ry(β) Rz(α) (3,) [rad]."""
+    """Angles α, β, γ (3,) [rad] for which a rotation (3, 3) equals Rx(γ) Ry(β) Rz(α)."""
     return np.asarray(_rotation(rotation).as_euler("XYZ")[::-1])
 
 

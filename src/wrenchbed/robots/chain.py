@@ -34,7 +34,7 @@ each, and p_k in the axes before the turn [m], (3,) or (K, 1, 3) each."""
 
 
 class SerialChain(MountedArm):
-    """A serial chain with a six-axis sensor at its end.
+    """Base class of serial chains of hinges and slides with a six-axis sensor at the end.
 
     Subclasses set ``joints``, ``parameters``, ``bodies`` and call `_prepare`.
     """
@@ -53,14 +53,14 @@ class SerialChain(MountedArm):
 
     @abstractmethod
     def fixed(self, theta: np.ndarray) -> Fixed:
-        """Transforms S_0 … S_J of parameters (P,) or (K, 1, P); the last ends in the flange."""
+        """Fixed transforms S_0 … S_J between joints at theta (P,) or (K, 1, P), to the flange."""
 
     @abstractmethod
     def zeros(self, theta: np.ndarray) -> np.ndarray:
-        """Offsets (…, J) that are added to the joint values."""
+        """Joint zero offsets (…, J) [rad or m], which are added to the joint values."""
 
     def _mounted(self, theta: np.ndarray) -> Fixed:
-        """Transforms S_0 … S_J; the last ends in the sensor."""
+        """Fixed transforms S_0 … S_J between joints at theta; the last leads to the sensor."""
         turns, shifts = self.fixed(theta)
         offset, turn = theta[..., self._offset], theta[..., self._turn]
         last, end = shifts[-1], turns[-1]
@@ -76,7 +76,7 @@ class SerialChain(MountedArm):
         return stack_jets([x, y, z]), position
 
     def frames(self, q: Value, theta: np.ndarray) -> Iterator[tuple[Value, Value, Value, Value]]:
-        """Yield axes x, y, z and origin (…, N, 3) of each link behind its joint, then the end's."""
+        """Yield axes x, y, z and origin (…, N, 3) in the world of each link, last of the flange."""
         turns, shifts = self.fixed(theta)
         at = q + self.zeros(theta)
         c, s = cos(at), sin(at)
@@ -100,7 +100,7 @@ class SerialChain(MountedArm):
         return [(stack_jets(axes), origin) for *axes, origin in frames]
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Gravity in sensor axes (…, N, 3), turned joint by joint: half the work of a pose."""
+        """Gravity in sensor axes (…, N, 3), rotated joint by joint: half the work of a pose."""
         turns, _ = self._mounted(theta)
         angle = np.ascontiguousarray(np.moveaxis(q + self.zeros(theta), -1, 0))
         seen: Vector = np.moveaxis(gravity @ turns[0], -1, 0)
@@ -114,7 +114,8 @@ class SerialChain(MountedArm):
         return np.moveaxis(np.stack([np.broadcast_to(x, shape) for x in seen]), 0, -1)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """Input of `compiled.statics`: column, zero, cosine and sine of the twist of each hinge.
+        """Constants for `compiled.statics`: column, zero, cosine and sine of the twist of each
+        hinge.
 
         The twist behind the last hinge is zero: the last turn holds it.
         """
@@ -146,7 +147,7 @@ class SerialChain(MountedArm):
 
 
 def _euler_zxz(turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """φ, α, ψ (n,) [rad] of Rz(φ) Rx(α) Rz(ψ) = turns (n, 3, 3); any φ where α is 0 or π."""
+    """Angles φ, α, ψ (n,) [rad] with Rz(φ) Rx(α) Rz(ψ) = turns (n, 3, 3); any φ if α is 0 or π."""
     first = np.arctan2(turns[:, 0, 2], -turns[:, 1, 2])
     c, s = np.cos(first)[:, None], np.sin(first)[:, None]
     row = c * turns[:, 0] + s * turns[:, 1]  # of Rz(−φ) R, which is Rx(α) Rz(ψ)
@@ -155,11 +156,11 @@ def _euler_zxz(turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _weights(vector: np.ndarray) -> list[np.ndarray]:
-    """Components of vectors (…, 3), shaped to weigh axes (…, N, 3)."""
+    """Components of vectors (…, 3) as three arrays that broadcast with axes (…, N, 3)."""
     return [w if w.ndim == 0 else w[..., None] for w in np.moveaxis(vector, -1, 0)]
 
 
 def _combined(weights: Sequence[np.ndarray], parts: Sequence[Value]) -> Value:
-    """Sum of weighted vectors, Σ w_k a_k; terms that are exactly 0 cost nothing."""
+    """Weighted sum of vectors, Σ w_k a_k; weights that are exactly 0 cost nothing."""
     terms = [w * a for w, a in zip(weights, parts, strict=True) if np.ndim(w) or w != 0.0]
     return reduce(lambda total, term: total + term, terms)

@@ -49,7 +49,7 @@ Frame = tuple[Value, Value]
 
 
 class ClosedLoops:
-    """Solves the loops of one arm for its passive joints.
+    """Solves the closed loops of one arm for the values of its passive joints.
 
     Formulas take ``arm`` with parameters other than the nominal ones too, also a batch (K, 1, …) of
     them or complex steps, and values of joints to which their zeros are added.
@@ -80,7 +80,7 @@ class ClosedLoops:
         self.home = self._at_home(np.array([link.home for link in arm.links]))
 
     def frames(self, at: Sequence[Value], arm: ArmModel) -> list[Frame]:
-        """Frames of the base and each link, in base axes, at all joints' values (…, N) each."""
+        """Rotations and origins of base and links, in base axes, at all joint values (…, N)."""
         frames: list[Frame] = [(np.eye(3), np.zeros(3))]
         for k, (link, before) in enumerate(zip(arm.links, arm.parents, strict=True)):
             turn, origin = frames[before + 1]
@@ -109,7 +109,7 @@ class ClosedLoops:
         return stack_jets(parts)
 
     def _slopes(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """∂r/∂ all joints (…, N, E, L) of real values, exact where the loops are closed."""
+        """Derivatives of the loop residual by all joints (…, N, E, L), exact on closed loops."""
         frames = self.frames(_split(at), arm)
         rows = []
         for n, closure in enumerate(arm.closures):
@@ -128,7 +128,7 @@ class ClosedLoops:
         return np.concatenate(rows, axis=-2)
 
     def _inverse(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """Inverse slopes of the kept loop equations by the X passive joints (…, N, X, X)."""
+        """Inverse (…, N, X, X) of the derivatives of the kept residuals by the X passive joints."""
         slopes = self._kept @ self._slopes(at, arm)[..., self.passive]
         try:
             return np.linalg.inv(slopes)
@@ -136,7 +136,7 @@ class ClosedLoops:
             return np.linalg.inv(slopes + 1e-13 * np.eye(slopes.shape[-1]))
 
     def _at_home(self, at: np.ndarray) -> np.ndarray:
-        """Close the loops at home and choose the equations to keep; values of all joints (L,).
+        """Close the loops at home, choose which equations to keep; return all joint values (L,).
 
         Raises:
             ParameterError: the loops do not close, leave a joint free, or couple driven joints.
@@ -175,7 +175,7 @@ class ClosedLoops:
         return ", ".join(self.arm.links[links[n]].joint for n in np.flatnonzero(which).tolist())
 
     def _check_left_out(self, home: np.ndarray) -> None:
-        """Refuse loops whose left-out equations hold at home and not beside it."""
+        """Raise `ParameterError` if the dropped loop equations hold at home but not near it."""
         way = np.random.default_rng(0).uniform(-1.0, 1.0, (4, len(self.driven)))
         goal = home[self.driven] + _STRIDE * way * self._unit[self.driven]
         at = self._follow(np.tile(home, (len(goal), 1)), goal, _CAREFUL)
@@ -188,7 +188,7 @@ class ClosedLoops:
             )
 
     def _open(self, r: np.ndarray) -> str:
-        """Description of the loop that is open farthest, from residuals (E,)."""
+        """Describe the loop with the widest gap, from residuals (E,) of all loops."""
         gaps = np.abs(r).reshape(-1, 3).max(axis=1)
         widest = self.closures[int(np.argmax(gaps))]
         return f"{widest.name!r} stays {self._scale * gaps.max() * 1e3:.3g} mm open"
@@ -196,8 +196,9 @@ class ClosedLoops:
     def solved(
         self, q: np.ndarray, driven: np.ndarray | None = None, arm: ArmModel | None = None
     ) -> np.ndarray:
-        """Values of all joints (…, N, L) at driven ones (N, J), NaN rows where none exist: of the
-        nominal arm, or of another one whose zeros make ``driven`` (…, N, J) of them."""
+        """Values of all joints (…, N, L) at driven values q (N, J), NaN rows without solution. For
+        an ``arm`` other than the nominal, ``driven`` (…, N, J) are the values with its zero
+        offsets."""
         key = q.tobytes(), q.shape
         if key not in self._solutions:
             if len(self._solutions) >= _KEPT:
@@ -211,7 +212,7 @@ class ClosedLoops:
         return self._closed(at, arm)
 
     def _closed(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """Newton iterations to rounding from values near a solution; NaN where there is none."""
+        """Close the loops by Newton from joint values near a solution; NaN rows if that fails."""
         with np.errstate(all="ignore"):
             last = np.inf
             for _ in range(_STEPS):
@@ -229,7 +230,7 @@ class ClosedLoops:
         return np.asarray(self.residual(_split(at), arm) @ self._kept.T)
 
     def _reached(self, q: np.ndarray) -> np.ndarray:
-        """Nominal values of all L joints (N, L) at driven values; NaN where no loop closes."""
+        """Nominal values of all joints (N, L) at driven values q (N, J); NaN where none exist."""
         goal, seeds = q, self._seeds
         at = np.full((len(q), len(self.arm.links)), np.nan)
         finite = np.flatnonzero(np.isfinite(goal).all(axis=1))
@@ -246,13 +247,13 @@ class ClosedLoops:
         return self._closed(at, self.arm)
 
     def _distances(self, goal: np.ndarray, solutions: np.ndarray) -> np.ndarray:
-        """Distance of driven values (N, J) from those of solutions (S, L)."""
+        """Scaled distance (N, S) of driven values (N, J) from those of solutions (S, L)."""
         way = (goal[:, None] - solutions[None][..., self.driven]) / self._unit[self.driven]
         return np.linalg.norm(way, axis=-1)
 
     @cached_property
     def _seeds(self) -> np.ndarray:
-        """Values of all joints (S, L) at poses within the driven joints' limits, home first."""
+        """Solutions (S, L), spread over the driven joints' limits, to start from; home first."""
         low, high = np.array([(x.lower, x.upper) for x in self.arm.moved]).T
         rng = np.random.default_rng(0)
         goal = rng.uniform(low, high, (_SEEDS, len(low)))
@@ -267,8 +268,8 @@ class ClosedLoops:
         return solutions
 
     def _follow(self, start: np.ndarray, goal: np.ndarray, stride: float) -> np.ndarray:
-        """Values of all joints (N, L) at the ends of straight lines from solutions (N, L) to driven
-        values (N, J); NaN where the way is barred."""
+        """Joint values (N, L) at the end of a straight way from solutions (N, L) to driven values
+        (N, J), in steps of ``stride``; NaN where a loop cannot be closed on the way."""
         at, begin = start.copy(), start[:, self.driven]
         longest = (np.abs(goal - begin) / self._unit[self.driven]).max(axis=1)
         strides = np.maximum(1, np.ceil(longest / stride)).astype(int)
@@ -293,9 +294,9 @@ class ClosedLoops:
             at[~(settled & (_regular(inverse) > self._floor))] = np.nan
         return at
 
-    def lifted(self, at: np.ndarray, driven: Value, arm: ArmModel, real: ArmModel) -> list[Value]:
-        """Values of all joints, (…, N) each, as jets or complex steps: from a solution (…, N, L) of
-        the real parts, with the derivatives of driven values (…, N, J) and of the arm."""
+    def as_jets(self, at: np.ndarray, driven: Value, arm: ArmModel, real: ArmModel) -> list[Value]:
+        """Values of all joints, (…, N) each, as jets or complex numbers: the solution ``at`` (…, N,
+        L) with the derivatives that follow from those of driven (…, N, J) and of the arm."""
         orders = 2 * isinstance(driven, Jet) + np.iscomplexobj(value(driven))
         values = list[Value](_split(at))
         if not orders:
@@ -310,7 +311,7 @@ class ClosedLoops:
         return values
 
     def failures(self, at: np.ndarray) -> dict[int, str]:
-        """Reason by row of ``at`` (N, L) without a solution or beyond a passive joint's limits."""
+        """Row → reason, of rows of ``at`` (N, L) without solution or beyond passive limits."""
         bad = {int(row): _BARRED for row in np.flatnonzero(np.isnan(at).any(axis=1))}
         for k in self.passive:
             link = self.arm.links[k]

@@ -80,7 +80,7 @@ _JOINT = {"name", "lower", "upper", "speed", "home", "link", "mass", "cog"}
 
 
 class Described(NamedTuple):
-    """A robot made from a model file, the text of ``my.toml``, the bodies of the file that load the
+    """A robot made from a model file, the text of its TOML file, the model's bodies that load the
     sensor, and notes for the user."""
 
     robot: FileArm | LoopArm
@@ -99,7 +99,7 @@ def describe(
     tool_cog: Sequence[float] | None = None,
     hold_others: bool = False,
 ) -> Described:
-    """Make a robot from MJCF or URDF, and write its TOML.
+    """Make a robot from MJCF or URDF, write its TOML file and return both with notes.
 
     Args:
         file: MJCF or URDF, or the name of a robot of MuJoCo Menagerie.
@@ -141,7 +141,7 @@ def describe(
 
 
 def read(path: Path) -> FileArm | LoopArm:
-    """Make the robot of a TOML file.
+    """Make a robot from its TOML file, as `describe` writes it.
 
     Raises:
         ParameterError: names the file, the field, its value and what is allowed.
@@ -170,8 +170,8 @@ def read(path: Path) -> FileArm | LoopArm:
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
-    """Make the robot again from what a recording carries, see `FileArm.record`; a `ParameterError`
-    if it is incomplete."""
+    """Make a robot from its record in a recording (`FileArm.record`); a `ParameterError` if it is
+    incomplete."""
     try:
         arm = ArmModel.from_json(record["arm"])
     except (KeyError, TypeError, ValueError, AttributeError) as cause:
@@ -182,7 +182,7 @@ def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
 
 
 def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
-    """The name of the sensor that a recording's robot carries, else the stated one."""
+    """Name of the sensor whose data a recording's robot carries, else of the stated one."""
     carried = record.get("sensor")
     if carried is None:
         return stated
@@ -195,7 +195,7 @@ def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
 
 
 def _sensor(folder: Path, stated: str) -> str:
-    """Name of the sensor; the path of a user's TOML is relative to the robot's file."""
+    """Registry name of the stated sensor; a path to a sensor's TOML is relative to ``folder``."""
     is_file = stated.lower().endswith(".toml")
     return registry.known_as("sensors", str(folder / stated) if is_file else stated)
 
@@ -207,7 +207,7 @@ def _sha(file: Path) -> str:
 def _load(
     arm: ArmModel, frame: str, file: Path, mass: float | None, cog: Sequence[float] | None
 ) -> Load:
-    """Load behind the sensor: the stated tool, else what the file hangs behind the frame."""
+    """Load behind the sensor: the tool that is stated, else what the file has behind the frame."""
     if mass is None and cog is None and arm.load is not None:
         return arm.load
     if mass is None or cog is None:
@@ -226,8 +226,7 @@ def _load(
 
 
 def _floor(arm: ArmModel) -> float | None:
-    """Height of the floor [m] of an upright arm; None for one that hangs, stands sideways or has
-    loops."""
+    """Height of the floor [m] below an upright arm; None if it hangs, leans or has loops."""
     if arm.closures:
         return None
     g = np.array(arm.gravity)
@@ -243,7 +242,7 @@ def _floor(arm: ArmModel) -> float | None:
 def _robot(
     text: str, arm: ArmModel, where: str, known_as: Callable[[str], str]
 ) -> FileArm | LoopArm:
-    """Robot from the TOML's text, the arm of its model file, and its sensor's name."""
+    """Make a robot from a TOML text and its model's arm; ``known_as`` gives its sensor's name."""
     table = toml_fields(text, where, ParameterError)
     table.only(_TOP)
     if table.raw.get("format") != FORMAT:

@@ -50,8 +50,8 @@ _WRIST = 3
 
 @dataclass(frozen=True, eq=False)
 class ArmDescription:
-    """Contents of a robot's file: the name by which recordings name it, a title of one line, the
-    sensor's registry name, the arm as numbers and the load behind the sensor."""
+    """What a robot's file describes: its name in recordings, a title of one line, the sensor's
+    registry name, the arm, and the load behind the sensor."""
 
     name: str
     title: str
@@ -61,7 +61,7 @@ class ArmDescription:
 
 
 class DescribedArm(MountedArm):
-    """An arm from MJCF or URDF with a six-axis sensor at a named frame.
+    """Base class of arms from MJCF or URDF with a six-axis sensor at a named frame.
 
     ``record`` is what a recording carries to make the robot again, see `described.rebuilt`.
     """
@@ -97,19 +97,19 @@ class DescribedArm(MountedArm):
         return np.array([link.home for link in self.arm_model.moved])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle by name, so that another process also has one object for each name."""
+        """Pickle by name, so that another process has one object for each name, too."""
         return registry.revived, ("robots", self.name, self.record)
 
     def base_origin(self, theta: np.ndarray) -> np.ndarray:
         return self.arm_model.base_shift
 
     def zeros(self, theta: np.ndarray) -> np.ndarray:
-        """Offsets (…, J) that are added to the driven joints' values."""
+        """Zero offsets (…, J) [rad or m], which are added to the driven joints' values."""
         return np.asarray(theta[..., self._zeros])
 
     def _sampled(self, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest values (J,) between which joints are drawn: of a hinge a whole turn
-        about ``middle``, or the nearest to it within its limits."""
+        """Bounds (J,) for drawing joint values; for a hinge a whole turn about ``middle`` (J,),
+        shifted to lie within its limits."""
         low, high = np.array([[joint.lower, joint.upper] for joint in self.joints]).T
         turn = np.array([np.pi if joint.unit == "rad" else np.inf for joint in self.joints])
         half = np.minimum(turn, (high - low) / 2)
@@ -125,7 +125,7 @@ class DescribedArm(MountedArm):
         return tuple(place.tolist()), tuple(middle.tolist())
 
     def at(self, theta: np.ndarray) -> ArmModel:
-        """The arm as numbers with parameters (P,), or with a batch of them (K, 1, P)."""
+        """Geometry of the arm at parameters (P,), or at a batch of them (K, 1, P)."""
         arm = self.arm_model
         links = tuple(
             replace(link, turn=link.turn @ mount_turn(theta[..., turn]), shift=theta[..., place])
@@ -184,7 +184,7 @@ class FileArm(DescribedArm, SerialChain):
         )
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Random poses (n, J) within limits, above the floor, with the tool clear of the limbs."""
+        """Draw n random poses (n, J) within limits, above the floor, the tool off the links."""
         low, high = self._sampled(np.zeros(len(self.joints)))
         try:
             return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self.clear)
@@ -192,7 +192,7 @@ class FileArm(DescribedArm, SerialChain):
             return rng.uniform(low, high, (n, len(low)))
 
     def clear(self, q: np.ndarray) -> np.ndarray:
-        """Which poses (N, J) keep moving parts above the floor and the tool off the limbs (N,)."""
+        """Booleans (N,): poses (N, J) with moving parts above the floor, the tool off the links."""
         theta, floor = self.parameters.nominal, self.arm_model.floor
         origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in self.frames(q, theta)]
         rotation, sensor = self.sensor_pose(q, theta)
@@ -209,8 +209,8 @@ class FileArm(DescribedArm, SerialChain):
 
 
 def arm_parameters(description: ArmDescription) -> ParameterSet:
-    """Parameters of a serial arm or one with closed loops: joint zeros of driven joints, places and
-    rotations of links, and the places on the links at which loops close."""
+    """Make the parameters of an arm from a file: zeros of driven joints, positions and rotations of
+    links, and the points on the links at which loops close."""
     arm, items = description.arm, list[Parameter]()
     for k, link in enumerate(arm.links):
         if k in arm.driven:
@@ -229,19 +229,19 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
 
 
 def loop_groups(arm: ArmModel) -> list[list[str]]:
-    """Names of the two points of each loop's closure, ``loop.<closure>.<body>``."""
+    """Names ``loop.<closure>.<body>`` of the two points that each loop closure joins."""
     bodies = [*(link.body for link in arm.links), "base"]  # −1 is the base
     return [[f"loop.{c.name}.{bodies[k]}" for k in (c.first, c.second)] for c in arm.closures]
 
 
 def _zero(name: str, link: ArmLink, bound: float, text: str) -> Parameter:
-    """Parameter of the offset that is added to a joint's reading [rad or m], within ± bound."""
+    """Make the parameter of a joint's zero offset, added to its reading, within ± bound."""
     unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
     return Parameter(name, 0.0, unit, size, -bound, bound, text)
 
 
 def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:
-    """Parameters of the coordinates of a point (3,) [m]."""
+    """Make the parameters ``group.x`` … of the coordinates of a point (3,) [m]."""
     return [
         Parameter(f"{group}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST, text)
         for a, v in zip("xyz", place, strict=True)
@@ -249,7 +249,7 @@ def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:
 
 
 def _to_z(axis: np.ndarray) -> np.ndarray:
-    """A rotation (3, 3) whose z axis is a unit vector (3,)."""
+    """Rotation (3, 3) whose z axis is a given unit vector (3,)."""
     if np.array_equal(axis, [0.0, 0.0, 1.0]):
         return np.eye(3)
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]

@@ -20,8 +20,8 @@ _ROWS_AT_ONCE = 1000
 def torque_regressor(
     robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.ndarray
 ) -> np.ndarray:
-    """Y (N, J, 10 L) with torques (N, J) = Y φ [N·m, N for slides] of joint values, speeds and
-    accelerations (N, J) under gravity in world axes (3,) [m/s²]; a `NotFoundError` if the model of
+    """Regressor Y (N, J, 10 L) of joint torques (N, J) = Y φ [N·m, N for slides] for q, a jet of
+    joint values (N, J), and gravity in world axes (3,) [m/s²]; a `NotFoundError` if the model of
     the robot has no frames of links."""
     starts = range(0, len(q.v), _ROWS_AT_ONCE)
     parts = [_regressor(robot, theta, q[k : k + _ROWS_AT_ONCE], gravity) for k in starts]
@@ -41,7 +41,7 @@ def _regressor(robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.nda
 def rotor_torque(
     robot: SimulatedRobot, theta: np.ndarray, inertias: LinkInertias, q: Jet
 ) -> np.ndarray:
-    """Torque (N, J) [N·m, N for slides] that the inertia of the motors needs.
+    """Joint torques (N, J) [N·m, N for slides] that accelerate the motors' inertia.
 
     The MJCF of a described robot has some in passive joints too: loops bring it to the motors.
     """
@@ -54,13 +54,13 @@ def rotor_torque(
 
 
 def _unit_speeds(q: np.ndarray) -> Jet:
-    """Jet (N J, J) of each row of q (N, J) J times, each time with one joint moving at speed 1."""
+    """Repeat each row of q (N, J) J times, as a jet (N J, J) with one joint at speed 1 each."""
     still = np.repeat(q, q.shape[1], axis=0)
     return Jet(still, np.tile(np.eye(q.shape[1]), (len(q), 1)), 0.0 * still)
 
 
 def _moving(frame: tuple[Value, Value], rows: int) -> tuple[Jet, Jet]:
-    """Jets of a rotation and an origin, of ``rows`` rows also if they do not move."""
+    """Rotation and origin of a frame as jets of ``rows`` rows, also if they are constant."""
     shapes = ((rows, 3, 3), (rows, 3))
     turn, origin = (
         x

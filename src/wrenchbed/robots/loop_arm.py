@@ -50,7 +50,7 @@ class LoopArm(DescribedArm):
 
     @cached_property
     def lengths(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of parameters of lengths: positions of links on moving links that readings show."""
+        """Names of the parameters of lengths between moving links that readings can determine."""
         arm = self.arm_model
         places = zip(arm.links, arm.parents, strict=True)
         bodies = [link.body for link, before in places if before >= 0]
@@ -59,7 +59,7 @@ class LoopArm(DescribedArm):
 
     @cached_property
     def unobservable(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of parameters that no reading shows: passive joints or planar loops absorb them."""
+        """Names of parameters that no reading depends on, as passive joints absorb them."""
         rng, size = np.random.default_rng(1), self.parameters.tolerance
         q = self.sample(_PROBES, rng)
         theta = self.parameters.nominal + 0.1 * size * rng.uniform(-1.0, 1.0, len(size))
@@ -78,13 +78,13 @@ class LoopArm(DescribedArm):
         return replace(arm, closures=tuple(replace(c, places=np.array(x)) for c, x in both))
 
     def _solved(self, q: Value, theta: np.ndarray) -> tuple[list[Value], ArmModel]:
-        """Values of all joints, (…, N) each, and the arm with these parameters."""
+        """Values of all joints, (…, N) each, at driven values q (N, J), and the arm at theta."""
         arm, real = self.at(theta), theta.real
         if real.ndim > 1 and (real == real.reshape(-1, real.shape[-1])[0]).all():
             real = real.reshape(-1, real.shape[-1])[0]  # a batch of complex steps of one robot
         real_q, real_arm = value(q).real, self.at(real)
         at = self._loops.solved(real_q, real_q + self.zeros(real), real_arm)
-        return self._loops.lifted(at, q + self.zeros(theta), arm, real_arm), arm
+        return self._loops.as_jets(at, q + self.zeros(theta), arm, real_arm), arm
 
     def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
         at, arm = self._solved(q, theta)
@@ -105,8 +105,7 @@ class LoopArm(DescribedArm):
         return dict(sorted(bad.items()))
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Random poses (n, J) within the limits of driven and passive joints, where the loops
-        close."""
+        """Draw n random poses (n, J) within all joints' limits at which the loops close."""
         low, high = self._sampled(self.home)
         links, passive = self.arm_model.links, self._loops.passive
         least, most = np.array([(links[k].lower, links[k].upper) for k in passive]).T
@@ -132,5 +131,5 @@ class LoopArm(DescribedArm):
 
 
 def _placed(turn: Value, origin: Value, arm: ArmModel) -> tuple[Value, Value]:
-    """Frame in world axes from one in base axes."""
+    """Convert a frame (rotation, origin) from base axes to world axes."""
     return arm.base_turn @ turn, apply(arm.base_turn, origin) + arm.base_shift

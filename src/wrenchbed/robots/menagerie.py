@@ -13,9 +13,9 @@ EXTRA = "menagerie"
 
 
 def model_of(name: str) -> Path:
-    """The MJCF of a robot alone, downloaded on first use. Raises a `MissingExtraError` if the
-    package is not installed, a `NotFoundError` if there is no such robot, or it cannot be
-    downloaded."""
+    """Path of the MJCF of a robot by its name in MuJoCo Menagerie, downloaded on first use. Raises
+    a `MissingExtraError` if the package is not installed, a `NotFoundError` if there is no such
+    robot, or it cannot be downloaded."""
     try:
         menagerie = registry.require("mujoco_menagerie", EXTRA)
     except MissingExtraError as error:

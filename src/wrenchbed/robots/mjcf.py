@@ -26,8 +26,7 @@ STIFFNESS, DAMPING = 20000.0, 400.0
 
 
 def bare(path: Path) -> mujoco.MjSpec:
-    """Read a file and make it `frictionless`; the result is a copy, since the file is parsed
-    once."""
+    """Read an MJCF file (once) and return a copy of its spec without contact and friction."""
     return _bare(path, path.stat().st_mtime_ns).copy()
 
 
@@ -55,8 +54,7 @@ def frictionless(spec: mujoco.MjSpec) -> mujoco.MjSpec:
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a spec whose looks do not matter: painting textures takes ten times as long as all
-    else, so that they become one pixel."""
+    """Compile a spec with textures of one pixel: painting takes ten times as long as the rest."""
     for texture in spec.textures:
         texture.width = texture.height = 1
     return spec.compile()
@@ -65,7 +63,7 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 def place(
     spec: mujoco.MjSpec, name: str, pos: Sequence[float], rotation: np.ndarray | None = None
 ) -> None:
-    """Set a body's position (3,) [m] and rotation matrix (3, 3) in its parent."""
+    """Set a body's position (3,) [m] and, if given, rotation matrix (3, 3) in its parent."""
     body = spec.body(name)
     body.pos = [float(x) for x in pos]
     if rotation is not None:
@@ -79,7 +77,7 @@ def rotate_body(element: "mujoco.MjsBody | mujoco.MjsSite", rotation: np.ndarray
 
 
 def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:
-    """Write the load into the bodies ``tool`` (frame = the sensor's) and ``sensor_side``.
+    """Write the load into the bodies ``tool`` (frame = the sensor's) and ``sensor_side`` of a spec.
 
     ``sensor_side`` is the part of the sensor that loads its own gauges, a point at its origin.
 
@@ -109,7 +107,7 @@ class LinkInertias:
         phi: the ten parameters of `newton_euler` of each link (L, 10), in the axes and about the
             origin of `SimulatedRobot.link_frames`.
         rotor: inertia of each motor at the joint's side (J,) [kg·m² or kg], MuJoCo's ``armature``.
-        passive: that of all joints (L,), zero at those with motors.
+        passive: ``armature`` of all joints (L,), zero at those with motors.
     """
 
     phi: np.ndarray
@@ -118,7 +116,7 @@ class LinkInertias:
 
 
 def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
-    """Inertias of the links and motors of an arm with parameters theta (P,).
+    """Read the inertias of an arm's links and motors from its MJCF at parameters theta (P,).
 
     All that hangs on a link without a joint of the arm between them (flange, sensor, tool) is part
     of it.
@@ -152,5 +150,5 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
 
 
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (3, 3) and origin (3,) of a link in the world, without the leading row if any."""
+    """Rotation (3, 3) and origin (3,) of a frame that may have a leading axis of one row."""
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]

@@ -40,8 +40,8 @@ _UNUSED = ("sensors", "actuators", "tendons", "skins", "keys", "excludes", "pair
 def read_arm(
     path: Path, frame: str, hold_others: bool = False
 ) -> tuple[ArmModel, list[str], list[str]]:
-    """Read the arm between the base of MJCF or URDF and a site, body, link or fixed frame, where
-    the sensor sits; with ``hold_others`` another arm stays at its home instead of being refused.
+    """Read an arm between the base of MJCF or URDF and a site, body, link or fixed frame, where the
+    sensor sits; with ``hold_others`` another arm stays at its home instead of being refused.
 
     Returns the arm, names of joints off the chain, which stay at home, and what the user should
     know.
@@ -61,7 +61,7 @@ def read_arm(
 
 
 def _read_arm(path: Path, frame: str, hold_others: bool) -> tuple[ArmModel, list[str], list[str]]:
-    """`read_arm` in this process."""
+    """Do the work of `read_arm`, without its limits of time and memory."""
     source = ModelSource.of(path)
     try:
         if source.urdf:
@@ -85,7 +85,7 @@ def _read_arm(path: Path, frame: str, hold_others: bool) -> tuple[ArmModel, list
 
 
 def _with_options(source: ModelSource) -> str:
-    """The URDF's text with MuJoCo's options for it: keep frames, visuals and paths of meshes."""
+    """Text of a URDF with MuJoCo's options added: keep frames, visuals and paths of meshes."""
     root = ElementTree.fromstring(source.text)
     for old in root.findall("mujoco"):
         root.remove(old)
@@ -98,13 +98,13 @@ def _with_options(source: ModelSource) -> str:
 
 
 def _refused(source: ModelSource, cause: Exception) -> ParameterError:
-    """Error with MuJoCo's message in one line, or a clearer one where we have it."""
+    """Make the error for a file that MuJoCo refuses: its message, or a clearer one, in a line."""
     words = FLOATS if "free joint" in str(cause) else " ".join(str(cause).split())[:_LONGEST]
     return ParameterError(f"{source.path}: {words}")
 
 
 def _drop_missing(spec: mujoco.MjSpec, source: ModelSource) -> list[str]:
-    """Delete meshes that cannot be drawn, with their geoms; return notes on them."""
+    """Delete meshes that are missing or unreadable, with their geoms; return notes on them."""
     missing, size = set(), 0
     folder = source.path.resolve().parent
     for mesh in [m for m in spec.meshes if m.file]:
@@ -126,7 +126,7 @@ def _drop_missing(spec: mujoco.MjSpec, source: ModelSource) -> list[str]:
 
 
 def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
-    """Path of a mesh: beside the model, or for package:// in a folder of that name above."""
+    """Path of a mesh, beside the model or in a package:// folder above; None if missing."""
     if not name.lower().endswith(_MESHES):
         return None
     plain = name.removeprefix("file://")
@@ -141,7 +141,7 @@ def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
 
 
 def _place_frame(spec: mujoco.MjSpec, frame: str, source: ModelSource) -> None:
-    """Mark the named frame by a site; a site, body, fixed joint or MJCF frame, in this order."""
+    """Add a site at the frame of this name: a site, body, fixed joint or MJCF frame."""
     sites, bodies = ({x.name: x for x in group} for group in (spec.sites, spec.bodies))
     frames = {f.name: f for f in spec.frames if f.name}
     fixed = source.fixed_joints()
@@ -165,7 +165,7 @@ def _place_frame(spec: mujoco.MjSpec, frame: str, source: ModelSource) -> None:
 
 
 def _strip(spec: mujoco.MjSpec, source: ModelSource) -> None:
-    """Remove all elements but the tree of bodies, their shapes, and what closes loops."""
+    """Remove all elements from a spec except bodies, their shapes, and what closes loops."""
     for equality in list(spec.equalities):
         if not equality.active:
             spec.delete(equality)
@@ -187,7 +187,7 @@ def _strip(spec: mujoco.MjSpec, source: ModelSource) -> None:
 
 
 def _compiled(spec: mujoco.MjSpec, source: ModelSource, notes: list[str]) -> mujoco.MjModel:
-    """Compile the model; inertias of no body, which MuJoCo refuses, are replaced and noted."""
+    """Compile a spec; impossible inertias, which MuJoCo refuses, are replaced and noted."""
     options = spec.compiler
     options.boundmass = max(options.boundmass, _BOUND)
     options.boundinertia = max(options.boundinertia, _BOUND)

@@ -19,11 +19,11 @@ Element = ElementTree.Element
 
 @dataclass(frozen=True)
 class ModelSource:
-    """A model file that was read as XML.
+    """A model file, MJCF or URDF, that was read as XML.
 
     Attributes:
-        path: of the file.
-        text: of the file.
+        path: path of the file.
+        text: content of the file.
         root: its root element, ``<mujoco>`` or ``<robot>``.
     """
 
@@ -44,12 +44,11 @@ class ModelSource:
 
     @property
     def urdf(self) -> bool:
-        """Whether the source is URDF; otherwise it is MJCF."""
+        """Whether the file is URDF; otherwise it is MJCF."""
         return self.root.tag == "robot"
 
     def check_expanded(self) -> None:
-        """Refuse unexpanded xacro; a `ParameterError` names the element and the command that
-        expands it."""
+        """Raise `ParameterError` for unexpanded xacro, with the command that expands it."""
         for element in self.root.iter():
             macro = str(element.tag).startswith(_XACRO)
             if macro or any("${" in v or "$(" in v for v in element.attrib.values()):
@@ -60,8 +59,8 @@ class ModelSource:
                 )
 
     def speeds(self) -> dict[str, float]:
-        """Top speed of each joint for which a URDF states one above 0, by name [rad/s, m/s]; a
-        `ParameterError` for a velocity that is no number."""
+        """Joint name → top speed [rad/s, m/s] that a URDF states; a `ParameterError` if one is not
+        a number."""
         joints = self.root.findall("joint")  # a transmission names its joint again
         limits = {joint.get("name", ""): joint.find("limit") for joint in joints}
         stated = {n: x.get("velocity", "0") for n, x in limits.items() if x is not None}
@@ -72,7 +71,7 @@ class ModelSource:
         return {name: speed for name, speed in speeds.items() if 0.0 < speed < math.inf}
 
     def fixed_joints(self) -> dict[str, str]:
-        """Child link of each fixed joint of a URDF."""
+        """Name → child link of each fixed joint of a URDF."""
         return {
             joint.get("name", ""): child.get("link", "")
             for joint in self.root.findall("joint[@type='fixed']")
@@ -80,7 +79,7 @@ class ModelSource:
         }
 
     def mimics(self) -> list[tuple[str, str, float]]:
-        """Names of each joint of a URDF that mimics another one, of that one, and its offset [rad,
+        """For each mimic joint of a URDF: its name, the imitated joint's, and the offset [rad or
         m]; a `ParameterError` for an offset that is no number."""
         mimics = [
             (joint.get("name", ""), str(mimic.get("joint")), mimic.get("offset", "0"))
@@ -94,7 +93,7 @@ class ModelSource:
 
 
 def content(path: Path) -> bytes:
-    """Bytes of a regular file of a model.
+    """Read the bytes of a model file, which must be a regular file.
 
     Raises:
         NotFoundError: there is no such file.
@@ -115,7 +114,7 @@ def content(path: Path) -> bytes:
 
 
 def _xml(path: Path) -> tuple[str, Element]:
-    """Text and root element of a file."""
+    """Read a file and return its text and its XML root element."""
     try:
         text = content(path).decode()
         if "<!DOCTYPE" in text or "<!ENTITY" in text:

@@ -16,13 +16,13 @@ _PEAK = 1.875
 
 
 def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Points on a straight joint-space line (`PATH_POINTS`, J)."""
+    """Points (`PATH_POINTS`, J) on the straight line in joint space from start to end (J,)."""
     fraction = np.linspace(0.0, 1.0, PATH_POINTS)[:, None]
     return np.asarray(start + fraction * (np.asarray(end) - start))
 
 
 def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Poses of q (N, J) that are reached from the one before on a straight way within limits."""
+    """Filter poses q (N, J): keep each that is reached straight from the last one kept."""
     kept: list[np.ndarray] = []
     for pose in q:
         if kept and robot.infeasible(straight(kept[-1], pose), robot.parameters.nominal):
@@ -32,18 +32,18 @@ def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def duration(robot: Robot, start: np.ndarray, end: np.ndarray, share: float = SPEED_SHARE) -> float:
-    """Time of a minimum-jerk move whose fastest joint uses its share of top speed [s]."""
+    """Duration [s] of a minimum-jerk move whose fastest joint uses a share of its top speed."""
     speed = top_speeds(robot) * share
     return max(0.2, float(np.max(_PEAK * np.abs(np.asarray(end) - start) / speed)))
 
 
 def minimum_jerk(share: np.ndarray) -> np.ndarray:
-    """Position 0 … 1 along a move at a share of its time (Flash & Hogan 1985)."""
+    """Fraction of the way, 0 … 1, at a fraction of the time of a move (Flash & Hogan 1985)."""
     return share**3 * (10.0 + share * (-15.0 + 6.0 * share))
 
 
 def top_speeds(robot: Robot) -> np.ndarray:
-    """Top speed of each joint (J,) [unit/s]."""
+    """Top speed of each joint (J,) [rad/s or m/s]."""
     return np.array([j.speed for j in robot.joints])
 
 
@@ -53,7 +53,7 @@ def _moves(robot: Robot, j: int, speed: float) -> str:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a robot's motions.
+    """Limits that a robot's motions are checked against.
 
     Attributes:
         speed: share of each joint's top speed that moves may use, above 0 and at most 1.
@@ -85,8 +85,8 @@ class Limits:
             raise ParameterError(f"workspace {self.workspace}: each upper bound must be larger")
 
     def check_path(self, robot: Robot, q: np.ndarray, where: str) -> None:
-        """Refuse joint values (N, J) outside joint limits, the solvable region or the workspace; a
-        `PlanError` names the row."""
+        """Check joint values (N, J) against limits, solvable region and workspace; a `PlanError`
+        names the row."""
         nominal = robot.parameters.nominal
         robot.check(q, nominal, where)
         if self.workspace is None:
@@ -101,8 +101,8 @@ class Limits:
             )
 
     def check_motion(self, robot: Robot, targets: np.ndarray, rate: float, where: str) -> None:
-        """Refuse a trajectory (N, J) at a rate [Hz] that `check_path` refuses or that is too fast;
-        a `PlanError` names the row, and its fastest joint."""
+        """Check a trajectory (N, J) at a rate [Hz] as `check_path` does, and its speeds; a
+        `PlanError` names the row and its fastest joint."""
         self.check_path(robot, targets, where)
         speed, top = np.abs(np.diff(targets, axis=0)) * rate, top_speeds(robot)
         for row in np.flatnonzero((speed > self.tracking * top * 1.001).any(axis=1))[:1]:
@@ -113,7 +113,7 @@ class Limits:
             )
 
     def check_step(self, robot: Robot, last: np.ndarray, q: np.ndarray, seconds: float) -> str:
-        """Reason why a streamed target (J,) may not follow the last so soon; empty if it may."""
+        """Reason why target q (J,) may not follow ``last`` after ``seconds``; empty if it may."""
         if q.shape != last.shape or not np.isfinite(q).all():
             return f"a target must be {len(last)} finite numbers"
         try:
@@ -129,7 +129,7 @@ class Limits:
         return ""
 
     def check_wrench(self, wrench: np.ndarray) -> None:
-        """Refuse a measured load (6,) beyond the limits; a `LimitError` says which."""
+        """Raise `LimitError` if a measured wrench (6,) [N, N·m] exceeds the limits."""
         force, torque = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
         if self.force is not None and force > self.force:
             raise LimitError(f"measured force {force:.1f} N is above the limit {self.force:g} N")

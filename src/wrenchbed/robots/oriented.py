@@ -20,8 +20,7 @@ from wrenchbed.robots.base import (
 
 
 class Oriented(LoadInSensorAxes):
-    """A robot without joints, known only by the measured rotation of its sensor; the sensor's
-    position is unknown."""
+    """A robot without joints, known only by its sensor's orientation; its position is unknown."""
 
     name = "oriented"
     title = "any robot, by the recorded orientation of its sensor"
@@ -49,7 +48,7 @@ class Oriented(LoadInSensorAxes):
         return {}
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw uniform orientations (n, 4)."""
+        """Draw n uniformly distributed orientations as quaternions w x y z (n, 4)."""
         q = rng.standard_normal((n, 4))
         return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
 

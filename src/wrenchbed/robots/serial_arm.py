@@ -45,7 +45,7 @@ Spot = tuple[int, float, float]
 
 @dataclass(frozen=True)
 class Link:
-    """Joint of a serial arm and the link that it moves.
+    """A joint of a serial arm and the link that it moves.
 
     Attributes:
         a, d, alpha: Denavit–Hartenberg parameters to the next joint [m, m, rad].
@@ -155,13 +155,13 @@ class SerialArm(SerialChain):
         return [self._leaning(np.eye(3), theta), *turns], [np.zeros(3), *shifts]
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Random poses (n, J): arm above the table from the elbow on, tool clear of the limbs."""
+        """Draw n random poses (n, J): arm above the table, tool clear of the limbs."""
         ranges = [link.sampled or (link.lower, link.upper) for link in self.arm.links]
         low, high = np.array(ranges).T
         return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self.clear)
 
     def clear(self, q: np.ndarray) -> np.ndarray:
-        """Which poses (N, J) keep arm and tool above the table and apart (N,), boolean."""
+        """Booleans (N,): poses (N, J) with arm and tool above the table and clear of each other."""
         arm, theta = self.arm, self.parameters.nominal
         frames = list(self.frames(q, theta))
         limbs = [[_at(frames, spot) for spot in limb] for limb in arm.limbs]
@@ -175,7 +175,7 @@ class SerialArm(SerialChain):
         return np.asarray(above & column & (apart > arm.clearance))
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        """MJCF of the arm with parameters (P,): its file, or made from its data if it has none."""
+        """MJCF spec of the arm at parameters (P,), from its file or, without one, from its data."""
         from wrenchbed.robots.mjcf import bare, place, write_load
 
         spec = bare(self.mjcf) if self.mjcf.is_file() else self.drawn()
@@ -193,7 +193,7 @@ class SerialArm(SerialChain):
         return spec
 
     def drawn(self) -> "mujoco.MjSpec":
-        """Make an MJCF from the arm's data, with sticks for its links.
+        """Make an MJCF spec from the arm's data, with sticks for its links.
 
         Inertias of links are estimates: no force that the sensor reads depends on them.
         """
@@ -227,7 +227,7 @@ class SerialArm(SerialChain):
 
 
 def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:
-    """Position of a point of the arm in the world (N, 3) [m]."""
+    """Positions (N, 3) [m] in the world of a point given along the axes of one of the frames."""
     k, along_x, along_z = spot
     x, _, z, origin = frames[k]
     return np.asarray(origin + along_x * x + along_z * z)

@@ -46,13 +46,13 @@ NAMES = tuple(name for name in _PUBLISHED if name != "ur5")
 
 
 class URArm(SerialArm):
-    """Model of an arm of Universal Robots with an ATI Gamma at its flange."""
+    """A Universal Robots arm with an ATI Gamma at its flange, with inverse kinematics."""
 
     joint_names = JOINTS
 
     def inverse(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Inverse kinematics: joint values (K, 6), K ≤ 8, in (−π, π], that bring the nominal flange
-        to a pose: R_world_flange (3, 3) and its position (3,) [m]."""
+        """Inverse kinematics: joint values (K, 6), K ≤ 8, in (−π, π] [rad], for a pose of the
+        nominal flange: R_world_flange (3, 3) and position (3,) [m]."""
         height, _, _, step, wrist, end = (link.d for link in self.arm.links)
         _, upper, fore, *_ = (link.a for link in self.arm.links)
         x, y, _ = position - end * rotation[:, 2]
@@ -83,7 +83,7 @@ class URArm(SerialArm):
 
 @cache
 def ur_arm(name: str) -> URArm:
-    """The UR5 or an arm of `NAMES`, with the same sensor and tool."""
+    """Return the UR5, or another arm of `NAMES` by its name, with the same sensor and tool."""
     published = _PUBLISHED[name]
     d1, a2, a3, d4, d5, d6 = published["lengths"]
     table = ((0.0, d1), (a2, 0.0), (a3, 0.0), (0.0, d4), (0.0, d5), (0.0, d6))

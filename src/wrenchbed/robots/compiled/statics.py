@@ -24,9 +24,9 @@ except ImportError:  # built without a compiler
 
 
 class Packed(NamedTuple):
-    """A robot's numbers at rest, for one parameter vector or R of them (leading axis …): gravity in
-    axes before the first joint (…, 3) [m/s²], rotation behind the last joint (…, 3, 3), and K
-    further numbers of the robot's function (…, K)."""
+    """Constants of a robot for its compiled function, for one parameter vector or R of them (…):
+    gravity in axes before the first joint (…, 3) [m/s²], rotation behind the last joint (…, 3, 3),
+    and K further numbers (…, K)."""
 
     gravity: np.ndarray
     last: np.ndarray
@@ -34,19 +34,19 @@ class Packed(NamedTuple):
 
 
 def available(name: str, slopes: bool = False) -> bool:
-    """Whether a function, or (``slopes``) its derivatives, are compiled in this installation."""
+    """Whether the compiled function of a robot (``slopes``: its derivatives) is installed."""
     return (f"{name}_slopes" if slopes else name) in _FUNCTIONS
 
 
 def readings(name: str, q: np.ndarray, constants: bytes) -> np.ndarray:
-    """Readings (…, 6) [N, N·m] at joint values (…, J); constants in the order of `_statics.c`."""
+    """Sensor readings (…, 6) [N, N·m] at rest at q (…, J); constants ordered as in `_statics.c`."""
     out = np.empty((*q.shape[:-1], 6))
     _FUNCTIONS[name](np.ascontiguousarray(q), q.shape[-1], constants, out)
     return out
 
 
 def slopes(name: str, q: np.ndarray, constants: bytes, changes: np.ndarray) -> np.ndarray:
-    """Changes (K, N, 6) of `readings` at (N, J) as the constants change by (K, C)."""
+    """Derivatives (K, N, 6) of `readings` at q (N, J) along changes (K, C) of the constants."""
     out = np.empty((len(changes), len(q), 6))
     given = np.ascontiguousarray(q), q.shape[-1], constants, out, changes.tobytes()
     _FUNCTIONS[f"{name}_slopes"](*given)

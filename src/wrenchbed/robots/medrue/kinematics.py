@@ -76,8 +76,7 @@ PARAMETERS = PAPER + load_parameters(PROBE_INERTIA)
 
 
 class FiveBar(NamedTuple):
-    """Places of a five-bar's joints in the base's y, z plane (…, N, 2) [m]; ``direction`` C to
-    A."""
+    """Joint positions of a five-bar in the base's y, z plane (…, N, 2) [m]; direction C to A."""
 
     B: Value
     D: Value
@@ -86,20 +85,20 @@ class FiveBar(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """Cosine and sine of an angle (…, N)."""
+    """Cosine and sine (…, N) of one rotation angle."""
 
     c: Value
     s: Value
 
 
 class Solved(NamedTuple):
-    """Joints of both closed loops and the wrist, in the base frame.
+    """Solution of MedRUE's kinematics: both closed loops and the wrist, in the base frame.
 
     Attributes:
         bars: both five-bars.
         e1, e2: universal joints of the probe's support (…, N, 3) [m].
         u: unit vector from e1 to e2.
-        origin: of the wrist [m].
+        origin: position of the wrist (…, N, 3) [m].
         gamma, beta, alpha: turns of the support about x, then y, then z.
     """
 
@@ -114,13 +113,12 @@ class Solved(NamedTuple):
 
     @property
     def wrist(self) -> Value:
-        """Rotation of the wrist in the base (…, N, 3, 3)."""
+        """Rotation matrix of the wrist in the base (…, N, 3, 3)."""
         return rot_x_of(*self.gamma) @ rot_y_of(*self.beta) @ rot_z_of(*self.alpha)
 
 
 def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
-    """Places of the joints of five-bar i (1, 2) at two joint values [rad] (Eqs. 2–11), elbows
-    up."""
+    """Joint positions of five-bar i (1, 2) at two joint values [rad], elbows up (Eqs. 2–11)."""
     ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
     l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
     a = first + p[f"dq{2 * i}"]
@@ -146,13 +144,13 @@ def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
 
 
 def solved(p: Values, q: Value) -> Solved:
-    """Close both loops at joint values (N, 6)."""
+    """Solve both closed loops at joint values q (N, 6), with parameter values p."""
     bars = (five_bar(p, i, q[..., 2 * i - 1], q[..., 2 * i]) for i in (1, 2))
     return carried(p, q, *bars)
 
 
 def carried(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Solved:
-    """Place the probe's support on two five-bars (Equations 12–16)."""
+    """Solve for the probe's support and wrist that two solved five-bars carry (Equations 12–16)."""
     x = q[..., 0] + p["dq1"]
     e1 = stack_jets([x - p["d41"], left.E[..., 0], left.E[..., 1]])
     e2 = stack_jets([x + p["d42"], right.E[..., 0], right.E[..., 1]])
@@ -171,7 +169,7 @@ def carried(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Solved:
 
 
 def failures(p: Values, q: np.ndarray) -> dict[int, str]:
-    """Rows of q (N, 6) without a solution, each with the reason."""
+    """Row → reason, of the rows of q (N, 6) for which the loops have no solution."""
     bad: dict[int, str] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
         loops = solved(p, q)
@@ -194,7 +192,7 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
 
 
 def elbow(direction: Value, angle: Value, distal: Value) -> Value:
-    """Angle of a passive elbow: from the proximal link at ``angle`` to the distal link."""
+    """Angle [rad] of a passive elbow, from the proximal link at ``angle`` to the distal link."""
     c, s = cos(angle), sin(angle)
     py = direction[..., 0] * c - direction[..., 1] * s
     pz = direction[..., 1] * c + direction[..., 0] * s

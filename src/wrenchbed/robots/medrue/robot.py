@@ -53,7 +53,7 @@ JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b
 
 
 def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
-    """Write every parameter into the MJCF, which stands with its loops closed at ``ref`` (13,)."""
+    """Return MedRUE's MJCF spec with every parameter; its loops are closed at ``ref`` (13,)."""
     spec = bare(mjcf)
     at = dict(zip(JOINTS, (float(r) for r in ref), strict=True))
     for joint, value in at.items():
@@ -93,7 +93,7 @@ def _write_five_bar(spec: mujoco.MjSpec, p: Values, i: int, at: dict[str, float]
 
 
 class MedRUE(SimulatedRobot):
-    """Two five-bars on a linear guide carry the probe: Joubair et al. 2016, 10.3390/s16060798."""
+    """The robot MedRUE: two five-bars on a linear guide carry the probe (Joubair et al. 2016)."""
 
     name = "medrue"
     title = "MedRUE, six-axis medical robot of two five-bars, ATI Mini40"
@@ -120,7 +120,7 @@ class MedRUE(SimulatedRobot):
 
     @cached_property
     def bodies(self) -> tuple[BodyMass, ...]:  # type: ignore[override]
-        """The moving bodies behind `JOINTS`, as the MJCF has them."""
+        """Mass and CoG of the moving bodies behind `JOINTS`, as the MJCF has them."""
         spec, bodies = bare(self.mjcf), list[BodyMass]()
         for joint in JOINTS:
             body = spec.joint(joint).parent
@@ -137,7 +137,7 @@ class MedRUE(SimulatedRobot):
         return np.array([0.0, 2.932153143, 2.373647784, 2.932153143, 2.373647784, 4.714624603])
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        """R_world_sensor and the sensor's origin in the world [m]: Equation 1 without the tool."""
+        """R_world_sensor (…, N, 3, 3) and the sensor's origin (…, N, 3) [m] (Equation 1)."""
         p = self.values(theta)
         loops, base, mount = solved(p, q), _turn(p, "0"), _turn(p, "S")
         inner = loops.origin + apply(loops.wrist, _place(p, "S"))
@@ -162,7 +162,7 @@ class MedRUE(SimulatedRobot):
         return [(base @ turn, apply(base, at) + _place(p, "0")) for turn, at in inner]
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Gravity in sensor axes (…, N, 3), turned angle by angle: half the work of a pose."""
+        """Gravity in sensor axes (…, N, 3), rotated angle by angle: half the work of a pose."""
         p = self.values(theta)
         loops, mount = solved(p, q), _turn(p, "S")
         x, y, z = np.moveaxis(gravity @ _turn(p, "0"), -1, 0)
@@ -173,7 +173,7 @@ class MedRUE(SimulatedRobot):
         return np.asarray(seen @ (mount if mount.ndim == 2 else mount[..., 0, :, :]))
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """Input of `compiled.statics`: d41 + d42, L14, dq6 and eleven numbers of each five-bar."""
+        """Constants for `compiled.statics`: d41 + d42, L14, dq6, and eleven of each five-bar."""
         p = self.values(theta)
         numbers = [p["d41"] + p["d42"], p["L14"], p["dq6"]]
         for i in (1, 2):
@@ -232,7 +232,7 @@ class MedRUE(SimulatedRobot):
         )
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
-        """The 13 coordinates of the MJCF, depth first (…, N, 13); real parameters only."""
+        """The MJCF's 13 joint coordinates (…, N, 13), depth first, at q; real parameters only."""
         p = self.values(theta)
         loops = solved(p, q)
         (left, right), span, wrist = loops.bars, loops.e2 - loops.e1, loops.wrist
@@ -280,18 +280,17 @@ class MedRUE(SimulatedRobot):
 
 
 def _turn(p: Values, of: str) -> Value:
-    """Rotation of base 0, sensor S or tool T."""
+    """Rotation matrix of the frame ``of``: base 0, sensor S or tool T, in the frame before it."""
     return euler(*(p[f"{angle}{of}"] for angle in ("alpha", "beta", "gamma")))
 
 
 def _place(p: Values, of: str) -> Value:
-    """Origin of base 0, sensor S or tool T in the frame before it [m]."""
+    """Origin [m] of the frame ``of``: base 0, sensor S or tool T, in the frame before it."""
     return stack_jets([p[f"{axis}{of}"] for axis in "xyz"])
 
 
 def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]]:
-    """Frames of links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, plane at
-    x."""
+    """Frames of links A–B, B–E, C–D, D–E of five-bar i, in base axes, y along each link."""
     bars = []
     for k, (anchor, middle) in enumerate((("A", bar.B), ("C", bar.D))):
         start = stack_jets([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]])

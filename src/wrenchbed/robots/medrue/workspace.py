@@ -30,8 +30,8 @@ _TRIES = 200
 
 
 def joints(p: Values, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Inverse kinematics: joint values (N, 6) for tool poses in the world, R_world_tool (N, 3, 3)
-    and (N, 3) [m], elbows up as in the paper; NaN rows where there are none. Parameters are
+    """Inverse kinematics of MedRUE: joint values (N, 6) for tool poses in the world, R_world_tool
+    (N, 3, 3) and positions (N, 3) [m], elbows up; NaN rows where there are none. Parameters are
     scalars."""
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
@@ -68,7 +68,7 @@ def _frame(p: Values, i: int) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _five_bar(p: Values, i: int, tip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values of five-bar i from its tip (N, 2) in the base's y, z plane."""
+    """Two joint values (N,) [rad] of five-bar i with its tip at (N, 2) [m] in the y, z plane."""
     turn, middle, half = _frame(p, i)
     x, y = ((tip - middle) @ turn).T
     first = _reach(x - half, y, p[f"L{i}1"], p[f"L{i}2"]) - p[f"dq{2 * i}"]
@@ -83,7 +83,7 @@ def _reach(x: np.ndarray, y: np.ndarray, near: float, far: float) -> np.ndarray:
 
 
 def random_poses(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Random tool poses in the paper's workspace: rotations (n, 3, 3), positions (n, 3) [m]."""
+    """Draw n tool poses in the paper's workspace: rotations (n, 3, 3), positions (n, 3) [m]."""
     rotation = _orientations(n, rng)
     return rotation, rng.uniform([*LOW, LAYERS[0]], [*HIGH, LAYERS[-1]], (n, 3))
 
@@ -95,8 +95,7 @@ def _orientations(n: int, rng: np.random.Generator) -> np.ndarray:
 
 def pool(robot: Robot, n: int, seed: int, orientations: int = ORIENTATIONS) -> np.ndarray:
     """Joint values (n, 6) of poses over the full workspace: positions spread evenly (Sobol) on
-    three layers, each in several orientations; a `WrenchbedError` if the ranges leave hardly any
-    feasible configuration."""
+    three layers, each in several orientations; a `WrenchbedError` if hardly any is feasible."""
     from scipy.stats import qmc  # slow to load: only when it is used
 
     rng = np.random.default_rng(seed)
@@ -136,8 +135,8 @@ def reachable(
 
 
 def touch_poses(robot: Robot, points: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (T, 6) at ``points`` (K, 3) in up to 30 orientations, and their points (T,); a
-    `WrenchbedError` if no point is in reach."""
+    """Joint values (T, 6) at which the tip is at one of ``points`` (K, 3) [m], up to 30 for each,
+    and the row of that point (T,); a `WrenchbedError` if no point is in reach."""
     rng = np.random.default_rng(seed)
     which = np.repeat(np.arange(len(points)), 30)
     rotation, _ = random_poses(len(which), rng)
@@ -148,13 +147,13 @@ def touch_poses(robot: Robot, points: np.ndarray, seed: int) -> tuple[np.ndarray
 
 
 def default_points() -> np.ndarray:
-    """Corners, edges' middles, faces' middles and centre (27, 3) of the target workspace [m]."""
+    """Points (27, 3) [m]: corners, edge and face centres and centre of the target workspace."""
     axes = ([0.2, 0.4, 0.6], [0.28, 0.44, 0.6], [-0.26, -0.18, -0.1])
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def target_points() -> np.ndarray:
-    """6 × 8 × 7 grid (336, 3) of tool positions in the world [m] where the leg will be."""
+    """Grid 6 × 8 × 7 of tool positions (336, 3) in the world [m], where the leg will be."""
     axes = (np.linspace(0.2, 0.6, 6), np.linspace(0.28, 0.6, 8), np.linspace(-0.26, -0.1, 7))
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
