@@ -50,7 +50,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
-    """Times (N,) [ns] since 1970 that a column of stamps or text gives; None if it is neither.
+    """Convert a column of time stamps or texts to times (N,) [ns] since 1970; None if it is none.
 
     Without days midnight is passed where the time of day falls back by more than half a day.
     """
@@ -74,7 +74,7 @@ def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
 
 
 def _moment(text: str) -> datetime:
-    """Date and time of a stamp, on the first of January 1970 if it has no day.
+    """Parse a time stamp's text; without a day it is on the first of January 1970.
 
     Raises:
         ValueError: it is none.
@@ -90,8 +90,7 @@ def _moment(text: str) -> datetime:
 
 
 def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.ndarray:
-    """Times (N,) [ns] of a column of whole numbers or floats, which shows ``zero`` at time 0 and
-    whose unit has a ``size`` [s].
+    """Convert a column in units of ``size`` [s], ``zero`` at time 0, to times (N,) [ns].
 
     Raises:
         MapError: the clock does not advance, or is not in this unit.
@@ -110,9 +109,9 @@ def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.
 
 
 def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | None:
-    """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and a sentence on
-    what was done; None if the clock is even already, or too short. Steps up to ``bridged`` [s] are
-    no gaps, however many frames are lost in them."""
+    """Evenly spaced times (M,) [s] nearest to a clock t (N,) [s], none in its gaps, and a sentence
+    on what was done; None if t is even already, or too short. Steps up to ``bridged`` [s] are no
+    gaps, however many frames are lost in them."""
     step = np.diff(t)
     if len(step) < 2:
         return None
@@ -141,8 +140,8 @@ def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | 
 
 
 def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndarray]:
-    """Interpolate columns, ``t`` among them, to times (M,): linearly, joint values along cubics,
-    orientations along the shortest rotation, whole numbers from the nearest row."""
+    """Interpolate columns (N,), ``t`` among them, to times t (M,): linearly, joint values along
+    cubics, orientations along the shortest rotation, whole numbers from the nearest row."""
     old = data["t"]
     columns: dict[str, np.ndarray] = {}
     if QUATERNION[0] in data:
@@ -161,7 +160,7 @@ def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndar
 
 
 def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
-    """Columns qw qx qy qz (N,), qw ≥ 0."""
+    """Convert N rotations to the quaternion columns qw qx qy qz (N,), with qw ≥ 0."""
     q = rotation.as_quat(canonical=True, scalar_first=True)
     return dict(zip(QUATERNION, q.T, strict=True))
 
@@ -169,8 +168,8 @@ def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
 def unwrapped(
     data: dict[str, np.ndarray], angles: Collection[str]
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Make joint angles continuous where reports jump from π to −π; return the columns and the
-    names of joints that changed."""
+    """Make joint angles continuous where they jump from π to −π; return the columns and a sentence
+    for each joint that changed."""
     turned_on = dict[str, np.ndarray]()
     for name in set(data) & set(angles):
         steps = np.diff(data[name])
@@ -183,8 +182,8 @@ def unwrapped(
 
 
 def evened(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Resample a motion of joints to an even clock, so that its acceleration can be taken; return
-    the columns, and sentences on what was done."""
+    """Resample a motion of joints to even times, as its acceleration needs; return the columns and
+    sentences on what was done."""
     joints = joint_columns(data)
     if not joints or len(data["t"]) < 2:
         return data, ()
@@ -200,9 +199,8 @@ def evened(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[st
 
 
 def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Restore the even clock by which joints were read if the stamps are of the rows' arrival: on
-    it joints bend much less from frame to frame. Return the columns, and sentences on what was
-    done."""
+    """Restore the even clock by which joints were read if the stamps state the rows' arrival: on it
+    joints bend much less from row to row. Return the columns and sentences on what was done."""
     t, joints = data["t"], joint_columns(data)
     if not joints or even_clock(t) is None or (frames := _frames(t)) is None:
         return data, ()
@@ -223,8 +221,8 @@ def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple
 
 
 def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Correct frames (N,): a row behind a lost one gets the frame before its own where the joints
-    (N, J) show that it was only late."""
+    """Correct frame numbers (N,): the row after a lost frame gets the number before its own if the
+    joints q (N, J) show that it was only late."""
     row = 1 + np.flatnonzero(np.diff(frame)[:-1] >= 2)
     before, behind = q[row - 1], q[row + 1]
     misses = []
@@ -237,8 +235,8 @@ def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _frames(t: np.ndarray) -> tuple[np.ndarray, float, float] | None:
-    """Frame (N,) of an even clock that each stamp is late of, time of frame 0 and length of a frame
-    [s]; None if steps differ too much.
+    """Frame number (N,) of each stamp t (N,) on an even clock that it is late of, time of frame 0
+    [s] and step of the clock [s]; None if steps differ too much.
 
     The clock's rate is the strongest line in the stamps' spectrum; a frame begins where stamps set
     in.
@@ -266,13 +264,13 @@ def _frames(t: np.ndarray) -> tuple[np.ndarray, float, float] | None:
 
 
 def in_gap(old: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Which times ``t`` (M,) lie in gaps of a clock ``old`` (N,), boolean (M,)."""
+    """Booleans (M,): whether times t (M,) [s] lie in gaps of a clock ``old`` (N,) [s]."""
     wide = np.append(np.diff(old) > _GAP * np.median(np.diff(old)), False)
     return np.asarray(wide[np.searchsorted(old[:-1], t, side="right") - 1])
 
 
 def pieces(columns: Mapping[str, np.ndarray]) -> list[slice]:
-    """Runs of rows of a motion between gaps of its clock and borders of segments."""
+    """Slices of a motion's rows between gaps of its clock and borders of segments."""
     step = np.diff(columns["t"])
     parted = step > _PARTED * float(np.median(step)) if len(step) else step > 0.0
     if "segment" in columns:
@@ -282,7 +280,7 @@ def pieces(columns: Mapping[str, np.ndarray]) -> list[slice]:
 
 
 def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
-    """Longest gap [s] between times (N,) that may be filled; 0 if there is none.
+    """Longest gap [s] between times (N,) that interpolation may fill; 0 if there is none.
 
     Polynomials fill stretches of its length, of which the joint values (N, J) are known, with
     errors of at most twice those of a straight line over every second row, by noise or by bends.
@@ -306,7 +304,7 @@ def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
 
 
 def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (M, J) at times (M,) of the polynomials through values (N, J) at N times."""
+    """Values (M, J) at times ``at`` (M,) of polynomials fitted to values q (N, J) at t (N,)."""
     middle, half = (t[0] + t[-1]) / 2.0, (t[-1] - t[0]) / 2.0
     powers = np.polynomial.polynomial.polyvander((t - middle) / half, _DEGREE)
     slopes = np.linalg.lstsq(powers, q, rcond=None)[0]
@@ -314,8 +312,7 @@ def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Interpolate joint values (N, J) to times (M,) by cubics: straight lines would bend at every
-    row."""
+    """Interpolate values q (N, J) at ``old`` (N,) to t (M,) by cubics, smooth at each row."""
     slope = np.gradient(q, old, axis=0, edge_order=2 if len(old) > 2 else 1)
     k = np.clip(np.searchsorted(old, t, side="right") - 1, 0, len(old) - 2)
     h = (old[k + 1] - old[k])[:, None]
@@ -325,8 +322,7 @@ def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _bridged(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Interpolate joint values (N, J) to times (M,), in gaps by a polynomial through the rows on
-    both sides."""
+    """Interpolate values q (N, J) to t (M,) by cubics, in gaps by polynomials through near rows."""
     step = np.diff(old)
     result = along(old, q, t)
     for k in np.flatnonzero((step > _GAP * np.median(step)) & (step < _LONGEST_S)):

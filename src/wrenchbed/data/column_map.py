@@ -73,7 +73,7 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Where a column of a recording comes from: (column / per − zero) of a file, in SI.
+    """Where a recording's column comes from: (a file's column / ``per`` − ``zero``), in SI.
 
     A clock of two columns has the parts of its seconds in ``nanoseconds``.
     """
@@ -93,11 +93,11 @@ class Source:
 
 @dataclass(frozen=True)
 class FileMap:
-    """Columns from the files whose name matches ``match``.
+    """Columns that are read from the file whose name matches ``match``.
 
     Attributes:
-        topic: of a log, whose messages' fields are its columns.
-        delimiter: of a text file; detected if None.
+        topic: topic of a log, whose messages' fields are its columns.
+        delimiter: separator of a text file; detected if None.
         skip_incomplete: whether rows that lack a value are left out; else they are refused.
     """
 
@@ -116,7 +116,7 @@ class Conventions:
         wrench_axes: ``sensor``, ``flange`` (torque about the flange's origin) or ``base``.
         about: point that the torque is about, in sensor axes from the sensor's origin [m].
         of: whose orientation is given, ``sensor`` or ``flange``.
-        inverse: whether it is that of the base in the sensor or flange (a conjugate).
+        inverse: whether the file has the base's orientation in the sensor or flange (a conjugate).
         constant: orientation w x y z of a sensor that is never turned.
     """
 
@@ -129,7 +129,7 @@ class Conventions:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """A whole column map: its files, of which the first sets the rows; rate without a clock.
+    """Column map of an import: its files, of which the first sets the rows; a rate without clock.
 
     ``mode`` is ``static``, ``dynamic`` or ``auto``: a log whose holds and moves are detected.
     """
@@ -143,13 +143,13 @@ class ColumnMap:
 
     @property
     def angles(self) -> set[str]:
-        """Names of the joints whose values are angles."""
+        """Names of the joint columns whose values are angles."""
         every = (c for f in self.files for c in f.columns if UNITS[c.unit][0] == "angle")
         return {c.target for c in every if c.target[1:].isdecimal()}
 
     @property
     def by_accelerometer(self) -> bool:
-        """Whether only an accelerometer shows how the sensor is turned."""
+        """Whether an accelerometer is the only source of the sensor's orientation."""
         targets = {c.target for f in self.files for c in f.columns}
         turns = {name for kind in _ORIENTATIONS for name in kind} | {"q1"}
         known = targets & turns or self.conventions.constant is not None
@@ -157,13 +157,13 @@ class ColumnMap:
 
 
 def ready() -> dict[str, Path]:
-    """Paths of the maps that ship with wrenchbed, by name."""
+    """Name → path of the column maps that ship with wrenchbed."""
     folder = Path(str(files("wrenchbed.data"))) / "maps"
     return {p.stem: p for p in sorted(folder.glob("*.toml"))}
 
 
 def read(path: str | Path) -> ColumnMap:
-    """Read and check a map, a file or by the name of one of `ready`.
+    """Read and check a column map, from a file or by the name of one of `ready`.
 
     Raises:
         MapError: names the file, the entry and what it should say.
@@ -179,7 +179,7 @@ def read(path: str | Path) -> ColumnMap:
 
 
 def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
-    """Make a checked map from its fields; paths of robots and sensors are relative to ``folder``.
+    """Make a checked column map from fields; robot and sensor files are relative to ``folder``.
 
     Raises:
         MapError: names the entry and what it should say.
@@ -200,7 +200,7 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
 
 
 def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
-    """Read mode and metadata from ``[recording]``; keys that do not exist are refused."""
+    """Read mode and metadata of a recording from ``[recording]``; unknown keys are refused."""
     fields = set(Metadata.__dataclass_fields__) - {"extra"} | {"format", "configured"}
     stated.only(fields, "[recording]")
     parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}
@@ -218,7 +218,7 @@ def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Meta
 
 
 def seen_from(recording: Mapping[str, Any], moved: Callable[[str], str]) -> dict[str, Any]:
-    """Change the paths of a robot's and a sensor's file in ``[recording]`` by ``moved``."""
+    """Return ``[recording]`` with the paths of robot and sensor files changed by ``moved``."""
 
     def placed(part: Mapping[str, Any], key: str) -> dict[str, Any]:
         file = part.get(key)
@@ -312,7 +312,7 @@ def _source(where: str, target: str, entry: Any) -> Source:
 
 
 def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
-    """Refuse columns that contradict each other, or are no complete recording."""
+    """Raise `MapError` for columns that contradict each other, or do not make a recording."""
     units: dict[str, str] = {}
     for source in sources:
         if source.target in units and source.target != "t":
@@ -343,7 +343,7 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
 
 
 def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
-    """Orientation (N,) from columns of a file, angles in rad; None if no columns state it.
+    """Orientations (N,) from a file's orientation columns, angles in rad; None if it has none.
 
     Raises:
         MapError: a matrix or quaternion that is no rotation; names the row.

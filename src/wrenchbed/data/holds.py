@@ -68,14 +68,14 @@ _ENOUGH_ROWS = 50
 
 
 def runs(marked: np.ndarray) -> list[tuple[int, int]]:
-    """First row and the row after the last of each run of marked rows (N,), boolean."""
+    """First row and end of each run of consecutive True values in marked (N,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Holds:
-    """Means of a static recording over its H poses at rest.
+    """Mean values of a static recording over each of its H holds (rests at a pose).
 
     Attributes:
         t: mean time (H,) [s].
@@ -83,7 +83,7 @@ class Holds:
         wrench: mean reading (H, 6) [N, N·m]; (H, 0) without a wrench.
         count: rows in each hold (H,).
         row_covariance: of one row about its hold's mean (6, 6), None without repeats or wrench.
-        dof: degrees of freedom behind it.
+        dof: degrees of freedom of ``row_covariance``.
         rows: index of each hold's first row among those kept (H,).
     """
 
@@ -100,7 +100,7 @@ class Holds:
 
 
 def gather(recording: Recording, keep: np.ndarray) -> Holds:
-    """Average consecutive rows of one segment with unmoving joints, of those to ``keep`` (N,)."""
+    """Average rows at rest: one mean a hold, of the rows in the boolean ``keep`` (N,)."""
     names = recording.joints or QUATERNION
     sensed = CHANNELS if recording.has_wrench else ()
     columns = recording.columns
@@ -154,7 +154,7 @@ def first_rows(columns: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _noise_of(values: np.ndarray) -> np.ndarray:
-    """Standard deviation (J,) of the noise of encoders' values (N, J), most of them at rest."""
+    """Standard deviation (J,) of encoder noise, from values (N, J) of which most are at rest."""
     second = np.abs(values[2:] - 2.0 * values[1:-1] + values[:-2])
     return np.asarray(np.median(second, axis=0) / (_NORMAL * np.sqrt(6.0)))
 
@@ -162,7 +162,7 @@ def _noise_of(values: np.ndarray) -> np.ndarray:
 def _stays_away(
     values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
-    """Whether each jump of values (N,) lasts; after a jump by noise the values return.
+    """Booleans: whether each jump of values (N,) lasts; after a jump by noise they return.
 
     Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
     """
@@ -176,7 +176,7 @@ def _stays_away(
 
 
 def means_of(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Means (M,) or (M, K) of the rows from ``low`` (M,) up to before ``high`` (M,) of values."""
+    """Means (M,) or (M, K) of values (N,) or (N, K) over rows low (M,) to high (M,), exclusive."""
     change = np.cumsum(values - values[0], axis=0, dtype=float)
     total = np.concatenate([np.zeros_like(change[:1]), change])
     count = (high - low).reshape(-1, *[1] * (values.ndim - 1))
@@ -186,7 +186,7 @@ def means_of(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarra
 def about_means(
     rows: Sequence[np.ndarray], mean: np.ndarray, count: np.ndarray
 ) -> Iterator[tuple[slice, np.ndarray]]:
-    """Yield deviations of rows from their hold's mean (H, 6), as (holds, rows) for some complete
+    """Yield pairs (slice of holds, deviations of their rows from the hold's mean (H, 6)), some
     holds at a time; ``rows`` are six channels (N,), ``count`` (H,) the rows of each hold."""
     for some, at in parts(count):
         residual = np.stack([y[at] for y in rows], axis=1, dtype=float)
@@ -195,8 +195,7 @@ def about_means(
 
 
 def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
-    """Yield slices (holds, rows) of some complete holds at a time; ``count`` (H,) are their
-    rows."""
+    """Yield pairs of slices (holds, their rows), some at a time; ``count`` (H,) are their rows."""
     ends = np.cumsum(count)
     first = row = 0
     while first < len(count):
@@ -210,10 +209,10 @@ def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Which rows of a log are holds and which are moves.
+    """Which rows of a log belong to holds (at rest) and which to moves.
 
     Attributes:
-        hold: of each row its hold's number from 0, −1 in a move (N,).
+        hold: number of each row's hold from 0, −1 in a move (N,).
         seconds: length of each hold (H,) [s].
         moves: how many moves there are.
         slow: whether the holds are stretches of slow turning.
@@ -239,7 +238,7 @@ class Split:
         return f"{n} {holds} of {length}; {self.moves} {moves}"
 
     def at_rest(self, recording: Recording, metadata: Metadata) -> Recording:
-        """Recording with the rows of the holds, numbered by ``segment``."""
+        """Make a recording of the rows in holds, whose numbers are its ``segment``."""
         keep = self.hold >= 0
         columns = {k: v[keep] for k, v in recording.columns.items()} | {"segment": self.hold[keep]}
         if not recording.joints:
@@ -250,8 +249,10 @@ class Split:
 
 
 def split(recording: Recording, slow: bool = False) -> Split:
-    """Find the holds and moves of a log; with ``slow``, where hardly anything rests, stretches of
-    turning too slow for a sensor to show inertia count as holds.
+    """Find the holds and moves of a log.
+
+    With ``slow``, where hardly anything rests, stretches that turn too slowly to show inertia count
+    as holds.
 
     Raises:
         RecordingError: there is no hold.
@@ -269,8 +270,7 @@ def split(recording: Recording, slow: bool = False) -> Split:
 
 
 def check_at_rest(recording: Recording) -> None:
-    """Refuse a log of moves that is given as poses at rest: each row a pose of its own, close to
-    the one before in place and time.
+    """Refuse a log of moves stated as poses at rest: each row is a pose close to the one before.
 
     Raises:
         RecordingError: most rows are in motion.
@@ -290,7 +290,7 @@ def check_at_rest(recording: Recording) -> None:
 
 
 def noise_at_rest(recording: Recording) -> tuple[float, ...] | None:
-    """Standard deviation of one row at rest (6,) [N, N·m]; None where too little is at rest."""
+    """Standard deviation of one row at rest (6,) [N, N·m]; None if too few rows are at rest."""
     holds = _split(recording)
     if holds is None:
         return None
@@ -303,7 +303,7 @@ def noise_at_rest(recording: Recording) -> tuple[float, ...] | None:
 
 
 def with_noise(recording: Recording) -> Recording:
-    """Add ``noise_std``, taken from the rests of a motion, to its metadata if none is stated."""
+    """Return the recording with ``noise_std`` in its metadata, if missing there, from its rests."""
     stated = recording.metadata
     known = stated.sensor.noise_std is not None or not recording.has_wrench
     if stated.mode != "dynamic" or known or (std := noise_at_rest(recording)) is None:
@@ -327,11 +327,11 @@ class _Path:
     noise: np.ndarray
 
     def part(self, run: tuple[int, int]) -> "_Path":
-        """The path of the rows of a run."""
+        """Cut out the rows of a run (first row, end)."""
         return _Path(self.q[slice(*run)], self.t[slice(*run)], self.noise)
 
     def still(self, window: int, least: float) -> list[tuple[int, int]]:
-        """Runs at rest: the means of neighbouring windows agree within their noise or ``least``."""
+        """Runs (first row, end) at rest: windows side by side agree within noise or ``least``."""
         n = len(self.q)
         row = np.clip(np.arange(n), 1, n - 2)
         low, high = np.maximum(row - window, 0), np.minimum(row + window, n - 1)
@@ -343,14 +343,13 @@ class _Path:
 
     @property
     def creeps(self) -> bool:
-        """Whether the path's two ends are further apart than an encoder's flicker."""
+        """Whether start and end of the path differ by more than an encoder's flicker."""
         third = max(1, len(self.q) // 3)
         way = np.abs(self.q[-third:].mean(axis=0) - self.q[:third].mean(axis=0))
         return bool((way > _DRIFT + _SIGMAS * self.noise * np.sqrt(2.0 / third)).any())
 
     def without_creep(self, run: tuple[int, int], window: int) -> list[tuple[int, int]]:
-        """Split a run that creeps into parts that rest for longer windows too; else the run
-        itself."""
+        """Parts of a run that rest also over longer windows, if it creeps; else the run itself."""
         path = self.part(run)
         if not path.creeps:
             return [run]
@@ -360,7 +359,7 @@ class _Path:
         return [(run[0] + a, run[0] + b) for a, b in parts if not path.part((a, b)).creeps]
 
     def joined(self, runs: Sequence[tuple[int, int]], pause: int) -> list[tuple[int, int]]:
-        """Join runs with the same pose and hardly a pause between them."""
+        """Merge consecutive runs at the same pose that at most ``pause`` rows separate."""
         done: list[tuple[int, int]] = []
         for a, b in runs:
             if done and a - done[-1][1] <= pause:
@@ -374,7 +373,7 @@ class _Path:
         return done
 
     def without_ends(self, run: tuple[int, int]) -> tuple[int, int]:
-        """Rows of a run without its ends, where a joint accelerates; a short run as it is."""
+        """Cut off a run's ends, where joints may accelerate; a short run is returned as it is."""
         begin, end = self.t[run[0]], self.t[run[1] - 1]
         edge = min(_EDGE_S, _EDGE_SHARE * (end - begin))
         first = int(np.searchsorted(self.t, begin + edge))
@@ -383,19 +382,19 @@ class _Path:
 
 
 def _smooth(recording: Recording) -> np.ndarray:
-    """Joint values (N, J), or continuous quaternions (N, 4)."""
+    """Joint values (N, J) of a recording, or its quaternions (N, 4) without sign flips."""
     q = recording.q.astype(float)
     return q if recording.joints else _continuous(q)
 
 
 def _continuous(q: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4) with the signs that make them continuous."""
+    """Flip signs of quaternions (N, 4) so that consecutive ones are close."""
     flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     return np.concatenate([q[:1], q[1:] * flips[:, None]])
 
 
 def _split(recording: Recording) -> Split | None:
-    """Holds and moves of a log; None if nothing rests."""
+    """Find the holds and moves of a log; None if nothing is at rest."""
     q, t, n = _smooth(recording), recording.t, len(recording)
     step = float(np.median(np.diff(t))) if n > 1 else 0.0
     window = max(_LEAST_WINDOW, round(_WINDOW_S / step)) if step > 0 else _LEAST_WINDOW
@@ -422,7 +421,7 @@ def _split(recording: Recording) -> Split | None:
 
 
 def _slow(recording: Recording) -> Split | None:
-    """Cut slow turning into stretches of `_DRIFT`, each a hold; None if there is none."""
+    """Cut slow turning into stretches of at most `_DRIFT`, each a hold; None if there is none."""
     q, t, n = _smooth(recording), recording.t, len(recording)
     step = float(np.median(np.diff(t))) if n > 1 else 0.0
     half = round(_SLOW_S / step / 2.0) if step > 0 else 0
@@ -449,7 +448,7 @@ def _slow(recording: Recording) -> Split | None:
 
 
 def _settled(y: np.ndarray, run: tuple[int, int], block: int) -> tuple[int, int]:
-    """Cut off the rows of a run at which the wrench (N, 6) is not yet, or no longer, at rest."""
+    """Shorten a run (first row, end) to the rows at which the wrench y (N, 6) is steady."""
     a, b = run
     count = (b - a) // block
     if count < 4:

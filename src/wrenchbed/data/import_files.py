@@ -55,14 +55,14 @@ _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """An imported recording, and what became of the rows.
+    """An imported recording, and what became of the files' rows.
 
     Attributes:
         recording: poses at rest, or a motion.
         left_out: rows outside the other files' times.
         notes: sentences on what was done to the clock and to the rows.
         motion: of a log of holds and moves (mode auto) all of it, the moves too; else None.
-        split: its holds and moves; else None.
+        split: holds and moves of such a log; else None.
     """
 
     recording: Recording
@@ -73,7 +73,7 @@ class Imported:
 
 
 def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported:
-    """Read files by a map.
+    """Read files by a column map and make a recording of them.
 
     Raises:
         MapError: a file that the map does not know, a missing column, a value that is no number,
@@ -99,7 +99,7 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
 
 
 def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) -> Recording:
-    """Recording whose time begins at 0, with integers in the columns that need them."""
+    """Make a recording that begins at time 0, with integer columns where they are required."""
     columns = dict(data) | {"t": data["t"] - data["t"][0]}
     for whole in ("segment", "status"):
         if whole in columns:
@@ -110,8 +110,8 @@ def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) ->
 def merged(
     files: Sequence[str | Path], column_map: ColumnMap
 ) -> tuple[dict[str, np.ndarray], int, str, tuple[str, ...]]:
-    """Merge files: columns of a recording (t, wrench in sensor axes, joints or quaternion), rows
-    outside the other files' times, the first file's name, and notes on rows without a value.
+    """Merge files: columns of a recording (t, wrench in sensor axes, joints or quaternion), number
+    of rows outside the other files' times, the first file's name, and notes on rows left out.
 
     Raises:
         MapError: see `import_files`.
@@ -165,8 +165,8 @@ def merged(
 def _beside(
     part: dict[str, np.ndarray], t: np.ndarray, column_map: ColumnMap
 ) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[str, ...]]:
-    """Columns of a further file at the times of the first (N,); which of these lie within it and in
-    no gap of a motion (N,); and notes on what was done to its clock."""
+    """Columns of a further file, interpolated to the first file's times t (N,); booleans (N,):
+    times within that file and in no gap; and notes on what was done to its clock."""
     notes: tuple[str, ...] = ()
     gap = np.zeros(len(t), dtype=bool)
     if column_map.mode != "static":
@@ -180,8 +180,8 @@ def _beside(
 def _by_accelerometer(
     data: Mapping[str, np.ndarray], mode: str, where: str
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Replace an accelerometer by the orientation that it shows, in rows at rest, each pose a
-    segment; return the columns and a sentence.
+    """Replace an accelerometer by the orientation that it shows at rest, each pose a segment;
+    return the columns and a sentence.
 
     Raises:
         MapError: rows lie between poses and the mode is not auto, or the sensor was not at rest.
@@ -216,7 +216,7 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
 
 
 def _table(path: Path, file_map: FileMap) -> tuple[Columns, int]:
-    """Columns of a file, and the number of its rows left out because they lack a value."""
+    """Read a file's columns; also return the number of rows left out because they lack a value."""
     if is_log(path):
         wanted = [c.column for c in file_map.columns]
         table = Columns(log_table(path, file_map.topic, wanted), str(path))
@@ -232,7 +232,7 @@ def _table(path: Path, file_map: FileMap) -> tuple[Columns, int]:
 
 
 def _columns(table: Columns, file_map: FileMap) -> dict[str, np.ndarray]:
-    """Columns of a table in SI, times in whole ns, any orientation as a quaternion."""
+    """Convert a table's columns to SI, times to whole ns and any orientation to a quaternion."""
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
         if source.target == "t":
@@ -246,7 +246,7 @@ def _columns(table: Columns, file_map: FileMap) -> dict[str, np.ndarray]:
 
 
 def _clock(table: Columns, source: Source) -> np.ndarray:
-    """Times (N,) [ns] of numbers in a unit, of two columns, or of stamps in text."""
+    """Times (N,) [ns] from a clock column of numbers, of two columns, or of text stamps."""
     where = f"{table.where}: column {source.column!r}"
     if (stamps := table.times(source.column)) is not None:
         return nanoseconds(stamps, 0.0, 1.0 / PER_S, where)
@@ -264,7 +264,7 @@ def _clock(table: Columns, source: Source) -> np.ndarray:
 def _in_sensor_axes(
     data: dict[str, np.ndarray], column_map: ColumnMap, path: Path
 ) -> dict[str, np.ndarray]:
-    """Replace the orientation by the sensor's, and turn the wrench into its axes."""
+    """Convert orientation to the sensor's, and the wrench to sensor axes, in columns ``data``."""
     conventions, stated = column_map.conventions, column_map.metadata
     pose = stated.sensor.pose_flange
     rows = len(data["t"])
@@ -297,7 +297,7 @@ def _in_sensor_axes(
 
 
 def sensor_by_joints(data: Mapping[str, np.ndarray], metadata: Metadata, where: str) -> Rotation:
-    """Orientation of the sensor in the base (N,) at joint values, by the robot's nominal model.
+    """Orientations of the sensor in the base (N,) at joint columns, by the robot's nominal model.
 
     Raises:
         MapError: no joints, or no such robot.

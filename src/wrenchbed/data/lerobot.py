@@ -38,12 +38,12 @@ _OF_JOINTS = [u for u, (quantity, _) in UNITS.items() if quantity in ("angle", "
 
 
 def is_lerobot(path: Path) -> bool:
-    """Whether a path is the folder of a data set."""
+    """Whether a path is the folder of a LeRobot data set."""
     return (path / INFO).is_file()
 
 
 def import_lerobot(folder: Path, map_file: Path) -> Imported:
-    """Read a data set by a map with ``[recording]`` and ``[lerobot]``.
+    """Read a LeRobot data set, by a map with ``[recording]`` and ``[lerobot]``, as a recording.
 
     Raises:
         MapError: names the file, the entry and what it should say.
@@ -88,7 +88,7 @@ def import_lerobot(folder: Path, map_file: Path) -> Imported:
 
 
 def _features(folder: Path) -> dict[str, list[str]]:
-    """Names of the numbers of each feature (``observation.state``, ``action``) by the feature."""
+    """Feature (``observation.state``, ``action``) → names of the numbers in it."""
     fields = checked.Fields(checked.load(folder / INFO, MapError), f"{folder / INFO}: ", MapError)
     result: dict[str, list[str]] = {}
     for name, entry in fields.part("features").raw.items():
@@ -105,7 +105,7 @@ def _features(folder: Path) -> dict[str, list[str]]:
 def _joints(
     stated: checked.Fields, joints: Sequence[str], names: Sequence[str], where: str
 ) -> list[str]:
-    """Names of a feature's numbers that are the robot's joints, in the robot's order."""
+    """Names of those numbers of a feature that are the robot's joints, in the robot's order."""
     given = stated.raw.get("joints")
     if given is not None:
         if not isinstance(given, list) or len(given) != len(joints) or set(given) - set(names):
@@ -125,7 +125,7 @@ def _joints(
 
 
 def _places(names: Sequence[str], wanted: Sequence[str], kind: str, folder: Path) -> list[int]:
-    """Indices of wanted numbers in a feature, whose names may differ behind the last dot."""
+    """Indices of the wanted names in a feature's names, which may differ behind the last dot."""
     bases = [n.rpartition(".")[0] or n for n in names]
     ours = [n.rpartition(".")[0] or n for n in wanted]
     if missing := [n for n in ours if n not in bases]:
@@ -134,7 +134,7 @@ def _places(names: Sequence[str], wanted: Sequence[str], kind: str, folder: Path
 
 
 def _table(folder: Path, kinds: Sequence[str]) -> pa.Table:
-    """Rows of all files in the order of episodes and frames."""
+    """Read a data set's columns of some features, rows in order of episodes and frames."""
     files = sorted((folder / "data").rglob("*.parquet"))
     if not files:
         raise MapError(f"{folder}: has no Parquet file under data/")
@@ -152,7 +152,7 @@ def _table(folder: Path, kinds: Sequence[str]) -> pa.Table:
 
 
 def _clock(table: pa.Table, where: str) -> dict[str, np.ndarray]:
-    """Columns t [s] and segment: episodes follow each other with a pause."""
+    """Columns t [s] and segment (N,) of a data set: episodes are segments, with pauses between."""
     t = table["timestamp"].to_numpy().astype(float)
     episode = table["episode_index"].to_numpy().astype(np.int64)
     if not len(t):
@@ -165,7 +165,7 @@ def _clock(table: pa.Table, where: str) -> dict[str, np.ndarray]:
 
 
 def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
-    """Numbers of a feature (N, K)."""
+    """Numbers of a feature, one row a frame (N, K)."""
     flat = table[kind].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(float)
     if len(flat) % len(table):
         raise MapError(f"{folder}: rows of {kind} have different lengths")
@@ -173,7 +173,7 @@ def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
 
 
 def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarray:
-    """Convert joint values (N, J) to rad and m."""
+    """Convert joint values (N, J) in the units that the map states to rad and m."""
     units = [*_OF_JOINTS, NORMALISED]
     rule = (
         f"must say what the data set's values are, which it does not: {', '.join(units)}; LeRobot "
@@ -192,7 +192,7 @@ def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarra
 
 
 def _pairs(stated: checked.Fields, key: str, joints: int, what: str) -> np.ndarray:
-    """Two numbers for each joint (J, 2), as the map states them under ``key``; they must differ."""
+    """Two different numbers for each joint (J, 2), as the map states them under ``key``."""
     try:
         result = np.asarray(stated.raw.get(key), dtype=float)
     except (TypeError, ValueError):

@@ -48,14 +48,14 @@ _REMEDY = (
 
 @dataclass(frozen=True)
 class Channel:
-    """Messages of one kind on one topic.
+    """One topic of a log with messages of one type.
 
     Attributes:
-        topic: its name.
-        kind: of its messages, ``geometry_msgs/msg/WrenchStamped``.
+        topic: name of the topic.
+        kind: type of the messages, for instance ``geometry_msgs/msg/WrenchStamped``.
         encoding: ``cdr``, ``ros1`` or ``json``.
-        definition: text that defines the kind; empty where the log holds none.
-        language: of the definition; ``msg`` can be read.
+        definition: text that defines the type; empty where the log holds none.
+        language: language of the definition; ``msg`` can be read.
         digest: checksum of the definition as the log states it; empty without one.
     """
 
@@ -72,12 +72,12 @@ Messages = Iterator[tuple[Channel, int, bytes]]
 
 
 def is_log(path: Path) -> bool:
-    """Whether a path is a bag (``.bag``, a folder with ``metadata.yaml``) or an MCAP file."""
+    """Whether a path is a ROS bag (``.bag``, folder with ``metadata.yaml``) or an MCAP file."""
     return path.suffix in _SUFFIXES or (path / METADATA).is_file()
 
 
 class MessageRows:
-    """Gathers some fields of the messages of one topic, row by row.
+    """Collects some fields of one topic's messages as rows of a table.
 
     Args:
         wanted: names of columns: `STAMP`, `LOGGED`, a path such as ``wrench.force.x``, or, of
@@ -98,7 +98,7 @@ class MessageRows:
         self._frame = next((frame for frame in frames if not frame.isdecimal()), None)
 
     def add(self, message: Any, logged: int) -> bool:
-        """Add a message, logged at a time [ns]; return whether it became a row."""
+        """Add a message that was logged at a time [ns]; return False if it was left out."""
         self.seen += 1
         headed = message
         if self._frame is not None:
@@ -122,15 +122,15 @@ class MessageRows:
         return True
 
     def table(self) -> pa.Table:
-        """Table of the messages; fields that some message lacked are NaN."""
+        """Table with a row for each message; fields that some message lacked are NaN."""
         kinds = {"q": pa.int64(), "d": pa.float64()}
         columns = self._columns.items()
         return pa.table({n: pa.array(memoryview(c), kinds[c.typecode]) for n, c in columns})
 
 
 def _at(message: Any, path: Sequence[str], names: Sequence[str]) -> Any:
-    """Value at a path of a message; None if there is none. In a list, a joint's name stands for its
-    index among ``names``."""
+    """Value at a path of field names in a message, None if missing; in a list, a joint's name
+    stands for its index in ``names``."""
     value = message
     for depth, part in enumerate(path):
         inner = _get(value, part)
@@ -144,7 +144,7 @@ def _at(message: Any, path: Sequence[str], names: Sequence[str]) -> Any:
 
 
 def _get(thing: Any, name: str) -> Any:
-    """Field of a message, or element of a list by its number; None if there is none."""
+    """Field of a message by name, or element of a list by its number; None if there is none."""
     if isinstance(thing, Mapping):
         return thing.get(name)
     if _is_list(thing):
@@ -159,13 +159,13 @@ def _is_list(thing: Any) -> bool:
 
 
 def _transform(message: Any, frame: str) -> Any:
-    """The transform to a child frame in a TFMessage, with or without a slash before its name."""
+    """Transform to the child frame in a TFMessage (leading slashes ignored); None if missing."""
     named = {str(_get(t, "child_frame_id")).lstrip("/"): t for t in _get(message, TRANSFORMS) or ()}
     return named.get(frame.lstrip("/"))
 
 
 def _nanoseconds(stamp: Any) -> int:
-    """A stamp of ROS 1 or 2, or of JSON [ns]; −1 without one."""
+    """Convert a time stamp of ROS 1, ROS 2 or JSON to whole nanoseconds; −1 without one."""
     second, part = _get(stamp, "sec"), _get(stamp, "nanosec")
     if part is None:
         part = _get(stamp, "nsec")
@@ -173,7 +173,7 @@ def _nanoseconds(stamp: Any) -> int:
 
 
 def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
-    """Columns of one topic of a log, rows in the order in which the messages were written.
+    """Read some columns of one topic of a log, rows in the order in which messages were written.
 
     The topic may be left out where there is only one; for ``wanted`` see `MessageRows`.
 
@@ -223,7 +223,7 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
 
 
 def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
-    """Name of the topic to read; an error lists those of the log."""
+    """Name of the topic to read: the stated one, or the only one; else an error lists all."""
     if topic is not None and topic in topics:
         return topic
     if topic is None and len(topics) == 1:
@@ -234,7 +234,7 @@ def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
 
 
 def _line(error: Exception) -> str:
-    """Text of an error, in one line."""
+    """Text of an exception, in one line."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     if isinstance(error, RecursionError):
@@ -245,15 +245,15 @@ def _line(error: Exception) -> str:
 
 
 def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Messages of one topic of a log, in the order of the file; none if the topic is None.
+    """Yield a topic's messages, decoded, in the order of the file; none if the topic is None.
 
-    ``topics`` receives all topics and the kinds of their messages.
+    ``topics`` receives all topics and the types of their messages.
     """
     return (_of_mcap if path.suffix == ".mcap" else _of_bag)(path, topic, topics)
 
 
 def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Messages of an MCAP file, read from begin to end; see `_messages`."""
+    """Yield messages of an MCAP file, read from begin to end; arguments as of `_messages`."""
     library = registry.require("mcap.stream_reader", "logs")
     kinds = registry.require("mcap.records", "logs")
     schemas: dict[int, Any] = {}
@@ -295,7 +295,7 @@ def _channel_of_mcap(record: Any, schema: Any) -> Channel:
 
 
 def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Messages of a bag of ROS 1 or 2; see `_messages`."""
+    """Yield messages of a ROS 1 or 2 bag; arguments as of `_messages`."""
     bag1 = path.suffix == ".bag"
     library = registry.require(f"rosbags.rosbag{1 if bag1 else 2}.reader", "logs")
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path
@@ -324,12 +324,12 @@ def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
 
 
 def _left_to_mcap(path: Path) -> SimpleNamespace:
-    """Replace rosbags' reader of MCAP, which unpacks without a limit, by one that reads nothing."""
+    """Stand-in for rosbags' MCAP reader, which unpacks without a limit: it reads nothing."""
     return SimpleNamespace(path=path, connections=(), open=lambda: None, close=lambda: None)
 
 
 def _stored(bag: Any, connections: Sequence[Any]) -> Messages:
-    """Messages of one topic of an open bag; those of ROS 2 may yet be compressed."""
+    """Yield the stored messages of one topic of an open bag; those of ROS 2 may be compressed."""
     if not connections:
         return
     parts = getattr(getattr(bag, "storage", None), "storages", ())
@@ -353,7 +353,7 @@ def _check_count(path: Path, stated: int, count: int) -> None:
 
 
 def _decoder(channel: Channel) -> Callable[[bytes], Any]:
-    """Function that decodes the bytes of a channel's messages into objects."""
+    """Return a function that decodes the bytes of a channel's messages into objects."""
     if channel.encoding == "json":
         return json.loads
     if channel.encoding not in ("cdr", "ros1"):
@@ -377,7 +377,7 @@ def _decoder(channel: Channel) -> Callable[[bytes], Any]:
 
 
 def write_mcap(recording: Recording, path: str | Path) -> None:
-    """Write wrench, joints and temperature as `geometry_msgs` and `sensor_msgs` in CDR.
+    """Write a recording's wrench, joints and temperature to an MCAP file, as ROS 2 messages in CDR.
 
     Raises:
         MissingExtraError: mcap or rosbags is not installed.
@@ -410,7 +410,7 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
 def _topics(
     recording: Recording, known: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Callable[[int], dict[str, Any]]]]:
-    """Yield topic, type, and a function from row to message fields, for all that is recorded."""
+    """Yield topic, message type, and a function from row to message, for all recorded data."""
     vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
     load = recording.wrench.astype(float)
 

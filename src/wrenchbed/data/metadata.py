@@ -23,7 +23,7 @@ _LEAST_GRAVITY, _MOST_GRAVITY = 1.0, 30.0
 
 @dataclass(frozen=True)
 class ToolInfo:
-    """Stated load: mass [kg], cog (3,) [m] in sensor axes, inertia xx yy zz xy xz yz [kg·m²]."""
+    """Stated load: mass [kg], cog (3,) [m], inertia (6,) xx yy zz xy xz yz [kg·m²], sensor axes."""
 
     mass: float | None = None
     cog: tuple[float, ...] | None = None
@@ -32,8 +32,8 @@ class ToolInfo:
 
 @dataclass(frozen=True)
 class SensorInfo:
-    """Stated sensor: noise_std (6,) of one row at rest, own mass on the gauges [kg], its pose on
-    the flange x y z qw qx qy qz."""
+    """Stated sensor: noise_std (6,) of a row at rest [N, N·m], own mass on its gauges [kg], pose on
+    the flange x y z [m] qw qx qy qz."""
 
     model: str | None = None
     noise_std: tuple[float, ...] | None = None
@@ -43,7 +43,7 @@ class SensorInfo:
 
 @dataclass(frozen=True)
 class Metadata:
-    """Checked metadata of a recording; ``extra`` keeps what this version does not know."""
+    """Checked metadata of a recording; ``extra`` keeps fields that this version does not know."""
 
     robot: str
     mode: str
@@ -56,7 +56,7 @@ class Metadata:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """The contract's JSON object, without what is not stated."""
+        """JSON object of the metadata, as docs/contracts.md defines it, without unstated fields."""
         raw: dict[str, Any] = {
             "format": FORMAT,
             "robot": self.robot,
@@ -73,13 +73,13 @@ class Metadata:
 
 
 def model_field(name: str | None, kind: str = "robots") -> dict[str, Any]:
-    """Field of a file that carries a described robot or sensor; empty for one that ships."""
+    """Metadata field that carries a described robot or sensor; empty for one that ships."""
     record = registry.record_of(kind, str(name))
     return {} if record is None else {_MODELS[kind]: dict(record)}
 
 
 def known_name(raw: Mapping[str, Any], name: str, kind: str = "robots") -> str:
-    """Name of a robot or sensor in a file that may carry its model, or name a user's TOML.
+    """Registry name of a robot or sensor in a file that may carry its model or name a user's TOML.
 
     Raises:
         NotFoundError, ParameterError: the user's TOML cannot be read.
@@ -95,7 +95,7 @@ def _stated(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parse(raw: Mapping[str, Any], where: str) -> Metadata:
-    """Check the JSON metadata of a recording.
+    """Check a recording's JSON metadata and make `Metadata` from it.
 
     Raises:
         RecordingError: names the field, what was found and what is allowed.

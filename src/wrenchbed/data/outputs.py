@@ -22,7 +22,7 @@ _REMEDY = "give another name, or --force, which keeps it with ~ at the end of it
 
 
 class Kind(StrEnum):
-    """Kinds of files, with the word for each in messages."""
+    """Kinds of output files; the value is the word for it in messages."""
 
     RECORDING = "a recording"
     LOG = "an MCAP log"
@@ -65,7 +65,7 @@ _MARKS = (
 
 
 def kind_of(path: Path) -> Kind | None:
-    """Kind of a file by its content; None for anything that wrenchbed does not write.
+    """Kind of a file by its content; None for one that wrenchbed does not write.
 
     Raises:
         OSError: it cannot be read.
@@ -119,7 +119,8 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
 
 
 def keeping(path: Path, write: Callable[[Path], Made]) -> Made:
-    """Write a file; one of this name is first renamed to the first free name NAME~, NAME~2, … ."""
+    """Call ``write(path)`` and return its result; an existing file is first renamed to the first
+    free name of NAME~, NAME~2, … ."""
     kept = set_aside(path, beside=JOURNAL)
     try:
         return write(path)

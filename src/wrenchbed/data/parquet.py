@@ -27,7 +27,7 @@ with noise reaches a multiple of 2, one of constant columns more."""
 
 
 def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Read a file: its columns as `columns` gives them, and its JSON metadata.
+    """Read a Parquet file: its columns as `columns` gives them, and its JSON metadata.
 
     A large file is unpacked column by column, so that it is never in memory twice.
 
@@ -62,7 +62,7 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
 
 
 def column_names(path: Path) -> tuple[str, ...] | None:
-    """Names of a file's columns; None where it is no Parquet file that can be read."""
+    """Names of a Parquet file's columns; None if the file cannot be read as Parquet."""
     try:
         return tuple(pq.read_schema(_source(path)).names)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as cause:
@@ -76,7 +76,7 @@ def _source(path: Path) -> pa.NativeFile:
 
 
 def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
-    """Open a file and check its columns: few enough, of numbers or text, not larger than plausible.
+    """Open a Parquet file and check its columns: few enough, of numbers or text, plausible size.
 
     Text is kept as a dictionary, so that a long one that is repeated does not fill the memory.
 
@@ -100,7 +100,7 @@ def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
 
 
 def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> dict[str, Any]:
-    """The JSON under the key ``wrenchbed``.
+    """Read the JSON metadata under the key ``wrenchbed`` of a Parquet schema.
 
     Raises:
         error: no such key, not JSON, or a format that this version does not read.
@@ -122,7 +122,7 @@ def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> d
 
 
 def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[str, np.ndarray]:
-    """Every column as a read-only numpy array.
+    """Convert every column of a table to a read-only numpy array.
 
     Raises:
         error: a duplicated column, a missing value (names its row) or a column of another kind.
@@ -146,12 +146,12 @@ def _check_names(names: Sequence[str], path: Path, error: type[WrenchbedError]) 
 
 
 def table_of(data: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> pa.Table:
-    """A table with the metadata under the key ``wrenchbed``."""
+    """Make an Arrow table of columns, with the metadata as JSON under the key ``wrenchbed``."""
     table = pa.table({name: np.ascontiguousarray(array) for name, array in data.items()})
     return table.replace_schema_metadata({KEY: json.dumps(metadata, ensure_ascii=False).encode()})
 
 
 def write(path: Path, table: pa.Table) -> None:
-    """Write a table to a Parquet file atomically."""
+    """Write an Arrow table to a Parquet file atomically."""
     with atomic_write(path) as file:
         pq.write_table(table, file, write_page_checksum=True)

@@ -20,15 +20,15 @@ _FAR = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Poses to visit, or a motion to follow: joint values (N, J) in order.
+    """A plan for a robot: poses to visit, or a motion to follow, as joint values (N, J).
 
     Attributes:
         robot: whose joints these are.
-        q: [rad or m]; in a dynamic plan one row a sample at ``rate_hz``.
+        q: joint values [rad or m]; in a dynamic plan one row a sample at ``rate_hz``.
         segment: which hold or motion each row belongs to (N,).
         dwell: how long to stay [s] (N,), 0 for the recorder's default.
         mode: ``static`` or ``dynamic``.
-        rate_hz: of a dynamic plan.
+        rate_hz: sample rate of a dynamic plan [Hz].
         points: known positions in the world (N, 3) [m] that the tool's tip shall touch from each
             pose; None in a plan that touches nothing.
         name: file name for messages.
@@ -52,7 +52,8 @@ class Plan:
         rate_hz: float | None = None,
         points: np.ndarray | None = None,
     ) -> "Plan":
-        """A plan of poses (N, J), of touches, or of one trajectory if a rate is given."""
+        """Make a plan of poses q (N, J), of touches of points (N, 3), or of a motion at a rate
+        [Hz]."""
         n = len(q)
         segment = np.arange(n) if rate_hz is None else np.zeros(n, dtype=int)
         mode = "static" if rate_hz is None else "dynamic"
@@ -63,7 +64,7 @@ class Plan:
 
     @classmethod
     def read(cls, path: str | Path) -> "Plan":
-        """Read and check a plan's file.
+        """Read and check a plan from its file.
 
         Raises:
             PlanError: names the file, the field or column, and the row.
@@ -120,13 +121,13 @@ class Plan:
 
 
 def is_plan(path: Path) -> bool:
-    """Whether a file is Parquet with joint values and no readings of a sensor or of joints."""
+    """Whether a file is a plan: Parquet with joint values, but no sensor or joint readings."""
     names = parquet.column_names(path) or ()
     return "q1" in names and not holds_readings(names)
 
 
 def read(path: str | Path) -> np.ndarray:
-    """Read points (K, 3) [m] from a text file with the columns x, y, z.
+    """Read points to touch (K, 3) [m] from a text file with the columns x, y, z.
 
     Raises:
         PlanError: names the file, the column and the row.

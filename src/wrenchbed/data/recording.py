@@ -41,7 +41,7 @@ JOURNAL = ".journal"
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Columns (N,) by name with checked metadata.
+    """A recording: columns (N,) by name, with checked metadata.
 
     Attributes:
         metadata: what is stated about robot, tool and sensor.
@@ -65,7 +65,7 @@ class Recording:
 
     @property
     def t(self) -> np.ndarray:
-        """Time from the start (N,) [s]."""
+        """Time of each row since the start (N,) [s]."""
         return self.columns["t"]
 
     @property
@@ -80,18 +80,18 @@ class Recording:
 
     @property
     def has_wrench(self) -> bool:
-        """Whether there is a wrench, not only joint efforts or places of a target."""
+        """Whether the recording has a wrench, not only joint efforts or target positions."""
         return CHANNELS[0] in self.columns
 
     @property
     def only_commanded(self) -> bool:
-        """Whether the recording holds joint targets and values but no sensor's readings."""
+        """Whether the recording holds joint targets and values, but no readings of a sensor."""
         columns = self.columns
         other = self.has_wrench or self.effort is not None or TARGET[0] in columns
         return not other and commanded(columns)
 
     def require_wrench(self) -> None:
-        """Refuse a recording of joint efforts, or of places of a target, alone.
+        """Check that the recording has a wrench, not only joint efforts or target positions.
 
         Raises:
             RecordingError: it has no wrench.
@@ -104,18 +104,18 @@ class Recording:
             )
 
     def without_wrench(self) -> "Recording":
-        """The recording without the columns of its wrench."""
+        """Return the recording without its wrench columns."""
         kept = {name: column for name, column in self.columns.items() if name not in CHANNELS}
         return replace(self, columns=kept)
 
     @property
     def effort(self) -> str | None:
-        """Prefix of the effort columns, ``tau`` [N·m] or ``i`` [A], torques first; else None."""
+        """Prefix of the joint effort columns, ``tau`` [N·m] before ``i`` [A]; None without any."""
         return effort_prefix(self.columns)
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joint columns q1…qJ, empty for a recording with orientations."""
+        """Names of the joint columns q1…qJ; empty for a recording with orientations."""
         return joint_columns(self.columns)
 
     @property
@@ -125,19 +125,19 @@ class Recording:
         return np.stack([self.columns[c] for c in names], axis=-1)
 
     def parts_of_q(self) -> Iterator[np.ndarray]:
-        """Yield `q` (n, J) for some rows at a time: all of `q` would be half a large recording."""
+        """Yield `q` in parts (n, J) of some rows: all at once would be half a large recording."""
         columns = [self.columns[c] for c in self.joints or QUATERNION]
         for first in range(0, len(self), parquet.ROWS_AT_ONCE):
             yield np.stack([c[first : first + parquet.ROWS_AT_ONCE] for c in columns], axis=-1)
 
     @property
     def rotation(self) -> np.ndarray:
-        """R_base_sensor (N, 3, 3) of a recording with orientations."""
+        """Sensor rotations R_base_sensor (N, 3, 3) of a recording with orientations."""
         return matrix(self.q)
 
     @classmethod
     def read(cls, path: str | Path) -> "Recording":
-        """Read and check a recording's file, and with it the journal of a writer that was killed.
+        """Read and check a recording from its file, with rows in the journal of a killed writer.
 
         Raises:
             RecordingError: names the file, the field or column, and the row.
@@ -160,7 +160,7 @@ class Recording:
         return cls(parse(raw, str(path)), data, str(path))
 
     def write(self, path: str | Path) -> None:
-        """Write the recording to a file; the journal of a killed writer there is kept as ``…~``."""
+        """Write the recording to a file; a killed writer's journal there is renamed to ``…~``."""
         path = Path(path)
         parquet.write(path, parquet.table_of(self.columns, self.metadata.to_json()))
         set_aside(path.with_name(path.name + JOURNAL))
@@ -179,7 +179,7 @@ def _frozen(array: np.ndarray) -> np.ndarray:
 
 
 def joint_columns(columns: Container[str]) -> tuple[str, ...]:
-    """Find the joint columns q1…qJ; a gap in their numbers ends them."""
+    """Names of the joint columns q1…qJ that are in ``columns``, up to the first gap in numbers."""
     names: list[str] = []
     while f"q{len(names) + 1}" in columns:
         names.append(f"q{len(names) + 1}")
@@ -187,12 +187,12 @@ def joint_columns(columns: Container[str]) -> tuple[str, ...]:
 
 
 def effort_prefix(columns: Container[str]) -> str | None:
-    """``tau`` or ``i`` of columns that have this for each joint, torques first."""
+    """Prefix ``tau``, else ``i``, that columns have for every joint; None without either."""
     return next((prefix for prefix in EFFORT_UNITS if _of_joints(prefix, columns)), None)
 
 
 def commanded(columns: Container[str]) -> bool:
-    """Whether columns hold a target of each joint."""
+    """Whether there is a column of the target of every joint."""
     return _of_joints(COMMAND, columns)
 
 
@@ -202,13 +202,13 @@ def _of_joints(prefix: str, columns: Container[str]) -> bool:
 
 
 def holds_readings(columns: Container[str]) -> bool:
-    """Whether columns hold readings of some sensor, as a recording's do and a plan's do not."""
+    """Whether columns hold readings of some sensor, which distinguishes a recording from a plan."""
     read = CHANNELS[0] in columns or TARGET[0] in columns or commanded(columns)
     return read or effort_prefix(columns) is not None
 
 
 def _from_journal(path: Path, recording: Path) -> pa.Table:
-    """Table of all complete batches of an Arrow stream whose end may be missing."""
+    """Read all complete batches of a writer's journal, an Arrow stream that may lack its end."""
     batches: list[pa.RecordBatch] = []
     try:
         with pa.ipc.open_stream(path.read_bytes()) as reader:
@@ -229,7 +229,7 @@ def _from_journal(path: Path, recording: Path) -> pa.Table:
 
 
 def _wrong_columns(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Yield sentences on columns that are missing."""
+    """Yield a sentence for each problem of missing columns."""
     wrench = CHANNELS if {*CHANNELS} & set(columns) or not holds_readings(columns) else ()
     missing = [c for c in ("t", *wrench) if c not in columns]
     oriented, point = ([c for c in some if c in columns] for some in (QUATERNION, POINT))
@@ -249,7 +249,7 @@ def _wrong_columns(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
 
 
 def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Yield sentences on columns of another type, and on rows with a wrong value."""
+    """Yield a sentence for each column of a wrong type or with a wrong value, naming the row."""
     rows, joints, prefix = len(columns["t"]), joint_columns(columns), effort_prefix(columns)
     efforts = [f"{prefix}{j + 1}" for j in range(len(joints))]
     targets = [f"{COMMAND}{j + 1}" for j in range(len(joints))]

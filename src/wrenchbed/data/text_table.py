@@ -50,8 +50,8 @@ class Layout:
         separator: one character; `BLANKS` for any number of blanks and tabs.
         decimal: mark of decimal fractions, point or comma.
         skipped: lines before the first row of numbers, the header among them.
-        names: of the columns.
-        units: of the columns, where a line below the names has them.
+        names: names of the columns.
+        units: units of the columns, where a line below the names has them.
     """
 
     separator: str
@@ -63,13 +63,13 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Columns of a text file or a log, and where its rows stand.
+    """Columns of a text file or a log, and the line at which its rows begin.
 
     Attributes:
         table: numbers where every cell is one, else text.
         where: name of the file, for messages.
         skipped: lines of the file before row 0; none in a log, or where rows were left out.
-        units: of columns, where a line below the names has them.
+        units: units of columns, where a line below the names has them.
     """
 
     table: pa.Table
@@ -78,26 +78,26 @@ class Columns:
     units: Mapping[str, str] = field(default_factory=dict)
 
     def complete(self, names: Sequence[str]) -> "Columns":
-        """The rows in which all of the named columns have a number."""
+        """Keep the rows in which every named column has a number."""
         keep = np.ones(self.table.num_rows, dtype=bool)
         for name in set(names) & set(self.table.column_names):
             keep &= ~self.lacks(name)
         return self if keep.all() else replace(self, table=self.table.filter(keep), skipped=None)
 
     def lacks(self, name: str) -> np.ndarray:
-        """Which rows (N,) of a column have no value, or none that is finite, boolean."""
+        """Booleans (N,): rows in which a column has no value or none that is finite."""
         column = self.table.column(name)
         if pa.types.is_floating(column.type):
             return ~np.isfinite(np.asarray(column))
         return np.asarray(column.is_null())
 
     def times(self, name: str) -> np.ndarray | None:
-        """A column (N,) as nanoseconds since 1970, if it is text or stamps of time."""
+        """Convert a column of text or time stamps to ns since 1970 (N,); None for numbers."""
         once = self.table.column_names.count(name) == 1
         return nanoseconds_of(self.table.column(name)) if once else None
 
     def numbers(self, name: str, remedy: str = "") -> np.ndarray:
-        """A column (N,) as numbers; ``remedy`` ends the message about a missing value.
+        """Convert a column (N,) to floats; ``remedy`` ends the message about a missing value.
 
         Raises:
             MapError: no such column, or a cell that holds text or nothing; names row and line.
@@ -128,7 +128,7 @@ class Columns:
 
 
 def read_text(path: Path, separator: str | None = None) -> Columns:
-    """Read a text file, whose separator may be known.
+    """Read a table of numbers from a text file; without a ``separator`` it is detected.
 
     Raises:
         MapError: no such file, no table of numbers in it, or a row with another number of cells.
@@ -198,8 +198,7 @@ def _check_cut(path: Path, layout: Layout, cells: int) -> None:
 
 
 def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
-    """Yield line number, from 1, and text of each row of a table, without empty lines and
-    comments."""
+    """Yield line number (from 1) and text of each table row, without empty lines and comments."""
     with path.open(encoding=_head(path)[1], errors="replace") as stream:
         for line, text in enumerate(stream, start=1):
             if line > skipped and text.strip() and not _COMMENT.match(text):
@@ -207,8 +206,8 @@ def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
 
 
 def _head(path: Path) -> tuple[str, str]:
-    """The first complete lines of a file, and its encoding: UTF-8, UTF-16, or else Windows-1252
-    (Excel).
+    """Read the first complete lines of a file and detect its encoding: UTF-8, UTF-16, or else
+    Windows-1252 (Excel).
 
     Raises:
         MapError: no such file, or no text.
@@ -237,7 +236,7 @@ def _head(path: Path) -> tuple[str, str]:
 
 
 def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) -> Layout:
-    """Layout of a text file, from its first lines.
+    """Detect the layout of a text file's table from the file's first lines.
 
     Raises:
         MapError: there is no table of numbers in it.
@@ -264,7 +263,7 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
 def _table_at(
     lines: Sequence[str], some: Sequence[int], plain: Sequence[int], separator: str, decimal: str
 ) -> tuple[float, Layout] | None:
-    """Layout of the table that one separator gives, and how plausible it is; None without one."""
+    """Layout of the table if it has this separator, and a plausibility score; None without one."""
     cells = {k: split(lines[k], separator) for k in plain}
     widths = Counter(len(c) for c in cells.values() if _numeric(c, decimal) > 0)
     if not widths:
@@ -287,7 +286,7 @@ def _table_at(
 
 
 def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -> int:
-    """Line of the first row of numbers: the first one, or the one behind the header."""
+    """Line number of the first row of numbers: the first line, or the one after the header."""
     later = [cells[k] for k in body[1:]]
     columns = [
         j for j in range(len(cells[body[0]]))
@@ -318,7 +317,7 @@ def _header(
 
 
 def _words(line: str, separator: str, decimal: str, width: int) -> list[str] | None:
-    """Words of a line if it has as many as there are columns and no numbers; else None."""
+    """Cells of a line, if there are ``width`` of them and none is a number; else None."""
     for mark in (separator, BLANKS, ",", ";", "\t"):
         cells = split(_COMMENT.sub("", line), mark)
         names = [name.strip().strip('"').strip() for name in cells]
@@ -328,7 +327,7 @@ def _words(line: str, separator: str, decimal: str, width: int) -> list[str] | N
 
 
 def split(line: str, separator: str) -> list[str]:
-    """Cells of a line, without blanks and quotes around them."""
+    """Cells of a line, stripped of blanks and quotes."""
     if separator == BLANKS:
         return line.split()
     cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
@@ -336,7 +335,7 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
-    """Whether a cell holds a number; an empty one does not."""
+    """Whether a text cell is a number with this decimal mark; an empty one is not."""
     if decimal == ",":
         if "." in cell or not _COMMA_NUMBER.match(cell):
             return False

@@ -23,8 +23,8 @@ _EARTH, _FAR = 9.81, 0.1
 
 
 def held(read: np.ndarray) -> np.ndarray | None:
-    """First row and end (G, 2) of each pose of rows at rest (N, 3); None where many rows lie
-    between poses, in moves.
+    """Group accelerometer rows at rest (N, 3) to poses: first row and end (G, 2); None if many rows
+    lie between poses, in moves.
 
     A pose may have one row or many; of many, the changes from row to row show the noise.
     """
@@ -44,8 +44,8 @@ def held(read: np.ndarray) -> np.ndarray | None:
 
 
 def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
-    """Orientation of the sensor in the base (G,), with no turn about the vertical, the
-    accelerometer's zero (3,) and the lengths of its readings (G,) [m/s²], by means at rest (G, 3).
+    """Orientations of the sensor in the base (G,), without turn about the vertical, its zero (3,)
+    and the norms (G,) [m/s²] of mean accelerometer readings at rest (G, 3).
 
     The readings lie on a sphere about the zero, which is fitted where they surround it.
     """
@@ -64,7 +64,7 @@ def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
 
 
 def orientations(read: np.ndarray, where: str) -> tuple[Rotation, str]:
-    """Orientations (G,) by `upright` from means at rest (G, 3) [m/s²], and a sentence on them.
+    """Orientations (G,) by `upright`, from mean readings (G, 3) [m/s²], and a sentence on them.
 
     Raises:
         MapError: the readings have not the length of gravity, so the sensor was not at rest.

@@ -24,7 +24,7 @@ _LIBRARIES = {"bz2": "bz2", "lz4": "lz4.frame", "zstd": _ZSTD}
 
 
 def unpack(data: bytes, compression: str, stated: int | None = None) -> bytes:
-    """Unpack a chunk or message; its content is as long as stated, and never longer than `LARGEST`.
+    """Decompress a chunk or message to the stated size, and never to more than `LARGEST` bytes.
 
     Args:
         data: the chunk or message as it is stored.
@@ -54,7 +54,7 @@ def unpack(data: bytes, compression: str, stated: int | None = None) -> bytes:
 
 
 def check_file(file: Path) -> None:
-    """Refuse a file of a rosbag 2 that is compressed as a whole: rosbags unpacks it to the disk.
+    """Check the unpacked size of a rosbag 2 file compressed as a whole: rosbags unpacks it to disk.
 
     Raises:
         ValueError: it unpacks to more than `LARGEST` and than `RATIO` times its size.

@@ -31,11 +31,11 @@ REWRITE_SHARE = 0.05
 
 
 class RecordingWriter:
-    """Writes a recording: ``append`` blocks of rows, close to finish. Use as a context manager.
+    """Writes a recording block by block; use as a context manager, or `close` it at the end.
 
     Args:
         path: target file.
-        metadata: of the recording.
+        metadata: metadata of the recording.
         aside: suffix under which an existing recording at ``path`` is kept; numbered where it is
             taken.
     """
@@ -65,7 +65,7 @@ class RecordingWriter:
         return self
 
     def append(self, block: Mapping[str, np.ndarray]) -> None:
-        """Add rows: every block has the same columns, each (n,).
+        """Add a block of rows, column → values (n,); every block has the same columns.
 
         Raises:
             OSError: the disk did not take these rows or earlier ones.
@@ -106,7 +106,7 @@ class RecordingWriter:
         self._stream = None
 
     def _note(self) -> None:
-        """Write the waiting rows to the journal."""
+        """Append rows that were not yet written to the journal."""
         self._flushed = time.monotonic()
         if not self._pending:
             return
@@ -134,7 +134,7 @@ class RecordingWriter:
         return {parquet.KEY: metadata.encode()}
 
     def _undo(self) -> None:
-        """Delete all files of a recording without a row."""
+        """Delete all files of a recording that has no row."""
         self._stream = None
         if self._sink is not None:
             with suppress(OSError):
@@ -147,7 +147,7 @@ class RecordingWriter:
         return time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE
 
     def _check(self, wait: bool = False) -> None:
-        """Raise the error of the last rewriting in the thread; wait for it to end if ``wait``."""
+        """Raise the error of the thread's last rewriting; ``wait`` first waits for its end."""
         if self._rewriting is not None and (wait or self._rewriting.done()):
             self._rewriting.result()
 

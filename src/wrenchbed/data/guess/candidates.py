@@ -28,11 +28,11 @@ noise by chance, far less than `HOPELESS` asks for."""
 
 @dataclass(frozen=True, eq=False)
 class Pairing:
-    """A wrench, and the table in which its orientation or joints are sought.
+    """A wrench's columns, and the table in which its orientation or joints are sought.
 
     Attributes:
         load: table with the wrench.
-        sheet: the other one, or the same.
+        sheet: table with the orientation or joints, which may be the same.
         wrench: channel → column.
         at: row of ``sheet`` at each row of the wrench (N,).
     """
@@ -45,18 +45,18 @@ class Pairing:
 
     @cached_property
     def readings(self) -> np.ndarray:
-        """Wrench (N, 6) in the file's units."""
+        """Wrench (N, 6) in the units of its file."""
         return self.load.block(list(self.wrench.values())).astype(float)
 
     @cached_property
     def taken(self) -> set[str]:
-        """Columns that belong to the clock or to this wrench, so to no orientation."""
+        """Names of columns that cannot be an orientation: those of the clock and of the wrench."""
         clock = set() if self.sheet.clock is None else {self.sheet.clock.column}
         return clock | set(self.wrench.values() if self.load is self.sheet else ())
 
     def turn(self, reading: Reading) -> np.ndarray:
-        """Columns (N, K) of an orientation, joints or an accelerometer at each row of the wrench,
-        by the clocks if both tables have one."""
+        """Values (N, K) of the columns of an orientation, joints or accelerometer at each row of
+        the wrench, interpolated if both tables have a clock."""
         load, sheet = self.load, self.sheet
         values = sheet.block(reading.names).astype(float)
         groups = held(values) if reading.is_tilt else None
@@ -65,7 +65,7 @@ class Pairing:
         return at_rows(load, sheet, values, self.at)
 
     def poses(self, reading: Reading) -> Poses:
-        """Rows gathered to poses by the columns of an orientation or of joints."""
+        """Group the wrench's rows into poses, by the columns of an orientation or of joints."""
         key = tuple(sorted(reading.names))
         if key not in self._poses:
             clock = self.load.clock
@@ -75,7 +75,7 @@ class Pairing:
 
 
 def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention], str]:
-    """Find all conventions that explain most of the force; also a sentence on those not tried."""
+    """Return all conventions that explain most of the force, and a sentence on those not tried."""
     pairs = [*_pairs(tables, stated)]
     notes = [
         f"of {len(sheet.values)} columns the first {MOST_UNNAMED} without a name that says what "
@@ -96,7 +96,7 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
 
 
 def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, Reading]]:
-    """Yield all pairs of a wrench with columns of an orientation or of joints."""
+    """Yield each pair of a wrench with columns that may be its orientation or joints."""
     readings = [[*orientations(sheet), *_of_joints(sheet, stated)] for sheet in tables]
     if any(reading.named for of_sheet in readings for reading in of_sheet):
         readings = [[r for r in of_sheet if r.named] for of_sheet in readings]  # names bind
@@ -113,7 +113,7 @@ def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, R
 
 
 def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
-    """Yield columns that may be the joints of the stated robot, else of any robot."""
+    """Yield columns that may be joints of the stated robot or, if none is stated, of any robot."""
     for name in registry.names("robots") if stated.robot is None else [stated.robot]:
         if registry.is_known("robots", name):
             robot = registry.load("robots", name)
@@ -121,7 +121,7 @@ def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
 
 
 def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
-    """Row of ``sheet`` at each row of the wrench's table (N,); None if they do not match."""
+    """Row of ``sheet`` (N,) at each row of the wrench's table; None if they do not match."""
     rows = len(load)
     if sheet is load:
         return np.arange(rows)
@@ -134,9 +134,10 @@ def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
 def at_rows(
     load: Sheet, sheet: Sheet, values: np.ndarray, at: np.ndarray, late: float = 0.0
 ) -> np.ndarray:
-    """Values (M, K) of a table at each row of the wrench's (N, K), by the clocks if both have one.
+    """Values (N, K) at each row of the wrench's table ``load``, from values (M, K) of ``sheet``.
 
-    ``at`` is as `rows_at` gives it; the table's clock is ``late`` [s].
+    They are interpolated by the clocks if both tables have one, of which the second is ``late``
+    [s]; else ``at`` is as `rows_at` gives it.
     """
     if sheet is load or load.clock is None or sheet.clock is None:
         return np.asarray(values[at])
@@ -145,7 +146,7 @@ def at_rows(
 
 
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
-    """Orientation (G, 3, 3) at some rows of the wrench; None if the columns are no orientation."""
+    """Rotation matrices (G, 3, 3) at rows (G,) of the wrench; None if columns are no rotation."""
     sheet, at = pairing.sheet, pairing.at
     size = 1.0 if reading.unit is None else SIZES[reading.unit][1]
     columns = {t: sheet.values[n][at[rows]] for t, n in reading.targets.items()}
@@ -164,7 +165,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
-    """Yield a fitted convention for each direction of the orientation, wrench axes and mount."""
+    """Yield the fitted conventions of a pair: each direction, wrench axes and mount."""
     poses = pairing.poses(reading)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:
@@ -187,8 +188,8 @@ def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Conv
 
 
 def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
-    """Share of the force (P,) that each pair leaves unexplained, by few of its rows; infinite where
-    the pairing is no rotation."""
+    """Fraction of the force (P,) that each of P pairs leaves unexplained, by a few of its rows;
+    infinite where the columns are no rotation."""
     shares = np.full(len(pairs), np.inf)
     of_reading: dict[tuple[int, int, str, tuple[str, ...]], list[int]] = {}
     for k, (pairing, reading) in enumerate(pairs):
@@ -206,8 +207,8 @@ def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
 
 
 def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Share of the rms of each force (W, N, 3) that no weight explains, with any mount, at an
-    orientation (N, 3, 3), of the body in the base or of the base in the body.
+    """Fraction of the rms of each force (W, N, 3) that no weight explains, with any mount, at
+    rotations (N, 3, 3) of the body in the base or of the base in the body.
 
     The best mount of a body explains the nuclear norm of the product of force and direction of
     gravity (orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451); a wrench in

@@ -52,15 +52,15 @@ _COST = {"inverse": 0.3, "base": 0.3, "quarter": 1.0, "free": 2.0, "axis": 0.5}
 
 @dataclass(frozen=True, eq=False)
 class GravityFit:
-    """The weight of one rigid load, fitted to the rows.
+    """Fit of one rigid load's weight to the wrench rows of a file.
 
     Attributes:
         weight: force of the weight along ``axis`` in the file's unit, with its sign.
-        axis: of gravity in the base: 0 x, 1 y, 2 z.
+        axis: direction of gravity in the base: 0 x, 1 y, 2 z.
         mount: rotation from the given body's axes to the sensor's; None for none.
         quarter: whether ``mount`` is at right angles.
         lever: CoG in sensor axes (3,) in the file's torque per force.
-        force_rms, torque_rms: of the residual, in the file's units.
+        force_rms, torque_rms: rms residuals, in the file's units.
         share: residual of the force over that part of it that turns with the body.
         torque_share: residual of the torque over that part of it that turns with the body.
         poses: number of rows.
@@ -78,7 +78,7 @@ class GravityFit:
     poses: int
 
     def against(self, other: "GravityFit") -> float:
-        """Twice the log-likelihood by which this fit is worse than another."""
+        """Twice the difference of log-likelihood by which this fit is worse than another."""
         worse = np.log(self.force_rms / other.force_rms)
         worse += np.log(self.torque_rms / other.torque_rms)
         return 6.0 * min(self.poses, _ENOUGH) * float(worse)
@@ -87,13 +87,13 @@ class GravityFit:
 def fits(
     turn: np.ndarray, wrench: np.ndarray, in_base: bool, every: bool = False
 ) -> Iterator[GravityFit]:
-    """Yield a fit for gravity along each axis and each mount at right angles, or the best mount.
+    """Yield fits of a weight, for gravity along each axis and each right-angled or the best mount.
 
     Args:
-        turn: the body in the base (N, 3, 3).
+        turn: rotation of the body in the base (N, 3, 3).
         wrench: (N, 6) in the file's units.
-        in_base: whether it is in the base's axes and not in the body's.
-        every: also those that leave most of the force.
+        in_base: whether the wrench is in the base's axes and not in the body's.
+        every: whether to yield also fits that leave most of the force.
     """
     if in_base:
         wrench = in_body(turn, wrench)
@@ -125,14 +125,14 @@ def fits(
 
 
 def in_body(turn: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """Turn a wrench in the base's axes (N, 6) into those of a body that is turned by (N, 3, 3)."""
+    """Rotate a wrench (N, 6) from the base's axes into those of a body at turn (N, 3, 3)."""
     return np.einsum("nji,nkj->nki", turn, wrench.reshape(-1, 2, 3)).reshape(-1, 6)
 
 
 def _mounts(mixed: np.ndarray) -> np.ndarray:
-    """Mounts (K, 3, 3): those at right angles, none first; and those for which forces and gravity
-    agree best, for a weight of either sign, if they are at other angles. ``mixed`` (3, 3) is the
-    sum over rows of force times direction of gravity.
+    """Candidate mount rotations (K, 3, 3): right-angled ones, first that of no mount, and if they
+    differ those that best align forces with gravity, for a weight of either sign. ``mixed`` (3, 3)
+    is the sum over rows of force times direction of gravity.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
     """
@@ -145,7 +145,7 @@ def _mounts(mixed: np.ndarray) -> np.ndarray:
 
 
 def right_angles(mount: Rotation) -> str:
-    """Text for a mount at right angles: which axis of the body each of the sensor's is."""
+    """Describe a right-angled mount: which axis of the body each sensor axis is along."""
     m = np.rint(mount.as_matrix()).astype(int)
     named = ((m[row, axis], "xyz"[axis]) for row, axis in product(range(3), range(3)))
     return " ".join(f"-{name}" if sign < 0 else name for sign, name in named if sign)
@@ -153,7 +153,7 @@ def right_angles(mount: Rotation) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Rows of a file gathered into poses.
+    """Rows of a file grouped into poses.
 
     Attributes:
         mode: ``static`` or ``dynamic``, of the recording that the rows make.
@@ -165,17 +165,17 @@ class Poses:
 
     @property
     def middle(self) -> np.ndarray:
-        """Row in the middle of each pose (G,)."""
+        """Number of the row in the middle of each pose (G,)."""
         return np.asarray(self.groups.sum(axis=1) // 2)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Means (G, K) over the poses of columns (N, K)."""
+        """Mean over each pose (G, K) of values (N, K)."""
         return means_of(values, *self.groups.T)
 
 
 def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
-    """Gather rows into poses, by when orientation or joints (N, K) move, in any convention; with
-    their clock (N,) [s] if there is one, and a wrench (N, 6) in any unit."""
+    """Group rows into poses by where orientation or joints, ``turn`` (N, K) in any convention,
+    move; t is their clock (N,) [s], if there is one, and the wrench (N, 6) is in any unit."""
     n = len(turn)
     reach = np.maximum(np.ptp(turn, axis=0), 1e-9)
     change = (np.abs(np.diff(turn, axis=0)) / reach).max(axis=1) if n > 1 else np.zeros(0)
@@ -203,7 +203,7 @@ def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
 
 @dataclass(frozen=True, eq=False)
 class Convention:
-    """Interpretation of the files that fits the data.
+    """One interpretation of a recording's files, with the fit of a load that supports it.
 
     Attributes:
         reading: columns of the orientation or of joints.
@@ -211,13 +211,13 @@ class Convention:
         wrench: channel → column.
         inverse: whether the orientation is the base's in the body.
         in_base: whether the wrench is in the base's axes.
-        fit: of one rigid load.
+        fit: fit of one rigid load.
         poses: the rows that were fitted.
-        turn: the body in the base at these (G, 3, 3).
-        sign: of the wrench, for ``gravity`` along ±axis.
+        turn: rotation of the body in the base at these poses (G, 3, 3).
+        sign: sign of the wrench, for ``gravity`` along ±axis.
         gravity: in the base (3,) [m/s²].
-        units: of force and torque.
-        more: penalty of sign and units.
+        units: units of force and torque.
+        more: penalty for sign and units.
     """
 
     reading: Reading
@@ -236,17 +236,17 @@ class Convention:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Columns of joints; none where the columns are an orientation."""
+        """Names of the joint columns; empty where the columns are an orientation."""
         return self.reading.names if self.reading.robot else ()
 
     @property
     def readings(self) -> np.ndarray:
-        """Wrench at the poses (G, 6) in the file's units."""
+        """Mean wrench at each pose (G, 6) in the file's units."""
         return self.poses.mean(self.load.block(list(self.wrench.values())).astype(float))
 
     @property
     def cost(self) -> float:
-        """Penalty of the convention for how unusual it is."""
+        """Penalty for how unusual this convention is; the least costly of equal fits is taken."""
         cost = self.reading.cost + self.more
         cost += _COST["inverse"] * self.inverse + _COST["base"] * self.in_base
         if self.fit.mount is not None:
@@ -255,18 +255,18 @@ class Convention:
 
     @property
     def mass(self) -> float:
-        """Mass of the load [kg]."""
+        """Mass of the fitted load [kg] under this convention's units."""
         size = SIZES[self.units[0]][1]
         return float(abs(self.fit.weight) * size / np.linalg.norm(self.gravity))
 
     @property
     def cog(self) -> np.ndarray:
-        """Centre of gravity of the load in sensor axes (3,) [m]."""
+        """Centre of gravity of the fitted load in sensor axes (3,) [m]."""
         return np.asarray(self.fit.lever * SIZES[self.units[1]][1] / SIZES[self.units[0]][1])
 
     @property
     def quality(self) -> str:
-        """Sentence on load and residual."""
+        """Sentence on the fitted load and its residual."""
         force, torque = self.fit.force_rms, self.fit.torque_rms
         cog = ", ".join(f"{1e3 * x:.1f}" for x in self.cog)
         return (
@@ -275,7 +275,7 @@ class Convention:
         )
 
     def words(self, down: str = "") -> str:
-        """Text on the columns' meanings and axes; ``down``: sign of gravity's axis, if known."""
+        """Describe the columns' meanings and axes; ``down``: sign of gravity's axis if known."""
         what = self.reading.kind + (" of the base in the sensor" if self.inverse else "")
         parts = [what, f"wrench in {'base' if self.in_base else 'sensor'} axes"]
         parts.append(f"gravity along {down}{'xyz'[self.fit.axis]}")
@@ -287,7 +287,7 @@ class Convention:
 
     @property
     def sentence(self) -> str:
-        """Sentence on the convention."""
+        """Sentence that describes the convention: columns, axes, sign and units."""
         turned = ", the wrench turned about (sign = -1)" if self.sign < 0 else ""
         down = self.words("-" if self.gravity[self.fit.axis] < 0 else "+")
         return f"{down}{turned}, {self.units[0]} and {self.units[1]}"

@@ -69,11 +69,11 @@ _IN_G = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """The maps that fit the files; the first is used.
+    """Result of a guess: column maps that fit the files; the first is used.
 
     Attributes:
         conventions: those that fit alike, the most usual first.
-        maps: raw column map of each.
+        maps: raw column map of each convention.
         others: the next best that fit worse.
         notes: sentences on what was assumed, not used or not tried.
         by_names: what the names of the columns say, in words, where there is no convention to find.
@@ -88,12 +88,12 @@ class Guess:
     unused: tuple[Path, ...] = ()
 
     def column_map(self, k: int = 0) -> ColumnMap:
-        """Column map of the k-th best convention, checked."""
+        """Make the checked column map of the k-th best convention."""
         fields = Fields(self.maps[k], "guessed map: ", MapError)
         return from_fields(fields, "guessed map", Path())
 
     def text(self, folder: Path, k: int = 0) -> str:
-        """A map as TOML for a file in a folder, from which it names files of robot and sensor."""
+        """TOML text of the k-th map for a file in ``folder``, to which its paths are relative."""
         recording = seen_from(self.maps[k]["recording"], lambda file: relpath(file, folder))
         words: tuple[str, ...] = (self.by_names,)
         if not self.by_names:
@@ -103,7 +103,7 @@ class Guess:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Lines for people on the best convention, those that fit alike and excluded ones."""
+        """Report lines on the best convention, on others that fit alike, and on excluded ones."""
         if self.by_names:
             return (f"found: {self.by_names}",)
         first = self.conventions[0]
@@ -195,7 +195,7 @@ def guess(
 
 
 def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
-    """Sentences on what was assumed, not used or not tried."""
+    """Sentences on what a convention assumed, and on columns not used or ``untried``."""
     notes = [untried] if untried else []
     if c.reading.robot is not None and stated.robot is None:
         notes.append(f"no --robot is stated: {c.reading.robot}'s joints explain it")
@@ -207,7 +207,7 @@ def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str)
 
 
 def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
-    """Text of the error that no convention fits: why, and which columns were looked at."""
+    """Error text when no convention fits: the reason, and the columns that were looked at."""
     names = ", ".join(n for s in tables for n in s.values)
     if not any(True for s in tables for _ in wrenches(s)):
         what = "no six columns that might be a wrench"
@@ -230,9 +230,9 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
 
 
 def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
-    """Yield a convention with either sign of wrench and gravity, and in every unit in which the
-    load has the mass of a tool, the most usual with the least penalty; ``size`` is gravity's
-    [m/s²], ``mass`` the tool's if it is known [kg]."""
+    """Yield a convention with both signs of wrench and gravity and with each pair of units in which
+    its load has a tool's mass, unusual ones penalised; ``size`` is gravity's [m/s²], ``mass`` the
+    tool's if known [kg]."""
     stated = [c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx")]
     pairs: Sequence[Sequence[str]] = [*_UNITS, *(_SELDOM if mass or any(stated) else ())]
     of_pairs = ([s or u for u, s in zip(p, stated, strict=True)] for p in pairs)
@@ -262,7 +262,7 @@ def _sizes(units: Sequence[str]) -> list[float]:
 def raw_map(
     c: Convention, tables: Sequence[Sheet], stated: Stated, mode: str | None = None
 ) -> dict[str, Any]:
-    """The column map of a convention, as TOML would hold it."""
+    """Column map of a convention, as nested dicts that TOML can hold."""
     load = c.load
     recording: dict[str, Any] = {
         "robot": stated.robot or c.reading.robot or "my-robot", "mode": mode or c.poses.mode,
@@ -301,7 +301,7 @@ def raw_map(
 
 
 def _pattern(name: str, names: Sequence[str]) -> str:
-    """Glob pattern of a file among others: the beginning that all names share becomes ``*``."""
+    """Glob pattern for a file's name among ``names``: the prefix that all share becomes ``*``."""
     if len(names) == 1:
         return "*"
     same = len([*takewhile(lambda letters: len({*letters}) == 1, zip(*names, strict=False))])
@@ -320,8 +320,8 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
 
 
 def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """Columns of an accelerometer in sensor axes, and its clock if that is late; none where it does
-    not follow the forces."""
+    """Map entries of accelerometer columns in sensor axes, and of their clock if it is late; empty
+    where they do not follow the forces."""
     names, load, at = [sheet.roles[a] for a in ACCELERATION], c.load, rows_at(c.load, sheet)
     force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
     if at is None:
@@ -349,8 +349,8 @@ def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
 def _axes(
     wanted: np.ndarray, reading: np.ndarray, names: Sequence[str]
 ) -> tuple[float, dict[str, dict[str, Any]]]:
-    """Sum of the axes' correlations, and entries ax, ay, az of a map; (0, {}) where an axis does
-    not follow −force/mass in sensor axes, ``wanted`` (N, 3) [m/s²], whatever its zero."""
+    """Match the axes of an accelerometer, reading (N, 3), to −force/mass in sensor axes, wanted (N,
+    3) [m/s²]: sum of their correlations and map entries ax, ay, az; (0, {}) if one has no match."""
     wanted, reading = wanted - wanted.mean(axis=0), reading - reading.mean(axis=0)
     power, size = (wanted**2).sum(axis=0), (reading**2).sum(axis=0)
     alike = wanted.T @ reading / np.maximum(np.sqrt(np.outer(power, size)), 1e-12)
@@ -368,7 +368,7 @@ def _axes(
 
 
 def toml(raw: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
-    """TOML text of a raw map, with lines of comment before it."""
+    """TOML text of a raw column map, preceded by comment lines."""
     recording = raw["recording"]
     inner = {k: recording[k] for k in ("tool", "sensor", "tolerance") if k in recording}
     tables = [("[recording]", {k: v for k, v in recording.items() if k not in inner})]

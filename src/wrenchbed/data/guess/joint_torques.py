@@ -20,7 +20,7 @@ _USUAL = {"tau": "N·m", "i": "A"}
 
 
 def by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
-    """Map of a table with joint torques or currents, and a sentence on it; None where it has none.
+    """Map of a table with named joint torques or currents, and a sentence on it; else None.
 
     Raises:
         MapError: nobody says whose joints these are, or their number is another.

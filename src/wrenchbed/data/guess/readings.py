@@ -35,9 +35,9 @@ class Reading:
     """One way to read columns as an orientation or as a robot's joints.
 
     Attributes:
-        kind: in words.
-        targets: column by target of a map.
-        unit: of angles; none of numbers.
+        kind: description in words.
+        targets: target name of a column map → column.
+        unit: unit of angles; none of numbers.
         cost: how unusual it is; of readings that fit alike the least costly is taken.
         robot: whose joints these are; none of an orientation.
         named: whether the columns' names say so.
@@ -52,18 +52,17 @@ class Reading:
 
     @property
     def is_tilt(self) -> bool:
-        """Whether the columns are an accelerometer, which at rest shows only where up is."""
+        """Whether the columns are an accelerometer, which at rest shows only the vertical."""
         return ACCELERATION[0] in self.targets
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the columns that are read."""
+        """Names of the columns that make up the orientation or the joints."""
         return tuple(self.targets.values())
 
 
 def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
-    """Yield possible wrenches, channel → column: by name, else every six unclaimed columns in a
-    row."""
+    """Yield possible wrenches, channel → column: by name, else every six adjacent free columns."""
     yield from sheet.loads
     for names in () if sheet.loads else sheet.windows(6, "force", "torque"):
         for order in (names, [*names[3:], *names[:3]]):  # torques may stand first
@@ -73,8 +72,8 @@ def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
 
 
 def orientations(sheet: Sheet) -> Iterator[Reading]:
-    """Yield the ways to read columns as an orientation: by name, else by value, those of most
-    columns; and an accelerometer."""
+    """Yield the ways to read columns as an orientation: by name, else by value, of the kind with
+    most columns; last an accelerometer."""
     roles, named = sheet.roles, False
     for kind, group in _KINDS.items():
         if group[0] in roles:
@@ -100,7 +99,7 @@ def orientations(sheet: Sheet) -> Iterator[Reading]:
 
 
 def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
-    """Yield the ways to read columns as a pose's matrix (4, 4), by rows or by columns."""
+    """Yield the ways to read 16 columns as a pose matrix (4, 4), row by row or column by column."""
     for what, order in (("by rows", (0, 1, 2)), ("by columns", (0, 2, 1))):
 
         def is_pose(m: np.ndarray, order: tuple[int, ...] = order) -> bool:
@@ -115,20 +114,20 @@ def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
 
 
 def _matrices(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
-    """Yield nine columns as a rotation matrix, if they are one."""
+    """Yield nine columns read as a rotation matrix, if their values are rotations."""
     if sheet.obeys(names, _turns):
         yield Reading("matrix", dict(zip(ROTATION, names, strict=True)))
 
 
 def _turns(columns: np.ndarray) -> bool:
-    """Whether all matrices, (N, 9) or (N, 3, 3), are rotations."""
+    """Whether all matrices in ``columns``, (N, 9) or (N, 3, 3), are rotations."""
     m = columns.reshape(-1, 3, 3)
     near = np.abs(np.swapaxes(m, 1, 2) @ m - np.eye(3)).max() < _NORM
     return bool(near and (np.linalg.det(m) > 0).all())
 
 
 def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
-    """Yield four columns of length 1 as a quaternion, in both orders."""
+    """Yield four columns of norm 1 read as a quaternion, w first and w last."""
     if sheet.obeys(names, lambda q: bool(np.abs(np.linalg.norm(q, axis=1) - 1).max() < _NORM)):
         for order, cost in (("wxyz", 0.0), ("xyzw", 0.1)):
             targets = {f"q{c}": n for c, n in zip(order, names, strict=True)}
@@ -136,8 +135,8 @@ def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
 
 
 def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Reading]:
-    """Yield the ways to read three numbers as rotation vector, roll pitch yaw, or KUKA's A B C:
-    all, or ``only`` the kind that their names state."""
+    """Yield the ways to read three columns as rotation vector, roll pitch yaw, or KUKA's A B C: all
+    of them, or only the kind that their names state."""
     stated, largest = sheet.units.get(next(iter(names))), max(sheet.largest[n] for n in names)
     units = [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
     if stated in ("rad", "deg"):
@@ -156,7 +155,7 @@ def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Re
 
 
 def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Reading]:
-    """Yield columns that may be a robot's joint values: by their names, as q1 …, else by value."""
+    """Yield columns that may be a robot's joint values: by their names or q1 …, else by value."""
     for names, named in _joint_columns(sheet, joint_names):
         stated = sheet.units.get(names[-1])
         units: tuple[str, ...] = ("rad", "deg")
@@ -173,7 +172,7 @@ def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Rea
 def _joint_columns(
     sheet: Sheet, joint_names: Sequence[str]
 ) -> Iterator[tuple[Sequence[str], bool]]:
-    """Yield columns that may be the robot's joints, in order, and whether names say they are."""
+    """Yield columns that may be a robot's joints, in order, and whether their names say so."""
     count = len(joint_names)
     of_joints = [_of_joint(sheet, name) for name in joint_names]
     if all(len(hits) == 1 for hits in of_joints):
@@ -189,7 +188,7 @@ def _joint_columns(
 
 
 def _of_joint(sheet: Sheet, name: str) -> list[str]:
-    """Names of columns that are named after a joint, except those of its speed or torque."""
+    """Names of columns that contain a joint's name, except those of its speed or torque."""
     word = re.compile(rf"(?:^|_){re.escape(plain(name).removesuffix('_joint'))}(?:_|$)")
     hits = [n for n in sheet.values if word.search(plain(n))]
     return [n for n in hits if not NO_JOINT.search(word.sub("_", plain(n)))]

@@ -77,7 +77,7 @@ clock: less than one frame in ten is lost in a log of use; a signal's steps chan
 
 @dataclass(frozen=True)
 class Clock:
-    """A column that is a clock: its name, times (N,) [s] and unit."""
+    """A clock column of a table: its name, times (N,) [s] and unit."""
 
     column: str
     t: np.ndarray
@@ -89,10 +89,10 @@ class Sheet:
     """A table of numbers from a text file, and what its columns are.
 
     Attributes:
-        path: of the file.
-        values: columns of numbers (N,) by name, in their order.
-        roles: column by role (``t``, ``fx``, ``qw``, ``ax``, ``temperature`` …) by the names.
-        units: by column, where the name states one.
+        path: path of the file.
+        values: name → numbers (N,) of each column, in the file's order.
+        roles: role (``t``, ``fx``, ``qw``, ``ax``, ``temperature`` …) → column, by the names.
+        units: column → unit, where its name states one.
         loads: every six columns whose names say that they are a wrench.
         unread: why other columns are not used: cells without a number.
         nanoseconds: column of the parts of a second that belong to the clock.
@@ -113,14 +113,14 @@ class Sheet:
 
     @cached_property
     def free(self) -> list[str]:
-        """Columns without a role, the first `MOST_UNNAMED` of them."""
+        """Names of columns without a role, the first `MOST_UNNAMED` of them."""
         taken = {*self.roles.values(), *(c for load in self.loads for c in load.values())}
         rest = (name for name in self.values if name not in taken)
         return [name for name in rest if not _OTHER.search(plain(name))][:MOST_UNNAMED]
 
     @cached_property
     def clock(self) -> Clock | None:
-        """The column that is the clock, by its name or by its steady steps; None without one."""
+        """The table's clock column, found by its name or its steady steps; None without one."""
         named = [self.roles["t"]] if "t" in self.roles else []
         for name in named or self.free:
             values = self.values[name]
@@ -131,26 +131,25 @@ class Sheet:
 
     @cached_property
     def largest(self) -> Mapping[str, float]:
-        """Largest absolute value of each column."""
+        """Column → its largest absolute value."""
         return {name: float(np.abs(values).max()) for name, values in self.values.items()}
 
     def block(self, names: Sequence[str], every: int = 1) -> np.ndarray:
-        """Columns (N, K), one row in ``every``."""
+        """Values of the named columns (N, K), of one row in ``every``."""
         return np.stack([self.values[n][::every] for n in names], axis=1)
 
     def obeys(self, names: Sequence[str], rule: Callable[[np.ndarray], bool]) -> bool:
-        """Whether columns (N, K) fulfil a rule; few rows are checked first."""
+        """Whether the named columns (N, K) satisfy ``rule``; a few rows are checked first."""
         every = max(1, len(self) // _FEW)
         return rule(self.block(names, every)) and rule(self.block(names))
 
     def may_be(self, names: Sequence[str], *quantities: str) -> bool:
-        """Whether no unit of these columns excludes the given quantities."""
+        """Whether the units of these columns, where stated, allow the quantities."""
         units = (self.units.get(name) for name in names)
         return all(unit is None or UNITS[unit][0] in quantities for unit in units)
 
     def windows(self, width: int, *quantities: str) -> Iterator[list[str]]:
-        """Yield each group of ``width`` adjacent columns without a role that may be
-        ``quantities``."""
+        """Yield each ``width`` adjacent columns without a role whose units allow the quantities."""
         free = {name for name in self.free if self.may_be([name], *quantities)}
         names = list(self.values)
         for k in range(len(names) - width + 1):
@@ -159,7 +158,7 @@ class Sheet:
 
 
 def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
-    """Read the table of a text file; several where columns have values in rows of their own.
+    """Read the tables of a text file: several if columns have values in rows of their own.
 
     With ``skip_incomplete`` rows are left out that lack a value of a column that is seldom without.
 
@@ -185,7 +184,7 @@ def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
 
 
 def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
-    """Find the roles of a text's columns.
+    """Make a table from a text's columns, with the roles that their names state.
 
     Raises:
         MapError: it holds no numbers, or a unit that is not known.
@@ -233,7 +232,7 @@ def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
 
 
 def _accelerometer(sheet: Sheet) -> dict[str, str]:
-    """Roles ax, ay, az of three unnamed columns whose length is nearly always gravity's, if any."""
+    """Roles ax, ay, az → unnamed columns whose norm is nearly always gravity's; empty if none."""
     for names in sheet.windows(3, "acceleration"):
         length = np.linalg.norm(sheet.block(names), axis=1)
         if (np.abs(length / _EARTH - 1.0) < _NEAR_G).mean() > _STEADY:
@@ -245,7 +244,7 @@ def _accelerometer(sheet: Sheet) -> dict[str, str]:
 
 
 def plain(name: str) -> str:
-    """Name in small letters, without its unit, words separated by _."""
+    """Normalise a column name: lower case, without its unit, words separated by _."""
     match = _UNIT_AT_END.match(name)
     if match and match[2].lower() in _UNIT_NAMES and match[1]:
         name = match[1]
@@ -256,7 +255,7 @@ def plain(name: str) -> str:
 
 
 def is_of_wrench(name: str) -> bool:
-    """Whether a column's name says that it is a force or a torque of a sensor."""
+    """Whether a column's name says that it is a force or torque of a sensor."""
     short = plain(name)
     return any(p.search(short) for p, role in _NAMED if role in ("f{}", "t{}")) or bool(
         _WRENCH_STEM.search(short) and _INDEXED.match(short)
@@ -264,7 +263,7 @@ def is_of_wrench(name: str) -> bool:
 
 
 def unit_of(name: str) -> str | None:
-    """Unit that a column's name states, as in ``Fx [N]`` or ``time_ms``; None without one."""
+    """Unit that a column name states, as in ``Fx [N]`` or ``time_ms``; None without one."""
     match = _UNIT_AT_END.match(name)
     if match and match[1] and match[2].lower() in _UNIT_NAMES:
         return _UNIT_NAMES[match[2].lower()]
@@ -273,7 +272,7 @@ def unit_of(name: str) -> str | None:
 
 
 def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Columns by role, by their names alone, without incomplete groups."""
+    """Role → column, by the columns' names alone, without incomplete groups."""
     roles: dict[str, str] = {}
     for name in values:
         short = plain(name)
@@ -299,7 +298,7 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 
 def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, list[str]]:
-    """Columns whose names end in a number, by the name before it, in the order of the numbers."""
+    """Stem → columns whose names are this stem and a number, in the order of the numbers."""
     stems: dict[str, dict[int, str]] = {}
     for name in values:
         match = _INDEXED.match(plain(name))
@@ -309,7 +308,7 @@ def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, l
 
 
 def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
-    """Yield the wrenches of numbered columns, of which a robot may log several."""
+    """Yield wrenches, channel → column, of six numbered columns each; robots log several."""
     stems = _numbered(values)
     sixes = [names for stem, names in stems.items() if _WRENCH_STEM.search(stem)]
     for names in [*sixes, [*stems.get("force", ()), *stems.get("torque", ())]]:
@@ -318,7 +317,7 @@ def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
 
 
 def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
-    """Unit of a clock by its name, else by its size and steps; None if it is no clock."""
+    """Unit of a clock column: the stated one, else by size and steps; None if it is no clock."""
     if len(values) < 2 or not (np.diff(values) > 0).all():
         return None
     if stated in ("s", "ms", "us", "ns"):
@@ -333,7 +332,7 @@ def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
 
 
 def _steady(values: np.ndarray) -> bool:
-    """Whether values advance like a clock, not like a counter or a signal."""
+    """Whether values increase in even steps like a clock, unlike a counter or a signal."""
     step = np.diff(values)
     usual = np.median(step)
     counter = values.dtype.kind == "i" and (step == 1).all()

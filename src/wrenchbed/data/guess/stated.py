@@ -48,7 +48,7 @@ class Stated:
     rest: Path | None = None
 
     def gravity_size(self, tables: Sequence[Sheet] = ()) -> float:
-        """Size of gravity [m/s²]: as stated, as columns gx gy gz say, else standard."""
+        """Gravity's magnitude [m/s²]: as stated, else from columns gx gy gz, else standard."""
         if self.gravity is not None:
             return self.gravity
         for sheet in tables:
@@ -60,12 +60,12 @@ class Stated:
 
     @cached_property
     def known(self) -> "KnownLoad | None":
-        """The load of the earlier calibration, if there is one."""
+        """Load from the earlier calibration in ``fit``, None without one."""
         return None if self.fit is None else KnownLoad.read(self.fit)
 
     @property
     def mass(self) -> float | None:
-        """Known mass of the tool [kg], stated or calibrated before."""
+        """Known mass of the tool [kg], stated or from an earlier calibration; None if unknown."""
         calibrated = None if self.known is None else self.known.mass
         return calibrated if self.tool_mass is None else self.tool_mass
 
@@ -76,8 +76,8 @@ class Stated:
         sheet: Sheet,
         in_base: bool,
     ) -> None:
-        """Write these facts into ``[recording]`` and the columns of the wrench, which stand in
-        ``sheet``. In the base's axes each of them may be any of the sensor's.
+        """Write these facts to the ``[recording]`` and ``wrench`` entries of a map; the wrench is
+        in ``sheet``. In the base's axes each of its columns may be any axis of the sensor.
 
         Raises:
             MapError: the fit or the rows at rest cannot be read.
@@ -106,12 +106,12 @@ NOTHING = Stated()
 
 @dataclass(frozen=True, eq=False)
 class KnownLoad:
-    """A load that was calibrated before.
+    """Load and zeros from an earlier calibration.
 
     Attributes:
-        mass: [kg].
+        mass: mass [kg].
         cog: centre of gravity in sensor axes (3,) [m].
-        bias: of the sensor (6,) [N, N·m].
+        bias: zero readings of the sensor (6,) [N, N·m].
         std: standard uncertainty of each parameter by its name; 0 where the fit has none.
         force_rms: largest residual of a force channel in that fit [N].
     """
@@ -124,7 +124,7 @@ class KnownLoad:
 
     @classmethod
     def read(cls, path: Path) -> "KnownLoad":
-        """Load of a ``fit.json``.
+        """Read the load from the file ``fit.json`` of a calibration.
 
         Raises:
             MapError: it lacks the tool or the sensor's bias.
@@ -141,9 +141,9 @@ class KnownLoad:
         return cls(mass, cog, np.array(bias, dtype=float), known, max(rms))
 
     def fitted(self, c: Convention, gravity: float) -> GravityFit:
-        """Replace the fitted load of a convention by this one, under gravity of a size [m/s²]; its
-        errors are those of the better rows, so that a hand on the tool for a while hides nothing.
-        """
+        """Put this load in place of the one fitted to a convention, and return its fit at a gravity
+        [m/s²]. Errors are those of the better rows, so that a hand on the tool for a while hides
+        nothing."""
         fit, turn, wrench = c.fit, c.turn, c.readings
         if c.in_base:
             wrench = in_body(turn, wrench)
@@ -166,7 +166,7 @@ class KnownLoad:
     def put(
         self, recording: dict[str, Any], wrench: Mapping[str, dict[str, Any]], gravity: float
     ) -> None:
-        """Write tool, zeros and tolerances into ``[recording]`` and the columns of the wrench.
+        """Write tool, zeros and tolerances to the ``[recording]`` and ``wrench`` entries of a map.
 
         The mass is not known better than what the fit left of the force, over gravity.
         """
@@ -188,7 +188,7 @@ class KnownLoad:
 
 
 def _noise(rest: Path, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
-    """Standard deviation of one row at rest (6,) [N, N·m], of a text file of the wrench."""
+    """Standard deviation of one row at rest (6,) [N, N·m], from a text file of the wrench."""
     sheet = sheet_of(read_text(rest))
     columns = next(wrenches(sheet), None)
     if columns is None:
