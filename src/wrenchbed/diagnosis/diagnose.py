@@ -35,7 +35,7 @@ from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest
 from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.contributions import made_by
-from wrenchbed.diagnosis.explain.familiarity import LEAST_P, design_of
+from wrenchbed.diagnosis.explain.familiarity import design_of
 from wrenchbed.diagnosis.explain.reliability import (
     NAMES,
     RIGHT_ELSEWHERE,
@@ -212,9 +212,10 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
-    here = known.believed_at(weighed.p_value, prepared.scene.mode)
+    mode = prepared.scene.mode
+    here = known.believed_at(weighed.p_value, mode)
     spread, surest = here.spread, here.of((1.0,) * len(NAMES))
-    learnt = _learnt(known, weighed.p_value)
+    learnt = _learnt(known, weighed.p_value, mode)
     which = answer.causes(analysis, verdict, gap, spread, between)
     diagnosis = Diagnosis(
         recording=prepared.recording.name,
@@ -287,7 +288,7 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
     known = known.believed_at(p_value, mode)
     claims = Claims(analysis, seed)
     first = decide(facts(claims, known))
-    if p_value >= LEAST_P or not own_rest.is_left(analysis):
+    if not known.unlike(p_value, mode) or not own_rest.is_left(analysis):
         weighed = Weighed(analysis, first, claims.twin(first.verdict), p_value)
         f, names = first.verdict.explanation.finalist, {c.part.name for c in first.verdict.causes}
         grown = constancy.grown(analysis, f, _parts(first.verdict, names))
@@ -383,9 +384,9 @@ def _without_outliers(
     return weighed, outliers
 
 
-def _learnt(known: Reliability, p_value: float) -> str:
+def _learnt(known: Reliability, p_value: float, mode: str) -> str:
     """Sentence on the simulated cases behind the probabilities, and how like them this one is."""
-    unlike = UNLIKE if p_value < LEAST_P else ""
+    unlike = UNLIKE if known.unlike(p_value, mode) else ""
     return f"the probabilities were learnt on {known.source}{unlike}"
 
 

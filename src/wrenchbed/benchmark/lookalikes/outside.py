@@ -98,8 +98,14 @@ def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def rectified(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Draw a fault: a channel reads another one's magnitude: a plate that lifts off both ways."""
+    """Draw a fault: a channel reads another one's magnitude: a plate that lifts off both ways.
+
+    Of a force and the torque that it makes on a load ahead of the sensor, one is the other's
+    multiple, and its magnitude a nonlinearity of that channel.
+    """
     to, of = rng.permutation(6)[:2]
+    while {int(to), int(of)} in ({0, 4}, {1, 3}):
+        to, of = rng.permutation(6)[:2]
     gain = 0.3 * rng.choice([-1.0, 1.0]) * design.full_scale[to] / design.full_scale[of]
 
     def read(y: np.ndarray) -> np.ndarray:

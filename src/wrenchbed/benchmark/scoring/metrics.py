@@ -180,6 +180,12 @@ def isolated(truth: Answer, claim: Claim) -> bool:
     return holds(claim, truth.effects)
 
 
+def _of_the_joint(truth: Answer, claim: Claim) -> bool:
+    """Whether a claimed class holds the true effect with the joint that it is of."""
+    (cause,) = truth.causes
+    return isolated(truth, claim) and cause.joint in claim.elements.get(cause.effect, ())
+
+
 def _visible(truth: Answer, claim: Claim) -> bool:
     """Whether a single effect has a signature, or a raised variance over its own scatter √(2/n), so
     large, in noises, that a perfect detector would not miss it."""
@@ -253,6 +259,10 @@ Figures = Mapping[str, Mapping[str, ScoredMetric | None]]
 METRICS = {
     "isolation": share(
         "isolation: a claimed class holds the effect", "≥ 95 %", _visible, isolated
+    ),
+    "joint": share(
+        "… with the joint that it is of", "≥ 96 %",
+        lambda truth, claim: _visible(truth, claim) and bool(truth.causes[0].joint), _of_the_joint,
     ),
     "isolation_alike": share(
         "… or one that this data cannot tell from it", "≥ 95 %", kind_is("single"),

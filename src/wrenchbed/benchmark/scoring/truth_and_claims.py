@@ -30,6 +30,13 @@ class Fact:
     true: Mapping[str, float]
     alike: tuple[str, ...]
 
+    @property
+    def joint(self) -> str:
+        """Joint of the cause as a diagnosis names it; empty where it is of none."""
+        each = {n.rpartition(".q")[2]: abs(x) for n, x in self.true.items() if ".q" in n}
+        number = self.true.get("joint", max(each, key=lambda n: each[n], default=None))
+        return "" if number is None else f"joint {int(number)}"
+
 
 @dataclass(frozen=True)
 class Oracle:
@@ -79,8 +86,8 @@ class Claim:
     ``causes`` are classes of indistinguishable effects, largest first, each its first choice and
     then its rivals; ``probabilities`` of each possible leading answer, a class's key its members
     joined by ``|``; ``presence`` of each class where that differs; ``set90`` names that hold the
-    truth in 90 % of cases; ``subsystem`` the first one named apart from causes; ``parameters`` and
-    ``gap`` finite numbers as published, by effect and name.
+    truth in 90 % of cases; ``subsystem`` the first one named apart from causes; ``elements`` of each
+    effect; ``parameters`` and ``gap`` finite numbers as published, by effect and name.
     """
 
     verdict: str = "error"
@@ -89,6 +96,7 @@ class Claim:
     presence: tuple[float, ...] = ()
     set90: tuple[str, ...] = ()
     subsystem: str | None = None
+    elements: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     parameters: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     gap: Mapping[str, float] = field(default_factory=dict)
     seconds: float | None = None

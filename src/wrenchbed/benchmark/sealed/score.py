@@ -71,10 +71,16 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> Claim:
         raise ValueError(f"probabilities sum to {sum(odds.values()):.3f}")
     where = raw.get("where") or []
     first = str(where[0]["subsystem"]) if where else None
+    elements = {
+        str(e["effect"]): tuple(map(str, e.get("elements") or ()))
+        for w in which[:COUNTED]
+        for e in (w, *w.get("rivals", ()))
+        if isinstance(e, Mapping)
+    }
     parameters = {str(w["effect"]): _numbers(w.get("parameters")) for w in which[:COUNTED]}
     gap = {k: x for k, v in _items(raw.get("gap")) if (x := _finite(v)) is not None}
     set90 = tuple(str(n) for n in raw.get("set90") or ())
-    return Claim(verdict, causes, odds, presence, set90, first, parameters, gap, seconds)
+    return Claim(verdict, causes, odds, presence, set90, first, elements, parameters, gap, seconds)
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:

@@ -37,7 +37,7 @@ RIGHT_ELSEWHERE = 0.85
 """Largest share of right claims that is believed of recordings unlike those that taught: 23 of 27
 new names were right in faults added to a real recording (docs/explanation/benchmark.md)."""
 SPREAD_ELSEWHERE = 2.0
-"""Factor on standard uncertainties where lessons are unlike or few: what look-alikes of UR5 and
+"""Factor on standard uncertainties where lessons are unlike: what look-alikes of UR5 and
 MedRUE taught at commit 9a263b67 by their own designs, 1.8 to 2.0 at rest and 2.1 in motion."""
 COVERED, CONFIDENT = 0.9, 0.95
 """Share of cases whose truth a set of names holds, and the probability that it holds so many."""
@@ -117,14 +117,18 @@ class Reliability:
         taught = self.designs.get(mode)
         return 1.0 if taught is None else familiarity.p_value(design, taught)
 
+    def unlike(self, p_value: float, mode: str) -> bool:
+        """Whether a recording with a p-value is unlike the learning cases of a mode: less like them
+        than 99 % of them, or than each of fewer."""
+        count = len(self.designs.get(mode, ()))
+        return p_value < familiarity.LEAST_P or p_value * max(count, 1) <= 1.0
+
     def believed_at(self, p_value: float, mode: str) -> "Reliability":
-        """Model for a recording with a p-value: less sure if it is unlike the learning cases, or if
-        these are too few to tell."""
-        unlike = p_value < familiarity.LEAST_P
-        if not unlike and len(self.designs.get(mode, ())) * familiarity.LEAST_P >= 1.0:
+        """Model for a recording with a p-value: less sure if it is unlike the learning cases."""
+        if not self.unlike(p_value, mode):
             return self
-        believed = min(self.believed, RIGHT_ELSEWHERE) if unlike else self.believed
-        return replace(self, believed=believed, spread=max(self.spread, SPREAD_ELSEWHERE))
+        believed, spread = min(self.believed, RIGHT_ELSEWHERE), max(self.spread, SPREAD_ELSEWHERE)
+        return replace(self, believed=believed, spread=spread)
 
 
 UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
