@@ -71,13 +71,10 @@ def test_shares_are_counted_over_their_own_kind_and_from_three_sigma():
 def test_a_cause_of_a_joint_is_named_with_that_joint():
     """Minor offsets of other joints are no joint of the cause."""
     true = {"offset.q1": 1e-4, "offset.q3": -4e-3}
-    parallel = {"joint.offset": ("joint 2", "joint 3"), "base.tilt": ("about x",)}
     claims = [named(("base.tilt", "joint.offset")), named(("joint.offset",))]
-    each = [replace(c, elements=e) for c in claims for e in (parallel, {})]
+    each = [replace(c, elements={"joint.offset": e}) for c in claims for e in (("joint 3",), ())]
     rows = [row("single", c, "joint.offset", true=true) for c in each]
     assert [value("joint", [r]) for r in rows] == [1.0, 0.0, 1.0, 0.0]
-    assert rows[0].truth.causes[0].joint == "joint 3"
-    assert row("single", NONE, "x", true={"joint": 2.0}).truth.causes[0].joint == "joint 2"
     assert figure(METRICS["joint"], [TILT]) is None
 
 

@@ -197,9 +197,6 @@ def test_noise_beside_shaking_and_without_a_statement():
     assert named(row_effects(without_noise_stated(shaken(rec, 0.08, 12.0)))) == {"base.vibration"}
 
 
-# ---- a robot whose torques are quieter than its forces are ---------------------------------------
-
-
 @cache
 def medrue():
     return static(MEDRUE, 70, 5)

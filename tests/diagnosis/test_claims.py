@@ -179,9 +179,6 @@ def test_another_cause_makes_the_readings_beside_a_stated_number_that_they_move(
     assert imitators(r, r.fit(named(d, "cable.pull"), 0), 0) == ("base.tilt",)
 
 
-# ---- stated numbers -----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("rung", [0, 2])
 def test_errors_of_stated_numbers_are_estimated_without_their_tolerance(rung):
     r, f = finalist({"tool.mass": 2.0, "base.tilt": 3.0}, ("base.tilt",), rung, tolerance=0.05)

@@ -76,9 +76,6 @@ def test_too_few_cases_make_a_set_of_everything_possible():
     assert set(credible(CLAIM, 1.0)) == set(CLAIM)
 
 
-# ---- what looks like those that taught ----------------------------------------------------------
-
-
 def test_p_values_of_exchangeable_points_are_uniform_and_of_a_strange_one_small():
     rng = np.random.default_rng(1)
     drawn = rng.standard_t(4.0, (600, 100, 5)) * [1.0, 10.0, 0.1, 1.0, 1.0]
@@ -109,9 +106,6 @@ def test_recordings_that_taught_are_familiar_and_others_are_not():
         assert model.p_value("static", strange) < LEAST_P
 
 
-# ---- what ships ----------------------------------------------------------------------------------
-
-
 def scores(p, right, weight):
     log = -np.log(np.where(right, p, 1.0 - p))
     return np.average((p - right) ** 2, weights=weight), np.average(log, weights=weight)
@@ -138,9 +132,6 @@ def test_the_map_holds_on_arms_that_taught_none_of_it():
     assert abs(np.average(p, weights=weight) - np.average(right, weights=weight)) < 0.03
     sure = p > 0.9
     assert np.average(right[sure], weights=weight[sure]) > 0.95
-
-
-# ---- look-alikes of a recording ------------------------------------------------------------------
 
 
 def still(seed=0, poses=24):

@@ -7,13 +7,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 535,
-    "benchmark": 7766,
+    "benchmark": 7796,
     "calibration": 5169,
     "campaigns": 1147,
     "channels": 939,
     "cli": 2684,
     "data": 5396,
-    "diagnosis": 13002,
+    "diagnosis": 13007,
     "drives": 1669,
     "effects": 4974,
     "environments": 589,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78892,
-    "src/wrenchbed": 69405,
+    "src": 78926,
+    "src/wrenchbed": 69439,
     "src/robot_emulators": 9500,
     "tests": 39628,
     "scripts": 3476,
