@@ -50,7 +50,7 @@ _NOISE = {"repeats": "the noise of the repeats", "stated": "the stated noise"}
 
 @dataclass(frozen=True)
 class IdentifiedLoad:
-    """Fitted mass [kg], cog (3,) [m] in sensor axes from its origin, bias (6,) [N, N·m]."""
+    """Fitted load: mass [kg], cog (3,) [m] in sensor axes; and the sensor's bias (6,) [N, N·m]."""
 
     mass: float
     cog: np.ndarray
@@ -60,7 +60,7 @@ class IdentifiedLoad:
 def identify_from_gravity(
     g: np.ndarray, wrench: np.ndarray, weight: np.ndarray | None = None
 ) -> IdentifiedLoad:
-    """Weighted least squares for mass, centre of gravity and bias.
+    """Fit mass, centre of gravity and bias to readings at rest, by weighted least squares.
 
     Args:
         g: gravity in sensor axes (N, 3) [m/s²].
@@ -94,7 +94,7 @@ def identify_from_gravity(
 
 
 def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> list[float]:
-    """First moment h (3,) [kg m] of τ = h × g: normal equations by Cramer's rule, or the shortest.
+    """First moment h (3,) [kg m] that best satisfies τ = h × g; of several the shortest.
 
     Args:
         x, y, z: sums of a component of g times g, f and τ (9,).
@@ -121,7 +121,7 @@ def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> l
 def initial_values(
     model: Model, theta: np.ndarray, data: Observations, free: tuple[int, ...]
 ) -> np.ndarray:
-    """Start values of the free parameters (K,), with the linear solution for mass, CoG and bias.
+    """Start values (K,) of the free parameters; mass, CoG and bias from a linear fit.
 
     Raises:
         CalibrationError: one orientation only, or a wrench of opposite sign.
@@ -146,8 +146,7 @@ def initial_values(
 def _rotated_mount(
     model: Model, theta: np.ndarray, data: Observations, g: np.ndarray, mass: float
 ) -> np.ndarray:
-    """Parameters (P,) with the mount's rotation that best aligns forces with gravity; not for
-    mirrors."""
+    """Parameters (P,) with the mount rotation that best aligns forces with gravity; no mirrors."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     turn = best_turn(g, data.wrench[:, :3])
@@ -162,7 +161,7 @@ def _rotated_mount(
 
 
 def check_mass(mass: float) -> None:
-    """Raise CalibrationError if a fitted mass [kg] is not above 0."""
+    """Raise `CalibrationError` if a fitted mass [kg] is not above 0."""
     if not mass > 0:
         raise CalibrationError(
             f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the "
@@ -191,7 +190,7 @@ class CalibrationOptions:
 
 
 def _without_unknown_joints(recording: Recording) -> Recording:
-    """Recording without joints if the robot is not known: the sensor's orientation remains."""
+    """Drop the joints of a recording whose robot is unknown: the sensor's orientation remains."""
     known = registry.is_known("robots", recording.metadata.robot)
     if known or not recording.joints or QUATERNION[0] not in recording.columns:
         return recording
@@ -202,7 +201,7 @@ def _without_unknown_joints(recording: Recording) -> Recording:
 def calibrate(
     recording: Recording, options: CalibrationOptions | None = None, touches: Touches | None = None
 ) -> Fit:
-    """Identify a robot's parameters from a recording.
+    """Identify a robot's parameters from a recording; return them with their uncertainties.
 
     Weights come from the recording's own repeats (or its stated noise); where the means of the
     holds scatter more than that, from the scatter, and the uncertainties with them. Touches of
@@ -231,7 +230,7 @@ def calibrate(
 def _checked(
     recording: Recording, options: CalibrationOptions, touches: Touches | None
 ) -> tuple[Problem, Finding | None]:
-    """Fit problem of a recording, and what the checks object to without refusing it."""
+    """Set up the fit problem of a recording; also return a finding that does not block it."""
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
     if POINT[0] in recording.columns:
@@ -279,8 +278,7 @@ def _checked(
 
 
 def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
-    """Observations of the recording that was fitted, and measured minus fitted of each (M, 6)
-    [N, N·m]."""
+    """Observations that a fit used, and measured minus fitted wrench of each (M, 6) [N, N·m]."""
     recording = _without_unknown_joints(recording)
     model, data = Model.of(robot_of(recording), recording.metadata), observe(recording)
     theta = model.parameters.vector(dict(fit.theta))
@@ -290,7 +288,7 @@ def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
 def _refuted(
     problem: Problem, outcome: Outcome, finding: Finding | None, fault: Fault | None
 ) -> str | None:
-    """Sentence on why the fitted values must not be used; None if they may be."""
+    """Sentence on why the fitted values must not be used; None if they may be used."""
     solution = outcome.solution
     if finding is not None and finding.reason not in GENERAL:
         return finding.sentence
@@ -430,7 +428,7 @@ def _status(
 
 
 def _unlike_stated(stated: ToolInfo, mass: float, cog: np.ndarray) -> Iterator[str]:
-    """Sentences on a fitted mass [kg] and CoG (3,) [m] that differ much from the stated ones."""
+    """Yield sentences on a fitted mass [kg] and CoG (3,) [m] that differ from the stated ones."""
     if stated.mass is not None and abs(mass / stated.mass - 1.0) > _OTHER_MASS:
         yield f"{stated.mass:.4g} kg is stated, the load is another"
     away = cog - np.asarray(cog if stated.cog is None else stated.cog)

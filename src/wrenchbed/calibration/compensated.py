@@ -21,8 +21,8 @@ _REMEDY = "record with payload 0, or with a Net F/T box (--sensor netft://HOST)"
 
 
 def restored(recording: Recording) -> Recording:
-    """Recording whose wrench holds the whole load, by the nominal robot; unchanged if nothing was
-    subtracted.
+    """Add the payload's weight that a controller subtracted back to a recording's wrench, by the
+    nominal robot; a recording without compensation is returned unchanged.
 
     Raises:
         CalibrationError: the subtracted payload is unknown, or the robot moved.
@@ -57,7 +57,7 @@ def restored(recording: Recording) -> Recording:
 
 
 def _stated(name: str, payload: Mapping[str, Any]) -> tuple[float, np.ndarray]:
-    """Stated mass [kg] and CoG (3,) in flange axes [m] of a payload."""
+    """Mass [kg] and CoG (3,) in flange axes [m] of the payload in a recording's metadata."""
     try:
         mass, cog = float(payload["mass"]), np.array(payload["cog"], dtype=float)
     except (KeyError, TypeError, ValueError):

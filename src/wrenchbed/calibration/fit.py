@@ -22,7 +22,7 @@ class IdentifiedValue:
     """Value of one identified parameter, with its uncertainty.
 
     Attributes:
-        value, nominal: [unit]; nominal is the fit's start.
+        value, nominal: fitted and start value [unit].
         std: standard uncertainty [unit], None if the data determine only a combination of it.
         interval95: half width of the 95 % interval [unit], Student's t.
     """
@@ -37,7 +37,7 @@ class IdentifiedValue:
 
 @dataclass(frozen=True)
 class FitNoise:
-    """Noise by channel (6,) [N, N·m], as used by the fit.
+    """Noise by channel (6,) [N, N·m], as the fit used it.
 
     Attributes:
         row: standard deviation of one row, from ``source``.
@@ -59,7 +59,7 @@ class FitNoise:
 
 
 class WrittenFit(ABC):
-    """Base of all fits: values by name, and a JSON file."""
+    """Base class of fits: parameter values by name, written to a JSON file."""
 
     identified: tuple[IdentifiedValue, ...]
 
@@ -68,10 +68,10 @@ class WrittenFit(ABC):
 
     @abstractmethod
     def to_json(self) -> dict[str, Any]:
-        """Contents of the fit's JSON file."""
+        """Return the content of the fit's JSON file."""
 
     def write(self, path: str | Path) -> None:
-        """Write the fit as JSON."""
+        """Write the fit to a JSON file."""
         write_json(path, self.to_json())
 
 
@@ -116,13 +116,13 @@ class Fit(WrittenFit):
 
     @property
     def correlation(self) -> np.ndarray:
-        """Correlation (K, K) of the free parameters; 0 beside one without variance."""
+        """Correlation matrix (K, K) of the free parameters; 0 beside one without variance."""
         std = np.sqrt(np.diagonal(self.covariance))
         outer = np.outer(std, std)
         return np.divide(self.covariance, outer, out=np.zeros_like(outer), where=outer > 0)
 
     def to_json(self) -> dict[str, Any]:
-        """Contents of the fit's JSON file."""
+        """Return the content of the fit's JSON file."""
         o, noise = self.observability, self.noise
         return head(self.recording, self.robot, self.status, self.refuted) | {
             "converged": self.converged,
@@ -163,7 +163,7 @@ def identified_values(
     names: Iterable[tuple[str, str]], values: np.ndarray, std: np.ndarray, nominal: np.ndarray,
     determined: np.ndarray, wide: float,
 ) -> tuple[IdentifiedValue, ...]:  # fmt: skip
-    """Values with uncertainties; without one where the data do not determine them.
+    """Combine K values with their uncertainties; None for those that the data do not determine.
 
     Args:
         names: (name, unit) of the K parameters.
@@ -183,14 +183,14 @@ def identified_values(
 
 
 def head(recording: str, robot: str, status: str, refuted: str | None) -> dict[str, Any]:
-    """First entries of every fit's JSON file, with the description of a user's robot."""
+    """First entries of a fit's JSON file: recording, robot (a user's with its data), status."""
     named = {"format": FORMAT, "recording": recording, "robot": robot, "status": status}
     said = {} if refuted is None else {"refuted": refuted}
     return named | said | model_field(robot)
 
 
 def entries(identified: Sequence[IdentifiedValue]) -> dict[str, dict[str, Any]]:
-    """Entries of ``parameters`` in a fit's JSON file."""
+    """Name → value, uncertainty and unit of each parameter, as a fit's JSON file has them."""
     return {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in identified}
 
 

@@ -24,7 +24,7 @@ Whitening = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Fit of the parameters at indices ``free``, starting from ``theta`` (P,).
+    """Least-squares fit of the parameters at indices ``free``, starting from ``theta`` (P,).
 
     With a prior, each free parameter has the mean ``centre`` (K,) and its tolerance as standard
     deviation. Touches add the tool's position to the wrenches.
@@ -43,7 +43,7 @@ class Problem:
     def _once(
         self, what: str, x: np.ndarray, make: Callable[[np.ndarray], np.ndarray], near: float = 0.0
     ) -> np.ndarray:
-        """Cached result of ``make`` at x, reused within ``near`` tolerances of its x."""
+        """Return ``make(x)``, cached by the name ``what`` for x within ``near`` tolerances."""
         known = self._last.get(what)
         if known is None or np.abs((known[0] - x) / self.scale).max(initial=0.0) > near:
             known = self._last[what] = (x.copy(), make(x))
@@ -51,23 +51,22 @@ class Problem:
 
     @property
     def scale(self) -> np.ndarray:
-        """Tolerances of the free parameters (K,)."""
+        """Tolerance of each free parameter (K,), in its unit."""
         return self.model.parameters.tolerance[list(self.free)]
 
     @property
     def start(self) -> np.ndarray:
-        """Start values of the free parameters (K,)."""
+        """Start value of each free parameter (K,), in its unit."""
         return self.theta[list(self.free)]
 
     @property
     def dof(self) -> float:
-        """Degrees of freedom of the residual per channel; parameters count evenly on all
-        channels."""
+        """Degrees of freedom of the residual per channel; parameters count evenly on all."""
         k = 0 if self.prior else len(self.free)
         return max(1.0, len(self.data) - k / 6)
 
     def at(self, x: np.ndarray) -> np.ndarray:
-        """All parameters (P,) with the free ones at x (K,)."""
+        """Full parameter vector (P,) with the free parameters set to x (K,)."""
         theta = self.theta.copy()
         theta[list(self.free)] = x
         return theta
@@ -85,14 +84,14 @@ class Problem:
         )
 
     def residual_variance(self, x: np.ndarray) -> np.ndarray:
-        """Variance of the observations about the fit (6,) [N², (N·m)²]; robust if the loss is."""
+        """Variance of the residual (6,) [N², (N·m)²] at x (K,); robust if the loss is."""
         r = self.residual(x)
         if self.loss == "linear":
             return np.asarray((r**2).sum(axis=0) / self.dof)
         return np.asarray((_MAD * np.median(np.abs(r), axis=0)) ** 2 * len(r) / self.dof)
 
     def solve(self, whiten: Whitening, start: np.ndarray) -> Solution:
-        """Weighted fit from ``start`` (K,); with a robust loss, reweighted against outliers."""
+        """Solve the weighted fit from ``start`` (K,); a robust loss reweights against outliers."""
         weight = np.ones((len(self.data), 6))
         solution = self._solve(whiten, start, weight)
         for _ in range(_ROBUST_STEPS if self.loss != "linear" else 0):
@@ -128,7 +127,7 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A fit, with the covariance (K, K) of its parameters, its degrees of freedom and its noise."""
+    """Result of a fit: solution, covariance (K, K) of its parameters, degrees of freedom, noise."""
 
     solution: Solution
     covariance: np.ndarray

@@ -17,7 +17,7 @@ UNKNOWN = "in sum only"
 
 @dataclass(frozen=True)
 class ParameterWords:
-    """One parameter as text: common units, and as many digits as its uncertainty justifies.
+    """One parameter of a fit as texts, in common units and with justified digits.
 
     Attributes:
         start: value at which the fit started.
@@ -36,7 +36,7 @@ class ParameterWords:
 
 @dataclass(frozen=True)
 class FitWords:
-    """Text of a fit.
+    """Texts of a fit, for terminal and pages.
 
     Attributes:
         data: robot and amount of data.
@@ -60,7 +60,7 @@ class FitWords:
 
     @property
     def sections(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Headings with their lines, without empty ones; the status last."""
+        """Pairs (heading, lines) of all sections that are not empty; the status comes last."""
         sections = (
             ("what this data cannot tell", self.limits),
             ("strongly correlated", self.pairs),
@@ -73,7 +73,7 @@ class FitWords:
 
 
 def fit_words(fit: Fit) -> FitWords:
-    """Make the text of a fit."""
+    """Make the texts of a fit, for terminal and pages."""
     rows = f"{fit.rows} rows"
     amount = rows if fit.rows == fit.poses else f"{fit.poses} poses, {rows}"
     noise, seats = fit.noise, fit.touches
@@ -107,8 +107,8 @@ def fit_words(fit: Fit) -> FitWords:
 def parameter_words(
     name: str, value: float, std: float | None, half: float | None, start: float, unit: str
 ) -> ParameterWords:
-    """Make the text of one parameter from the fit's start, its value, and its standard uncertainty
-    and ``half`` its 95 % interval, None if the data determine only a combination, all in [unit]."""
+    """Make the texts of one parameter from start, value, standard uncertainty ``std`` and ``half``
+    width of its 95 % interval, all in [unit]; None if the data determine only a combination."""
     shown, factor = HUMAN.get(unit, (unit, 1.0))
     value, start = factor * value, factor * start
     began = minus(f"{start:.4g}") if abs(start) > 1e-12 else "0"
@@ -128,7 +128,7 @@ def parameter_words(
 
 
 def worst_channel(fit: Fit) -> tuple[str, float]:
-    """Channel whose poses scatter most about the fit, and that scatter over what noise explains."""
+    """Channel whose residual exceeds its expected noise most, and the ratio of the two."""
     times = fit.noise.scatter / np.maximum(fit.noise.expected, 1e-300)
     k = int(np.argmax(times))
     return CHANNELS[k], float(times[k])
@@ -148,7 +148,7 @@ def _limits(fit: Fit) -> tuple[str, ...]:
 
 
 def _pairs(fit: Fit) -> tuple[str, ...]:
-    """Lines on pairs of parameters that are almost fully correlated."""
+    """Lines on pairs of parameters with a correlation near ±1."""
     known = [k for k, p in enumerate(fit.identified) if p.std is not None]
     correlations = [
         (float(fit.correlation[i, j]), fit.identified[i].name, fit.identified[j].name)

@@ -45,7 +45,7 @@ _MOST_LINES = 6
 
 @dataclass(frozen=True, eq=False)
 class LearnedSensor:
-    """A sensor whose noise was fitted to a recording at rest.
+    """Sensor data whose noise was fitted to a recording at rest.
 
     Attributes:
         sensor: the sensor; range, resolution, mass and plate offset are those of ``like``.
@@ -64,7 +64,7 @@ class LearnedSensor:
         return text(self.sensor, (self.sensor.title, "", *self.cannot_tell))
 
     def write(self, path: str | Path) -> None:
-        """Write the TOML file; its path then stands wherever a sensor's name does."""
+        """Write the sensor's TOML file, whose path can be given wherever a sensor's name can."""
         write_text(Path(path), self.text)
 
 
@@ -125,7 +125,7 @@ def learn_sensor(
 
 
 def _within_range(rows: np.ndarray, base: Sensor, name: str) -> SensorCalibration:
-    """Default calibration of a sensor, or the first one whose range contains these rows."""
+    """Default calibration of a sensor, else its first, whose range contains these rows (N, 6)."""
     most = np.abs(rows).max(axis=0)
     for calibration in (base.calibration(), *base.calibrations):
         if (most < calibration.range).all():
@@ -143,7 +143,7 @@ def _taken(source: str, like: str) -> str:
 
 
 def _figures(rest: "RestNoise", white: np.ndarray) -> str:
-    """Noise figures with uncertainties, for the source that the TOML file states."""
+    """Text of noise figures with uncertainties, for ``source`` in the sensor's TOML file."""
     parts = [
         f"{c} {w:.3g} ± {s.white_std:.1g}, 1/f "
         + (f"{s.flicker:.3g} ± {s.flicker_std:.1g}" if s.flicker else f"< {s.flicker_most:.2g}")
@@ -153,10 +153,10 @@ def _figures(rest: "RestNoise", white: np.ndarray) -> str:
 
 
 class RestNoise:
-    """Noise of a rest, from the periodograms of its six channels fx fy fz tx ty tz [N, N·m].
+    """Noise of a recording at rest, by periodograms of its channels fx fy fz tx ty tz [N, N·m].
 
     Attributes:
-        rows, rate: of the recording; rate in [Hz].
+        rows, rate: rows of the recording and their rate [Hz].
         spectra: white and 1/f part of each channel, with uncertainties.
         row_std: standard deviation of a row (6,), without the drift where one is significant.
         drift, drift_std: slope over the recording (6,) [1/s].
@@ -193,7 +193,7 @@ class RestNoise:
         self.lines = self._lines()
 
     def _mains(self) -> None:
-        """Find one frequency near 50 Hz or 60 Hz, and each channel's amplitude there."""
+        """Find one mains frequency near 50 or 60 Hz, and set each channel's amplitude there."""
         clock = self._clock
         best, self.mains_hz = 0.0, MAINS_HZ[0]
         self.mains, self.mains_std = np.zeros(6), np.full(6, np.nan)
@@ -257,7 +257,7 @@ def seen_mains(rate: float) -> tuple[float, ...]:
 
 
 def _near_mains(clock: Clock) -> np.ndarray:
-    """Whether each Fourier frequency (K,) is near the mains or a multiple of it, boolean."""
+    """Booleans (K,): Fourier frequencies near the mains frequency or a multiple of it."""
     f = clock.frequency
     width = max(0.5, 2.0 * clock.rate / clock.rows)
     near = np.zeros(len(f), dtype=bool)
@@ -267,14 +267,14 @@ def _near_mains(clock: Clock) -> np.ndarray:
 
 
 def _sigmas(tries: int) -> float:
-    """Size in σ that the largest of ``tries`` normal numbers exceeds with probability `_CHANCE`."""
+    """Bound [σ] that the largest of ``tries`` normal numbers exceeds with probability `_CHANCE`."""
     from scipy.special import ndtri
 
     return float(-ndtri(_CHANCE / (2 * tries)))
 
 
 def grid_step(rows: np.ndarray) -> float:
-    """Step of the grid that all values (N,) lie on; 0 where they lie on none."""
+    """Step of the grid (counts of a converter) on which all values (N,) lie; 0 without one."""
     levels = np.unique(rows)
     if len(levels) < _LEAST_LEVELS:
         return float(np.ptp(levels))
@@ -292,7 +292,7 @@ def grid_step(rows: np.ndarray) -> float:
 
 
 def _refined(gaps: np.ndarray, step: float) -> float:
-    """Grid step refitted to ever longer gaps, so that their multiples are counted right."""
+    """Refine a grid step by ever longer gaps between values, whose multiples are then certain."""
     for count in (len(gaps) // 4, len(gaps) // 2, len(gaps)):
         some = gaps[: max(count, 1)]
         times = np.rint(some / step)

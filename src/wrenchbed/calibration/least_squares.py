@@ -25,14 +25,14 @@ HALVINGS = 30
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Result of `solve`.
+    """Result of a least-squares fit by `solve`.
 
     Attributes:
         x: parameters (K,).
-        residual: whitened, at x (M,).
+        residual: whitened residual at x (M,).
         jacobian: whitened and scaled by tolerance (M, K).
         covariance: of x (K, K) for unit variance of the whitened residual, minimum norm.
-        blind: share of each parameter that lies in the null space (K,), 0 … 1.
+        blind: fraction of each parameter that lies in the null space (K,), 0 … 1.
     """
 
     x: np.ndarray
@@ -51,12 +51,12 @@ def solve(
     start: np.ndarray,
     scale: np.ndarray,
 ) -> Solution:
-    """Minimise ½|residual(x)|².
+    """Minimise ½|residual(x)|² from ``start`` by Gauss–Newton steps.
 
     Args:
-        residual: whitened measured − predicted (M,).
-        jacobian: of the whitened prediction (M, K).
-        start: (K,).
+        residual: x → whitened measured − predicted (M,).
+        jacobian: x → derivative of the whitened prediction (M, K).
+        start: start values (K,).
         scale: typical size of each parameter (K,).
     """
     x, r = start.copy(), residual(start)
@@ -86,8 +86,8 @@ def solve(
 def _halve(
     residual: Callable[[np.ndarray], np.ndarray], x: np.ndarray, r: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, bool, float]:
-    """First of step, step/2, … that does not raise the cost: the new x, its residual, whether one
-    was found, and the share by which the cost fell."""
+    """Try step, step/2, … from x (K,) until the cost does not rise: new x, its residual, whether
+    one was found, and the fraction by which the cost fell."""
     cost = r @ r
     with np.errstate(all="ignore"):
         for _ in range(HALVINGS):

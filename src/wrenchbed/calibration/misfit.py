@@ -49,7 +49,7 @@ _ROUNDS = 30
 
 @dataclass(frozen=True)
 class Fault:
-    """A large fault that explains a fit's residual, and whether it moves the values."""
+    """A large fault that explains a fit's residual: sentence, and whether it moves its values."""
 
     sentence: str
     moves: bool
@@ -57,7 +57,7 @@ class Fault:
 
 @dataclass(frozen=True, eq=False)
 class _Whitened:
-    """Columns of parameters and suspects, and the residual, all in units of noise.
+    """Columns of parameters and suspected faults, and the residual, in units of noise.
 
     Attributes:
         A: derivatives by the parameters, per tolerance (n, K).
@@ -75,7 +75,7 @@ class _Whitened:
 
 
 def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | None]:
-    """Outcome with uncertainties widened by what suspects may move, and a large fault or None."""
+    """Fit with uncertainties widened by what suspects may move; a clearly present fault or None."""
     some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
     fit = _Rows(problem, outcome, some, list(suspects(problem, outcome.solution.x, some)))
     if _explained(fit):
@@ -110,7 +110,7 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
 
 
 def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
-    """Sentence on the likeliest faults: of a sensor's zero its ``size``, else what they move."""
+    """Sentence on the likeliest faults: the ``size`` of a zero's change, or what others move."""
     if names[0] == "a zero of the sensor":
         values = ", ".join(f"{v:.3g}" for v in size * CONSTANT)
         return (
@@ -126,7 +126,7 @@ def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """A fit with suspects as rows [parameters K, suspects C, residual 1]."""
+    """Linearised fit with suspected faults, as rows [parameters K, suspects C, residual 1]."""
 
     problem: Problem
     outcome: Outcome
@@ -135,7 +135,7 @@ class _Rows:
 
     @cached_property
     def wrenches(self) -> np.ndarray:
-        """Rows of the observed wrenches (M, 6, K + C + 1) [N, N·m]; parameters per tolerance."""
+        """Rows of the wrench residuals (M, 6, K + C + 1) [N, N·m]; parameters per tolerance."""
         problem, x = self.problem, self.outcome.solution.x
         slopes, changes = problem.jacobian(x)[self.some] * problem.scale, self.every
         residual = problem.residual(x)[self.some][..., None]
@@ -143,7 +143,7 @@ class _Rows:
 
     @cached_property
     def others(self) -> np.ndarray:
-        """Rows of touches and prior (R, K + C + 1) in units of their noise."""
+        """Rows of the touches and the prior (R, K + C + 1), in units of their noise."""
         problem, x, count = self.problem, self.outcome.solution.x, len(self.problem.free)
         blocks, columns = [], self.wrenches.shape[2] - count - 1
         touches, robot, theta = problem.touches, problem.model.robot, problem.at(x)
@@ -161,19 +161,19 @@ class _Rows:
 
     @cached_property
     def least(self) -> np.ndarray:
-        """Smallest noise of an observation to assume (6,); inf for a channel that reads nothing."""
+        """Lower bound of the noise of an observation (6,); inf for a channel that is always 0."""
         largest = np.abs(self.problem.data.wrench).max(axis=0)
         least = np.maximum(self.outcome.noise.expected, FINEST * largest)
         return np.where(least > 0.0, least, np.inf)
 
     def white(self, noise: np.ndarray) -> np.ndarray:
-        """All rows (n, K + C + 1), wrenches divided by a noise (6,)."""
+        """All rows as a matrix (n, K + C + 1), those of wrenches divided by the noise (6,)."""
         wrenches = (self.wrenches / noise[:, None]).reshape(-1, self.wrenches.shape[2])
         return np.concatenate([wrenches, self.others])
 
 
 def _explained(fit: _Rows) -> bool:
-    """Whether noise known before the fit explains the residual, also along each suspect."""
+    """Whether the noise known before the fit explains the residual, also along each suspect."""
     noise = fit.outcome.noise
     if noise.source == "residual" or noise.inflated:
         return False
@@ -184,7 +184,7 @@ def _explained(fit: _Rows) -> bool:
 
 
 def _whitened(fit: _Rows) -> _Whitened | None:
-    """Fit in units of the noise that parameters and suspects leave; None with too few readings."""
+    """Divide a fit's rows by the noise that parameters and suspects leave; None if too few."""
     least, motion = fit.least, isinstance(fit.problem.data.q, Jet)
     noise, count = np.maximum(fit.outcome.noise.scatter, least), 6 * len(fit.some)
     for _ in range(2):  # the second time by the noise that suspects leave
@@ -206,7 +206,7 @@ def _whitened(fit: _Rows) -> _Whitened | None:
 
 
 def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
-    """Residual (n,) of the last column after a fit of all others, and the rank of these."""
+    """Fit the last column of white (n, …) by the others; return its residual (n,), their rank."""
     length = np.linalg.norm(white[:, :-1], axis=0)
     columns = white[:, :-1] / np.where(length > 0.0, length, 1.0)
     values, basis = np.linalg.eigh(columns.T @ columns)
@@ -216,7 +216,7 @@ def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -> bool:
-    """Whether suspects explain significantly more of the residual than of mere noise."""
+    """Whether suspects explain significantly more of the residual than noise would let them."""
     if _clear(seen.S, alone, residual) > CLEAR:
         return True
     rest, rank = _rest(np.column_stack([alone, residual]))
@@ -225,16 +225,18 @@ def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -
 
 
 def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
-    """Most standard deviations by which one suspect's shape S (n, C) explains the residual (n,);
-    ``alone`` and the residual are without what parameters explain, a millionth of S is rounding."""
+    """Largest significance, in standard deviations, with which one column of S (n, C) explains the
+    residual (n,); ``alone`` is S without what parameters explain, less than a millionth is
+    rounding."""
     least = 1e-6 * np.linalg.norm(S, axis=0) + 1e-300
     length = np.maximum(np.linalg.norm(alone, axis=0), least)
     return float((np.abs(alone.T @ residual) / length).max())
 
 
 def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.ndarray:
-    """Size of each column's family (C,) at maximum marginal likelihood (MacKay's updates), from
-    changes (n, C) and residual (n,) without what parameters explain, in units of noise."""
+    """Standard deviation (C,) of each suspect's family at maximum marginal likelihood (MacKay's
+    updates), from changes (n, C) and residual (n,) without what parameters explain, in units of
+    noise."""
     R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
     _, family = np.unique([f for s in every for f in s.families], return_inverse=True)
@@ -249,8 +251,8 @@ def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.
 
 
 def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shift (K,) and standard deviation (K,) [tolerances] of the parameters when fitted with
-    suspects of standard deviations ``size`` (C,)."""
+    """Shift (K,) and standard deviation (K,) of the parameters, in tolerances, when suspects with
+    standard deviations ``size`` (C,) are fitted, too."""
     both = np.column_stack([seen.A, seen.S])
     k = seen.A.shape[1]
     precision = np.concatenate([np.full(k, 1e-12), 1.0 / size**2])
@@ -262,8 +264,8 @@ def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _likeliest(
     every: list[Suspect], seen: _Whitened, alone: np.ndarray, residual: np.ndarray
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Names of the suspects that best explain the residual, one at a time, the sizes of the first
-    one, and what each that explains it alike changes (n, L).
+    """Names of the suspects that best explain the residual, each alone, the sizes of the first
+    one's shapes, and the changes (n, L) by all that explain it nearly as well.
 
     k shapes cost k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of suspects that explain it
     alike, those with the fewest shapes are named.

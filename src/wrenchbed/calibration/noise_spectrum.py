@@ -29,10 +29,10 @@ that follows the law has more once in 1,000 (8 octaves)."""
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """Sampling of rows at an even rate, with the band of the 1/f part.
+    """Sampling of N rows at an even rate, with the band of the 1/f part.
 
     Attributes:
-        rate: [Hz].
+        rate: sampling rate [Hz].
         f_low, f_high: ends of the 1/f part [Hz].
     """
 
@@ -67,13 +67,13 @@ class Clock:
         return np.full(len(self.frequency), 2.0 / self.rate)
 
     def periodogram(self, rows: np.ndarray) -> np.ndarray:
-        """One-sided density (K,) of rows (N,) without their mean."""
+        """One-sided power spectral density (K,) of rows (N,), without their mean."""
         spectrum = np.fft.rfft(rows - rows.mean())[1 : len(self.frequency) + 1]
         return np.asarray(2.0 / (self.rate * self.rows) * np.abs(spectrum) ** 2)
 
     def slope_std(self, white: float, flicker: float) -> float:
-        """Standard deviation [1/s] of a least-squares slope by white noise of one standard
-        deviation and 1/f noise of one amplitude."""
+        """Standard deviation [1/s] of a fitted straight line's slope, by white noise of a standard
+        deviation ``white`` and 1/f noise of an amplitude ``flicker``."""
         t = (np.arange(self.rows) - (self.rows - 1) / 2.0) / self.rate
         weight = t / (t @ t)
         padded = rfft(weight, next_fast_len(2 * self.rows, real=True))
@@ -85,12 +85,12 @@ class Clock:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """White and 1/f part of one channel with standard uncertainties; without the resolution's step.
+    """White and 1/f noise of one channel, with uncertainties, without quantisation noise.
 
     Attributes:
         white, flicker: see `NoiseModel`.
         flicker_std: of ``flicker``; NaN where that is insignificant and 0.
-        flicker_most: its 95 % upper limit.
+        flicker_most: upper 95 % limit of ``flicker``.
         misfit: mean squared misfit of the octaves over their variances, 1 if the model holds.
     """
 
@@ -103,11 +103,11 @@ class Spectrum:
 
     @property
     def follows(self) -> bool:
-        """Whether white and 1/f noise explain the power in each octave."""
+        """Whether white and 1/f noise explain the power in each octave of frequency."""
         return self.misfit <= _MISFIT
 
     def density(self, clock: Clock) -> np.ndarray:
-        """Expected periodogram (K,) of white and 1/f noise."""
+        """Expected periodogram (K,) of this white and 1/f noise at a clock's frequencies."""
         return self.white**2 * clock.white + self.flicker**2 * clock.flicker
 
 
@@ -134,7 +134,7 @@ def fit(density: np.ndarray, keep: np.ndarray, clock: Clock) -> Spectrum:
 
 
 def _scored(seen: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Powers (2,) of white and 1/f part by Fisher scoring, and their information matrix (2, 2)."""
+    """Powers (2,) of white and 1/f part fitted by Fisher scoring, and their information (2, 2)."""
     power = np.array([seen[len(seen) // 2 :].mean() / basis[0, 0], 0.0])
     low = slice(0, max(2, len(seen) // 50))
     power[1] = max(0.0, float(np.mean((seen[low] - power[0] * basis[0, low]) / basis[1, low])))
@@ -154,7 +154,7 @@ def _scored(seen: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _coloured(density: np.ndarray, keep: np.ndarray, clock: Clock, misfit: float) -> Spectrum:
-    """1/f part fitted to the low frequencies, white part as the rest of the variance."""
+    """Fit the 1/f part to the low frequencies alone; the white part is the rest of the variance."""
     low = np.flatnonzero(keep & (clock.frequency <= BELOW_ARM_HZ))
     low = low if len(low) > 1 else np.flatnonzero(keep)[:2]
     seen, basis = density[low], np.stack([clock.white[low], clock.flicker[low]])
@@ -175,12 +175,12 @@ def _coloured(density: np.ndarray, keep: np.ndarray, clock: Clock, misfit: float
 
 
 def _root_std(power: float, std: float) -> float:
-    """Standard uncertainty of √power from that of power."""
+    """Standard uncertainty of √power, from the standard uncertainty of ``power``."""
     return float(std / (2.0 * np.sqrt(power)) if power > std else np.sqrt(std) / 2.0)
 
 
 def octaves(count: int) -> Iterator[slice]:
-    """Slices of ``count`` frequencies: the first of 4, each next one twice as long."""
+    """Yield slices of ``count`` frequencies: the first has 4, each next one twice as many."""
     first, size = 0, 4
     while first < count:
         last = first + size if count - first - size >= size else count
@@ -189,6 +189,6 @@ def octaves(count: int) -> Iterator[slice]:
 
 
 def _misfit(ratio: np.ndarray) -> float:
-    """Mean squared misfit of octaves, 1 if expected, from densities over their expectation (K,)."""
+    """Mean squared misfit of octaves, 1 if expected, from measured over expected density (K,)."""
     parts = [ratio[part] for part in octaves(len(ratio))]
     return float(np.mean([(part.mean() - 1.0) ** 2 * len(part) for part in parts]))

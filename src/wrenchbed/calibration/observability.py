@@ -15,10 +15,10 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class Redundancy:
-    """Parameters that the readings depend on only in combination.
+    """A combination of parameters that no reading depends on.
 
     Attributes:
-        direction: change of each [its unit] along which no reading changes.
+        direction: name → change of each parameter, in its unit, along which no reading changes.
     """
 
     names: tuple[str, ...]
@@ -26,14 +26,14 @@ class Redundancy:
     sentence: str
 
     def to_json(self) -> dict[str, Any]:
-        """Entry of ``redundancies`` in ``fit.json`` and of a study."""
+        """Convert to an entry of ``redundancies`` in ``fit.json`` and in a study's results."""
         names, direction = list(self.names), list(self.direction)
         return {"parameters": names, "direction": direction, "sentence": self.sentence}
 
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """Rank, singular values and null space of a scaled Jacobian.
+    """Rank, singular values and null space of a scaled Jacobian of the readings.
 
     Attributes:
         rank, singular_values: of the scaled Jacobian.
@@ -53,8 +53,8 @@ class Observability:
 
     @cached_property
     def redundancies(self) -> tuple[Redundancy, ...]:
-        """Null directions as combinations of parameters: confirmed symmetries, then sparse ones.
-        Computed on first use, because it is slow."""
+        """Null directions as combinations of named parameters: confirmed symmetries, then sparse
+        ones. Computed on first use, because it is slow."""
         names = [n for n in self.names if n not in self.no_effect]
         chosen: list[tuple[str, np.ndarray]] = []
         known = [
@@ -86,10 +86,11 @@ def analyse(
     scale: np.ndarray,
     symmetries: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Observability:
-    """Rank and null space of a Jacobian, with names.
+    """Find what readings determine: rank and null space of their Jacobian, with parameter names.
 
     Args:
         jacobian: derivatives of whitened readings by the parameters (M, K).
+        names: names of these parameters.
         scale: typical size of each parameter (K,), in its unit.
         symmetries: null directions with a known name, each used only if this Jacobian confirms it.
     """
@@ -111,7 +112,7 @@ def _in_span(x: np.ndarray, basis: np.ndarray) -> bool:
 
 
 def _sparsest(basis: np.ndarray) -> list[np.ndarray]:
-    """Null vectors with few entries: for each parameter the one of least 1-norm that contains it.
+    """Sparse null vectors: for each parameter the one that contains it with the least 1-norm.
 
     Minimum 1-norm as a proxy for fewest entries: Donoho 2006, doi 10.1002/cpa.20132.
     """

@@ -35,7 +35,7 @@ FALLBACK_COVARIANCE = np.diag(_SCALE**2)
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """Means of the wrench over M poses or stretches, to which parameters are fitted.
+    """Mean wrenches over M poses or samples, to which parameters are fitted.
 
     Attributes:
         q: joint values (M, J), orientations (M, 4), or jets in motion.
@@ -131,25 +131,25 @@ def _motion(recording: Recording, keep: np.ndarray) -> Observations:
 
 
 def _step(recording: Recording) -> float:
-    """Time from row to row [s]."""
+    """Median time from one row to the next [s]."""
     return float(np.median(np.diff(recording.t))) if len(recording) > 1 else 1.0
 
 
 def _long(recording: Recording, window: int) -> list[slice]:
-    """Pieces of a motion that are long enough for a smoothing window [rows]."""
+    """Parts of a motion (slices without gaps) of at least two smoothing windows [rows]."""
     return [p for p in pieces(recording.columns) if p.stop - p.start >= 2 * window]
 
 
 def _smoothed(recording: Recording, parts: Sequence[slice], window: int, deriv: int) -> np.ndarray:
-    """Joint values (N, J) of pieces, or their derivatives, smoothed over a window [rows]."""
+    """Joint values (N, J) of parts of a motion, or derivatives, smoothed over a window [rows]."""
     h, q = _step(recording), recording.q.astype(float)
     smooth = partial(scipy.signal.savgol_filter, deriv=deriv, delta=h, axis=0)
     return np.concatenate([smooth(q[p], window, _ORDER) for p in parts])
 
 
 def window_of(recording: Recording) -> int:
-    """Number of rows over which a motion's joint values are smoothed. A wider window is taken where
-    their noise would exceed the sensor's, if it does not bend their path."""
+    """Number of rows over which a motion's joint values are smoothed: wider where joint noise would
+    exceed the sensor's, unless that bends the path."""
     h = _step(recording)
     windows = [max(_LEAST_WINDOW, 2 * round(_WINDOW_S * k / h / 2) + 1) for k in _WIDER]
     first: np.ndarray | None = None
@@ -169,21 +169,23 @@ def window_of(recording: Recording) -> int:
 
 
 def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
-    """Variances (J,) [N²] of the force of 1 kg that joint noise makes through the acceleration, by
-    joint values minus those (N, J) smoothed over a window [rows] of time steps h [s]."""
+    """Variance (J,) [N²] of the force on 1 kg that each joint's noise causes through the
+    acceleration, from joint values minus smoothed ones (N, J), for a window [rows] of steps h [s].
+    """
     second = scipy.signal.savgol_coeffs(window, _ORDER, deriv=2, delta=h)
     return np.asarray((second**2).sum() * rough.var(axis=0) * _LEVER**2)
 
 
 def _allowed(recording: Recording) -> float:
-    """Force per kg of the tool [N/kg] by joint noise that the sensor's noise hides."""
+    """Largest force per kg of tool [N/kg] due to joint noise that the sensor's noise hides."""
     std = recording.metadata.sensor.noise_std
     force = float(_SCALE[0]) if std is None or min(std[:3]) == 0 else max(std[:3])
     return force / (recording.metadata.tool.mass or 1.0)
 
 
 def _check_smooth(recording: Recording, force: np.ndarray, rough: np.ndarray) -> None:
-    """Raise if the joints' acceleration is mostly noise, by ``rough`` of `_force_of_noise`.
+    """Raise `CalibrationError` if the joints' acceleration is mostly noise; ``force`` (J,) and
+    ``rough`` (N, J) as in `_force_of_noise`.
 
     Noise in a regressor biases the fit towards a smaller mass further in, whatever the sensor.
     """
@@ -205,7 +207,7 @@ def _check_smooth(recording: Recording, force: np.ndarray, rough: np.ndarray) ->
 
 
 def scatter(recording: Recording, data: Observations) -> np.ndarray:
-    """Covariance of each pose's rows about their mean (M, 6, 6); 0 in motion."""
+    """Covariance (M, 6, 6) of each pose's rows about their mean; 0 in motion."""
     products = np.zeros((len(data), 6, 6))
     if recording.metadata.mode == "dynamic":
         return products
@@ -228,8 +230,8 @@ def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:
 
 
 def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
-    """Covariance whose variances are not below the sensor's resolution (unless readings are means
-    of rows, between its counts); relative weights `_SCALE` if there is no noise at all."""
+    """Raise a row covariance's variances to the sensor's resolution (unless readings are means of
+    rows, between its counts); without any noise return relative weights `_SCALE`."""
     variance = np.diagonal(covariance)
     if not recording.has_wrench:
         return covariance

@@ -16,7 +16,7 @@ _ROWS_AT_ONCE = 20_000
 def tip_jacobian(
     robot: Robot, q: np.ndarray, theta: np.ndarray, columns: Sequence[int]
 ) -> np.ndarray:
-    """Derivative (N, 3, K) of the tool's position [m] by the parameters at ``columns``, exact.
+    """Derivative (N, 3, K) of the tool tip's position [m] by the parameters at ``columns``, exact.
 
     Columns beyond the robot's own parameters (the sensor's) are zero.
 
@@ -40,8 +40,7 @@ def tip_jacobian(
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Derivatives (T, 3, K) of the tool's position [m] by the parameters, at the T poses that
-    matter."""
+    """Derivatives (T, 3, K) of the tool's position [m] by parameters, at T poses that matter."""
 
     sensitivity: np.ndarray
 
@@ -60,8 +59,8 @@ class Goal:
         return np.linalg.norm(np.einsum("tik,...k->...ti", self.sensitivity, deviation), axis=-1)
 
     def quantile(self, covariance: np.ndarray, share: float) -> float:
-        """Error [m] below which one robot's rms over the target stays with probability
-        ``share``."""
+        """Error [m] that the rms position error of a robot stays below with probability ``share``,
+        given the parameters' covariance (K, K)."""
         half = np.linalg.cholesky(
             self.weight + 1e-15 * np.trace(self.weight) * np.eye(len(covariance))
         )

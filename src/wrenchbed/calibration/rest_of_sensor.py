@@ -22,7 +22,7 @@ many times the median change (Gaussian noise: 9 sigma, once in 10^17; 1/f noise 
 
 
 def check_rest(recording: Recording) -> float:
-    """Rate of the rows [Hz] of a rest that a sensor's noise can be learnt from.
+    """Check that a recording is a rest from which noise can be learnt; return its rate [Hz].
 
     Raises:
         CalibrationError: too short, moving, uneven, saturated, disturbed or dead; names the file,
@@ -34,7 +34,7 @@ def check_rest(recording: Recording) -> float:
 
 
 def _reasons(recording: Recording) -> Iterator[str]:
-    """Reasons why a recording is no rest; empty if it is one."""
+    """Yield reasons why no noise can be learnt from a recording; none if it is a rest."""
     t = recording.t
     seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     if len(t) < LEAST_ROWS or seconds < LEAST_S:

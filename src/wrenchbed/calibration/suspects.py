@@ -33,11 +33,11 @@ WAVES = 4
 
 
 class Suspect(NamedTuple):
-    """A fault, with its change of each reading (M, 6, k) at ordinary size, in k shapes.
+    """A possible fault: the change (M, 6, k) of the readings at ordinary size, in k shapes.
 
     Attributes:
-        families: of each shape (k,); shapes of one family have a common size.
-        tips: its change of the touches' residuals (3T, k), None if it has none.
+        families: family of each shape (k,); shapes of one family have a common size.
+        tips: change of the touches' residuals (3T, k), None if it has none.
     """
 
     families: tuple[str, ...]
@@ -47,7 +47,7 @@ class Suspect(NamedTuple):
 
 
 def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """All suspects of a fit that ended at x (K,), for the observations ``some`` (indices)."""
+    """Yield all possible faults of a fit at x (K,), for the observations at indices ``some``."""
     read = problem.data.wrench - problem.residual(x)
     yield from _of_channels(read[some])
     yield from _of_frames(problem, x, some)
@@ -59,8 +59,8 @@ def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Susp
 
 
 def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """General suspects: slow functions of time, smooth nonlinear functions of gravity's direction,
-    of which linear ones are gains and crosstalk."""
+    """Yield general suspects: slow functions of time, and smooth nonlinear functions of gravity's
+    direction (linear ones are gains and crosstalk)."""
     t = problem.data.t[some]
     along = np.pi * (t - t.min()) / max(float(np.ptp(t)), 1e-9)
     yield _shapes(
@@ -77,7 +77,7 @@ def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 
 
 def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Suspect:
-    """Suspect with shapes (M, k) in any channel, sized by the swing of forces or torques."""
+    """Make a suspect of shapes (M, k) in any channel, scaled by the swing of forces or torques."""
     size = np.sqrt(problem.data.wrench.var(axis=0).reshape(2, 3).mean(axis=1)).repeat(3) * PART
     unit = shapes / np.maximum(np.sqrt((shapes**2).mean(axis=0)), 1e-3)
     each = np.einsum("mk,cd->mcdk", unit, np.diag(size))
@@ -86,7 +86,7 @@ def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Sus
 
 
 def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
-    """Suspects in the sensor's channels, for predicted readings (M, 6): gains and crosstalk."""
+    """Yield suspects in the sensor's channels for readings (M, 6): gains and crosstalk."""
     for i, to in enumerate(CHANNELS):
         for j, of in enumerate(CHANNELS):
             change = np.zeros((*read.shape, 1))
@@ -97,7 +97,7 @@ def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
 
 
 def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Suspects in frames: a tilt of gravity, and zeros of joints."""
+    """Yield suspects in frames: a tilt of gravity, and zero offsets of joints."""
     model, theta, q = problem.model, problem.at(x), problem.data.q[some]
     read, gravity = model.predict(q, theta), np.asarray(model.gravity)
     tilted = [
@@ -125,7 +125,7 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 def _of_time(
     problem: Problem, x: np.ndarray, some: np.ndarray, read: np.ndarray
 ) -> Iterator[Suspect]:
-    """Suspects in time: a delay; in motion also a clock of another rate."""
+    """Yield suspects in time: a delay of the wrench; in motion also a clock of another rate."""
     model, theta, q = problem.model, problem.at(x), problem.data.q
     if not isinstance(q, Jet):
         for name, others in (

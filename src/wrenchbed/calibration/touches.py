@@ -20,7 +20,7 @@ DOUBT = 0.001
 
 @dataclass(frozen=True)
 class Agreement:
-    """Agreement of touches with the wrenches, the prior and each other.
+    """How well touches agree with the wrenches, the prior and each other.
 
     Attributes:
         std: assumed distance of a tip from its point, per axis [m].
@@ -37,7 +37,7 @@ class Agreement:
 
     @property
     def doubtful(self) -> bool:
-        """Whether a touch contradicts the other data."""
+        """Whether one touch contradicts the other data."""
         return self.p_value < DOUBT
 
 
@@ -48,7 +48,7 @@ class Touches:
     Attributes:
         q: joint values (T, J).
         points: position of the tip (T, 3) in the world [m].
-        std: uncertainty of that, per axis [m].
+        std: standard uncertainty of these positions, per axis [m].
     """
 
     q: np.ndarray
@@ -60,7 +60,7 @@ class Touches:
 
     @classmethod
     def of(cls, recording: Recording, std: float = TOUCH_STD) -> "Touches":
-        """Touches of a recording with the columns px py pz, one for each hold.
+        """Extract the touches of a recording with the columns px py pz, one for each hold.
 
         Raises:
             CalibrationError: no such columns, a std that is not above 0, or orientations only.
@@ -79,17 +79,17 @@ class Touches:
         return cls(holds.q, points, std)
 
     def residual(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
-        """Stated − predicted tip position (3T,) in standard deviations."""
+        """Stated minus predicted tip positions (3T,), in standard deviations."""
         robot_theta = robot.robot_theta(theta)
         return ((self.points - robot.tool_pose(self.q, robot_theta)[1]) / self.std).ravel()
 
     def jacobian(self, robot: Robot, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-        """Derivative of the predicted position in standard deviations (3T, K)."""
+        """Derivative (3T, K) of predicted tip positions, in standard deviations, by parameters."""
         return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
 
     def agreement(self, solution: Solution, first: int) -> Agreement:
-        """Compare each touch with its prediction by all other data (deletion residuals), by a
-        whitened fit of all data in which the touches begin at row ``first``."""
+        """Compare each touch with its prediction from all other data (deletion residuals); the
+        touches begin at row ``first`` of the whitened solution."""
         rows = slice(first, first + 3 * len(self))
         residual = solution.residual[rows].reshape(len(self), 3)
         u, sizes, _ = np.linalg.svd(solution.jacobian, full_matrices=False)

@@ -63,10 +63,10 @@ _PLANNED_TARGET = (0.1, 0.0, 0.1)
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """H measured positions of a target, and the model of a robot to be fitted to them.
+    """H measured positions of a tracker's target, and the robot model that is fitted to them.
 
     Attributes:
-        theta: its parameters (P,) as stated.
+        theta: stated parameters of the robot (P,).
         q: joint values (H, J).
         read: measured positions (H, 3) in the tracker's axes [m].
         columns: indices of the free geometric parameters.
@@ -84,7 +84,7 @@ class Sight:
 
     @cached_property
     def parameters(self) -> ParameterSet:
-        """All free parameters: geometry, compliances, pose of tracker and place of target."""
+        """All K free parameters: geometry, compliances, pose of tracker and position of target."""
         robot = self.model.robot
         give = [
             Parameter(f"{COMPLIANCE}{j + 1}", 0.0, *GIVE[robot.joints[j].unit], -1.0, 1.0)
@@ -94,7 +94,7 @@ class Sight:
 
     @cached_property
     def start(self) -> np.ndarray:
-        """Start values (K,): stated geometry, no compliance, the tracker roughly fitted."""
+        """Start values (K,) of the fit: stated geometry, no compliance, tracker roughly fitted."""
         x = np.concatenate([self.theta[list(self.columns)], np.zeros(len(self.joints) + 9)])
         middle = self._pose(self.q, self.theta)[1].mean(axis=0)
         x[-6:-3] = self.read.mean(axis=0) - self.turn @ middle
@@ -102,16 +102,16 @@ class Sight:
 
     @cached_property
     def torque(self) -> np.ndarray:
-        """Torque of weight about each joint (H, J) [N·m; N of slides]."""
+        """Torque of the weight about each joint (H, J) [N·m; N for slides]."""
         model = self.model
         return model.robot.gravity_torque(self.q, self.theta, np.asarray(model.gravity))
 
     def expected(self, x: np.ndarray) -> np.ndarray:
-        """Predicted positions (H, 3) [m] for parameters (K,)."""
+        """Predicted target positions (H, 3) [m], in the tracker's axes, at parameters x (K,)."""
         return self._seen(*self._pose(self._moved(x), self.geometry(x)), x[-9:])
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Slopes (H, 3, K) of `expected`, by complex steps."""
+        """Derivatives (H, 3, K) of the predicted positions at x (K,), by complex steps."""
         q, theta = self._moved(x), self.geometry(x)
         by_geometry = self._seen(*self._pose(q, complex_steps(theta, self.columns)), x[-9:])
         shifts = 1j * STEP * np.eye(self.q.shape[1])[list(self.joints)]
@@ -122,8 +122,8 @@ class Sight:
         return np.moveaxis(np.concatenate([by_geometry, by_joint, by_stand]).imag / STEP, 0, 2)
 
     def solve(self, noise: float, tolerances: float, start: np.ndarray) -> Solution:
-        """Least squares from ``start`` (K,), for a noise [m] and a prior of ``tolerances``
-        tolerances about each parameter's stated value."""
+        """Least-squares fit from ``start`` (K,) for a noise [m], with each parameter's prior of
+        ``tolerances`` tolerances about its stated value."""
         scale, centre = self.parameters.tolerance, self.start
         pull = np.diag(1.0 / (tolerances * scale))
 
@@ -137,30 +137,30 @@ class Sight:
         return solve(residual, jacobian, start, scale)
 
     def stand(self, x: np.ndarray) -> dict[str, float]:
-        """The tracker's pose and the target's position, by name, from parameters (K,)."""
+        """Name → value of the tracker's pose and the target's position, at parameters x (K,)."""
         turn = Rotation.from_matrix(exp(*x[-9:-6]) @ self.turn).as_rotvec()
         return dict(zip(_STAND.names, [*turn.tolist(), *x[-6:].tolist()], strict=True))
 
     def geometry(self, x: np.ndarray) -> np.ndarray:
-        """The robot's parameters (P,) from parameters (K,)."""
+        """The robot's parameters (P,) with those that are free taken from x (K,)."""
         theta = self.theta.copy()
         theta[list(self.columns)] = x[: len(self.columns)]
         return theta
 
     def _moved(self, x: np.ndarray) -> np.ndarray:
-        """Joint values (H, J) with the joints' deflection under weight."""
+        """Joint values (H, J) plus the joints' deflection under weight, at parameters x (K,)."""
         give = np.zeros(self.q.shape[1])
         give[list(self.joints)] = x[len(self.columns) : -9]
         return self.q + give * self.torque
 
     def _pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Orientation (…, 3, 3) and place (…, 3) [m] of the sensor for parameters (P,) or (K, 1,
-        P)."""
+        """Rotation (…, 3, 3) and position (…, 3) [m] of the sensor at theta, (P,) or (K, 1, P)."""
         rotation, position = self.model.robot.sensor_pose(q, theta)
         return rotation, np.broadcast_to(position, rotation.shape[:-1])
 
     def _seen(self, rotation: np.ndarray, position: np.ndarray, stand: np.ndarray) -> np.ndarray:
-        """Positions (H, 3) in the tracker's axes, for its pose and the target's place (9,)."""
+        """Target positions (H, 3) in the tracker's axes [m], for sensor poses; ``stand`` (9,) is
+        the tracker's pose and the target's position."""
         turn = exp(*stand[:3]) @ self.turn
         return np.asarray((position + apply(rotation, stand[6:])) @ turn.T + stand[3:6])
 
@@ -234,8 +234,8 @@ def calibrate_tracker(
 
 
 def planned_slopes(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Derivatives (H, 3, K) [m] of a target's position at joint values (H, J) by all parameters
-    that may be free, per standard deviation of their prior, at most 1 rad or 1 m."""
+    """Derivatives (H, 3, K) [m] of a target's position at joint values (H, J) by every parameter
+    that may be free, per standard deviation of its prior, at most 1 rad or 1 m."""
     model = Model.of(robot)
     theta = robot.robot_theta(model.parameters.nominal)
     sight = Sight(model, theta, q, np.zeros((len(q), 3)), (), (), np.eye(3))
@@ -247,8 +247,8 @@ def planned_slopes(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, float, int]:
-    """Problem to fit, noise of a pose's mean by its repeats [m] (0 without), and number of rows
-    used."""
+    """Set up the fit of a recording: the problem, the noise of a pose's mean by its repeats [m] (0
+    without), and the number of rows used."""
     name = recording.name
     if not all(c in recording.columns for c in TARGET):
         raise CalibrationError(f"{name}: no columns mx my mz: a tracker did not record this")
@@ -275,8 +275,8 @@ def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, fl
 def _free(
     robot: Robot, loaded: np.ndarray, options: CalibrationOptions
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Indices of free geometric parameters, and of joints with a free compliance; ``loaded`` (J,)
-    is the range of weight's torque on each joint."""
+    """Indices of the free geometric parameters, and of joints with a free compliance; ``loaded``
+    (J,) is the range of the weight's torque on each joint."""
     hidden = {p for p in robot.parameters.names if p.startswith(_HIDDEN)}
     places = [
         p for p in robot.parameters if p.name not in {*robot.load, *robot.unobservable, *hidden}
@@ -292,8 +292,8 @@ def _free(
 
 
 def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> tuple[float, float]:
-    """Rms distance [m] of poses from fits without them, and its expectation from noise and the
-    number of poses if the model is right (Cramér–Rao).
+    """Rms distance [m] of held-out poses from fits without them, and its expected value for a
+    correct model, from noise and number of poses (Cramér–Rao).
 
     Each fit is one Gauss–Newton step from that of all poses, x (K,): it is near.
     """
@@ -321,8 +321,7 @@ def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> t
 def _identified(
     sight: Sight, solution: Solution, dof: float, tolerances: float
 ) -> tuple[IdentifiedValue, ...]:
-    """Geometry and compliances with uncertainties; without one where the data add nothing to the
-    prior."""
+    """Fitted parameters with uncertainties; without if the data add nothing to the prior."""
     std = np.sqrt(np.diagonal(solution.covariance))
     determined = std < _TOLD * tolerances * sight.parameters.tolerance
     names = ((p.name, p.unit) for p in sight.parameters)

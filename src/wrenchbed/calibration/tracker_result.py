@@ -64,12 +64,12 @@ class TrackerFit(WrittenFit):
 
     @property
     def compliance(self) -> dict[str, float]:
-        """Compliances of the joints by name, ``compliance.q2`` [rad/(N·m); m/N of slides]."""
+        """Compliance of each joint by name, ``compliance.q2`` [rad/(N·m); m/N for slides]."""
         return {p.name: p.value for p in self.identified if p.name.startswith(COMPLIANCE)}
 
     @property
     def errors(self) -> tuple[tuple[str, float], ...]:
-        """Labels and values [m] of the rms distances to compare."""
+        """Labels and values [m] of the rms distances that a report compares."""
         return (
             ("held-out poses, geometry as stated", self.before),
             ("held-out poses, geometry as fitted", self.held_out),
@@ -79,7 +79,7 @@ class TrackerFit(WrittenFit):
 
     @property
     def cannot_tell(self) -> tuple[str, ...]:
-        """Sentences on what these poses do not determine."""
+        """Sentences on parameters that these poses do not determine."""
         hidden, rest = list(self.observability.no_effect), list[str]()
         for r in self.observability.redundancies:
             of_arm = [n for n in r.names if n not in self.stand]
@@ -92,7 +92,7 @@ class TrackerFit(WrittenFit):
 
     @property
     def refuted(self) -> str | None:
-        """Why the data refute the geometry; None if they do not."""
+        """Sentence on why the data refute the fitted geometry; None if they do not."""
         if not self.converged:
             return f"not converged after {self.iterations} steps: are these this robot's joints?"
         if self.before > FOLLOWS * self.extent:
@@ -110,7 +110,7 @@ class TrackerFit(WrittenFit):
 
     @property
     def status(self) -> str:
-        """Sentence on how far to trust the fit."""
+        """Sentence on how far the fit can be trusted."""
         if self.refuted is not None:
             return f"refuted: {self.refuted}"
         text = (
@@ -128,7 +128,7 @@ class TrackerFit(WrittenFit):
         return text
 
     def to_json(self) -> dict[str, Any]:
-        """Contents of the fit's JSON file."""
+        """Return the content of the fit's JSON file."""
         o, springs = self.observability, {"effect": SPRINGS, "parameters": self.compliance}
         in_metres = ("held_out", "before", "bound", "accuracy", "noise", "repeats")
         return head(self.recording, self.robot, self.status, self.refuted) | {

@@ -22,8 +22,7 @@ _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"}
 def observed(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Observed:
-    """Observations in the form that `checks` take, for parameters (P,) as the metadata states them
-    and the names of those that a fit will find."""
+    """Observations in the form for `checks`, at stated theta (P,); a fit will find ``free``."""
     robot, robot_theta = model.robot, model.robot.robot_theta(theta)
     tool, stated = robot.tool(robot_theta), recording.metadata.tool
     row = np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1)
@@ -43,7 +42,7 @@ def observed(
 def of_observations(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Finding | None:
-    """Finding against rows as repeats of their pose or, if the mass is free, against the load.
+    """Finding if rows are no repeats of their pose or, with a free mass, no load fits; else None.
 
     Arguments as in `observed`.
     """

@@ -39,7 +39,7 @@ _ENOUGH = 20
 
 @dataclass(frozen=True, eq=False)
 class Wander:
-    """Error of a hold's mean: variance of the independent part (6,), 1/f level (6,) [N², (N·m)²].
+    """Noise model of a hold's mean: independent variance (6,) and 1/f level (6,) [N², (N·m)²].
 
     ``basis`` (N, N) and ``spread`` (N,) are eigenvectors and eigenvalues of the 1/f kernel.
     """
@@ -50,14 +50,14 @@ class Wander:
     spread: np.ndarray
 
     def whiten(self, rows: np.ndarray) -> np.ndarray:
-        """Rows (N, 6) or (N, 6, K) transformed to unit variance without correlation in time."""
+        """Transform rows (N, 6) or (N, 6, K) to unit variance without correlation in time."""
         turned = np.tensordot(self.basis.T, rows, axes=1)
         root = np.sqrt(self.independent + self.level * self.spread[:, None])
         return turned / root.reshape(root.shape + (1,) * (rows.ndim - 2))
 
 
 def kernel(t: np.ndarray) -> np.ndarray:
-    """Covariance (N, N) at times (N,) [s] of unit 1/f noise, ∫ cos(2πfτ)/f df.
+    """Covariance matrix (N, N) of unit 1/f noise at times (N,) [s], ∫ cos(2πfτ)/f df.
 
     The band reaches from a tenth of the inverse of the whole time to one cycle a pose; what is
     faster looks independent from pose to pose.
@@ -81,7 +81,7 @@ def estimate(
     kernel_modes: tuple[np.ndarray, np.ndarray], residual: np.ndarray, design: np.ndarray,
     least: np.ndarray,
 ) -> Wander:  # fmt: skip
-    """Levels of independent and 1/f noise of every channel.
+    """Estimate the levels of independent and 1/f noise in every channel.
 
     Args:
         kernel_modes: eigenvalues and eigenvectors, from `modes`.
@@ -98,7 +98,7 @@ def estimate(
 
 def _levels(design: np.ndarray, residual: np.ndarray, spread: np.ndarray) -> tuple[float, float]:
     """Independent variance and 1/f level of one channel, from its derivatives (N, K), residual (N,)
-    and eigenvalues (N,), all in the kernel's eigenvectors."""
+    and kernel eigenvalues (N,), all in the basis of the kernel's eigenvectors."""
     from scipy.optimize import minimize_scalar  # slow to load: only when it is used
 
     u, s, _ = np.linalg.svd(design, full_matrices=False)
@@ -117,8 +117,8 @@ def _levels(design: np.ndarray, residual: np.ndarray, spread: np.ndarray) -> tup
 
 
 def _restricted(r: np.ndarray, span: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """Restricted −log likelihood of residuals (N,) with weights (N,), and the variance of unit
-    weight, besides orthonormal directions (N, k) that the fit took."""
+    """Restricted −log likelihood of residuals r (N,) with weights (N,), and the variance of unit
+    weight; ``span`` (N, k) are the orthonormal directions that the fit absorbs."""
     weighted = weight * r
     gram, right = span.T @ (weight[:, None] * span), span.T @ weighted
     dof = len(r) - len(right)
@@ -128,14 +128,13 @@ def _restricted(r: np.ndarray, span: np.ndarray, weight: np.ndarray) -> tuple[fl
 
 
 def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Whitening of rows without correlation in time, by a variance of each channel (6,)."""
+    """Return a whitening by each channel's variance (6,), without correlation in time."""
     root = np.sqrt(variance)
     return lambda rows: rows / root.reshape(root.shape + (1,) * (rows.ndim - 2))
 
 
 def fit(problem: Problem) -> Outcome:
-    """Fit with the weights of the known noise (repeats or stated) where the residual agrees with
-    it.
+    """Fit with the weights of the known noise (repeats or stated) if the residual agrees with it.
 
     Else weights come from the residual: its scatter, of enough poses its 1/f wander too, of motions
     always its correlation time. Uncertainties are never below those of the known noise.
@@ -160,14 +159,14 @@ def fit(problem: Problem) -> Outcome:
 
 
 def at_least(outcome: Outcome, least: np.ndarray) -> Outcome:
-    """Outcome whose standard uncertainties are at least ``least`` (K,)."""
+    """Raise the standard uncertainties of a fit to at least ``least`` (K,)."""
     now = np.sqrt(np.diagonal(outcome.covariance))
     factor = np.maximum(1.0, np.divide(least, now, out=np.ones_like(now), where=now > 0.0))
     return replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
 
 
 def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
-    """Whitening of means over ``count`` (M,) rows, whose covariance is (6, 6)."""
+    """Return a whitening of means over ``count`` (M,) rows, whose row covariance is (6, 6)."""
     turn = np.linalg.inv(np.linalg.cholesky(covariance))
 
     def whiten(rows: np.ndarray) -> np.ndarray:
@@ -178,7 +177,7 @@ def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
 
 
 def _blind(problem: Problem) -> Outcome:
-    """Fit without known noise: one level of all forces and one of all torques, from the residual.
+    """Fit without known noise: one noise level of all forces and one of all torques.
 
     A residual is often an effect that the model lacks; a weight of each channel by its own residual
     would depend on chance.
@@ -243,7 +242,7 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
 
 
 def _exact(found: np.ndarray, data: Observations) -> bool:
-    """Whether a residual's variance (6,) is rounding only."""
+    """Whether a residual's variance (6,) is nothing but rounding."""
     size = np.abs(data.wrench).max()
     return bool(found.min() < (1e-12 * size) ** 2)
 
@@ -269,8 +268,8 @@ def correlation_time(r: np.ndarray) -> np.ndarray:
 
 
 def _batch_time(r: np.ndarray) -> np.ndarray:
-    """Variance inflation (6,) by the scatter of `_BATCHES` batch means, which contains 1/f
-    wander."""
+    """Factor (6,) by which correlation, 1/f noise included, inflates the variance of the mean, from
+    the scatter of `_BATCHES` batch means."""
     length = len(r) // _BATCHES
     batches = r[: length * _BATCHES].reshape(_BATCHES, length, 6).mean(axis=1)
     return length * batches.var(axis=0, ddof=1) / np.maximum(r.var(axis=0), 1e-300)

@@ -77,15 +77,15 @@ _UNITS = {
 
 
 def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> Finding | None:
-    """First finding against a recording; None if nothing speaks against it. With ``blocking`` only
-    findings count after which even a diagnosis, which sets contacts aside and names jumps of the
-    zero, can learn nothing."""
+    """First finding against a recording, None if there is none. With ``blocking`` only findings
+    count after which even a diagnosis, which sets contacts aside and names jumps of the zero, can
+    learn nothing."""
     finding = rows.of_rows(recording, blocking=blocking) or of_load(recording, seen)
     return finding if finding is None or finding.blocks or not blocking else None
 
 
 def of_load(recording: Recording, seen: Observed) -> Finding | None:
-    """Finding against one rigid load under gravity on this robot; None if such a load fits."""
+    """Finding if no rigid load under gravity explains the readings of this robot; else None."""
     finding = _one_orientation(seen)
     if finding is not None:
         return finding
@@ -101,8 +101,8 @@ def of_load(recording: Recording, seen: Observed) -> Finding | None:
 
 
 def _as_mounted(seen: Observed) -> Observed:
-    """Observations turned to the stated mount's axes if a rotation of the sensor by more than
-    `TURNED` makes a rigid load fit, else as they are."""
+    """Rotate the readings to the stated mount's axes if a rotation by more than `TURNED` makes one
+    rigid load fit; else return them unchanged."""
     turn = best_turn(-seen.seen.origin.T, seen.y[:, :3]) if seen.turns else None
     if turn is None or np.trace(turn) > 1.0 + 2.0 * np.cos(TURNED):
         return seen  # of an imperfect mount, what channels show is clearer in their own axes
@@ -111,7 +111,7 @@ def _as_mounted(seen: Observed) -> Observed:
 
 
 def _refuted(seen: Observed, load: Load) -> Finding | None:
-    """Reason why no load fits; None if the residual may come from imperfections of the robot."""
+    """Finding on why no load fits; None if imperfections of the robot may explain the residual."""
     finding = _overcompensated(seen) or mistake(seen) or changed(seen) or touched(seen)
     if finding is not None or load.share < REFUTED:
         return finding
@@ -153,7 +153,7 @@ def _one_orientation(seen: Observed) -> Finding | None:
 
 
 def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
-    """Finding on a joint column that stands still while other joints and the readings change."""
+    """Finding if a joint column is constant while other joints and readings change; else None."""
     for name, row, count in rows.frozen_joints(recording):
         inside = (seen.row >= row) & (seen.row < row + count)
         if inside.all():  # or it was planned to stand, and a mistake explains the readings
@@ -181,7 +181,7 @@ def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
 
 
 def _one_weight(rest: Observed, force: np.ndarray) -> bool:
-    """Whether forces (K, 3) have the size of the weight in the rows ``rest``: no contact."""
+    """Whether forces (K, 3) [N] have the magnitude of the weight that the rows ``rest`` show."""
     some = thinned(rest)
     phi = some.moments.fit().phi
     zero = (some.y[:, :3] - some.design[:, :3] @ phi).mean(axis=0)
@@ -191,7 +191,7 @@ def _one_weight(rest: Observed, force: np.ndarray) -> bool:
 
 
 def _beyond(seen: Observed, load: Load) -> Finding | None:
-    """Finding on forces that differ by more than the stated weight can, however it is turned."""
+    """Finding if forces differ by more than the stated weight can cause in any pose; else None."""
     weight = seen.mass * float(np.linalg.norm(seen.gravity))
     away = np.linalg.norm(seen.y[:, :3] - np.median(seen.y[:, :3], axis=0), axis=1)
     if not seen.stated or float(away.max()) < BEYOND * weight:
@@ -230,7 +230,7 @@ def _weight(seen: Observed, load: Load) -> Finding | None:
 
 
 def _dead(seen: Observed, load: Load) -> Finding | None:
-    """Finding on a channel that moves far less than the load seen by the others.
+    """Finding if a channel varies far less than the load that the others show; else None.
 
     What no load explains of the others (a tilt, a turned mount) moves that load. So a channel is
     judged only where its part of the load is larger: a CoG on the sensor's axis hardly loads tz.
@@ -249,12 +249,12 @@ def _dead(seen: Observed, load: Load) -> Finding | None:
 
 
 def _carried(load: Load) -> bool:
-    """Whether a load fitted without one channel has a mass that a robot can carry."""
+    """Whether a fitted load has a positive mass and a CoG near enough for a robot to carry it."""
     return bool(np.abs(load.phi[1:4]).max() < LONG * load.phi[0])
 
 
 def _one_channel(seen: Observed, load: Load) -> Finding | None:
-    """Finding on one dead channel, or one in another unit, if one load explains all others."""
+    """Finding if one load explains all channels but a dead or wrongly scaled one; else None."""
     fits = seen.moments.without_each()
     k = int(np.argmin([f.share for f in fits]))
     if fits[k].share > min(CLEAN, 0.2 * load.share) or not _carried(fits[k]):
@@ -275,7 +275,7 @@ def _bad_channel(k: int, measured: float, due: float) -> Finding:
 
 
 def _other_robot(seen: Observed, load: Load) -> Finding | None:
-    """Finding on forces of one constant weight that turns otherwise than the joints do."""
+    """Finding if one constant weight turns otherwise than the joints do; else None."""
     radius, off = sphere(seen.y[:, :3])
     noise = float(seen.noise[:3].max(initial=0.0))
     if load.share < FOLLOWED or off > SPHERE or radius < CLEAR * noise:
@@ -301,7 +301,7 @@ def _nothing(seen: Observed, load: Load) -> Finding:
 
 
 def sphere(force: np.ndarray) -> tuple[float, float]:
-    """Radius [N] of the sphere on which forces (M, 3) lie, and their relative distance from it.
+    """Radius [N] of the sphere that best fits forces (M, 3), and their relative distance from it.
 
     That distance is infinite for forces in a plane, which lie on spheres of any size.
     """
@@ -359,8 +359,7 @@ def _units(seen: Observed, load: Load) -> Finding | None:
 
 
 def _longer(seen: Observed, load: Load) -> float | None:
-    """Distance of the load from the sensor over the stated one; None in another direction or
-    unstated."""
+    """Fitted over stated distance of the CoG from the sensor; None if unstated or elsewhere."""
     if seen.cog is None or not (square := float(seen.cog @ seen.cog)):
         return None
     lever = load.phi[1:4] / load.phi[0]
@@ -370,8 +369,8 @@ def _longer(seen: Observed, load: Load) -> float | None:
 
 
 def _unlike_stated(seen: Observed, load: Load) -> Finding | None:
-    """Finding on forces in another unit or in counts, or without the payload that a controller
-    subtracts, judged by the stated mass."""
+    """Finding if the fitted mass shows that forces are in another unit, in counts, or lack a
+    payload that the controller subtracts; else None."""
     mass, longer = float(load.phi[0]), _longer(seen, load)
     ratio = mass / seen.mass
     begin = f"the forces are those of {mass:.4g} kg, {ratio:.4g} of the stated {seen.mass:.4g} kg"
@@ -401,7 +400,7 @@ def _unlike_stated(seen: Observed, load: Load) -> Finding | None:
 
 
 def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
-    """Finding on a controller that subtracts a payload, with its mass from the remaining forces."""
+    """Finding that a controller subtracts a payload, with its mass by the remaining forces."""
     mass = float(load.phi[0])
     less = seen.mass - mass
     state = ", or state the tool without it" if mass > 0.0 else " and record again"
@@ -418,8 +417,7 @@ def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
 
 
 def _overcompensated(seen: Observed) -> Finding | None:
-    """Finding on a controller that subtracts more than the tool: the forces are those of the stated
-    weight with the opposite sign."""
+    """Finding if forces are minus the stated weight: a controller subtracts too much; else None."""
     load = seen.moments.mended(-np.eye(6)[None])[0]
     if not seen.stated or load.share > CLEAN:
         return None

@@ -32,7 +32,7 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Finding:
-    """Why a recording cannot be trusted.
+    """One reason why a recording cannot be trusted.
 
     Attributes:
         reason: one of `REASONS`.

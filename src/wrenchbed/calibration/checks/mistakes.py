@@ -47,19 +47,19 @@ TURNED = np.deg2rad(10.0)
 
 
 class Mistake(NamedTuple):
-    """A possible mistake, with the load fitted after it was undone."""
+    """A possible mistake in a recording, with the load that fits once it is corrected."""
 
     load: Load
     finding: Finding
 
     @property
     def centre(self) -> np.ndarray:
-        """Centre of gravity of the load (3,) [m]."""
+        """Centre of gravity (3,) [m] of the load that fits once the mistake is corrected."""
         return np.asarray(self.load.phi[1:4] / self.load.phi[0])
 
 
 def mistake(seen: Observed) -> Finding | None:
-    """Finding on the single mistake that explains the readings; None if there is none."""
+    """Finding on the one mistake whose correction makes a rigid load fit; None if none does."""
     some = thinned(seen)
     before = some.moments.fit().share
     limit = min(MENDED * before, CLEAN)
@@ -77,7 +77,7 @@ def mistake(seen: Observed) -> Finding | None:
 
 
 def _mirrored(alike: Sequence[Mistake]) -> Finding:
-    """Finding on all axes that may be mirrored, with the load that each leaves."""
+    """Finding that names every axis whose mirroring explains the readings, with its load."""
     loads = (", ".join(f"{1e3 * x:.0f}" for x in m.centre) for m in alike)
     ways = " Or ".join(
         f"{m.finding.sentence}: the load is then at ({load}) mm."
@@ -87,13 +87,13 @@ def _mirrored(alike: Sequence[Mistake]) -> Finding:
 
 
 def _whole(mistake: Mistake) -> bool:
-    """Whether a mistake's load explains the torques too, which a wrong unit may make small."""
+    """Whether a load fitted after a correction of units explains the torques; True for others."""
     return mistake.finding.reason != "units" or bool(mistake.load.channel[3:].max() < CLEAN)
 
 
 def channel_mistake(seen: Observed, before: Load) -> Finding | None:
-    """Finding on swapped or negated channels that carry too little to refute the whole load, of
-    thinned observations that the load ``before`` fits best as they are."""
+    """Finding on swapped or negated channels that carry too little load to matter to `mistake`;
+    None without any. Observations are `thinned`; ``before`` is the load fitted to them."""
     if before.channel.max() < WRONG:
         return None
     for after, finding in _mended(seen.moments, float(before.phi[0])):
@@ -104,14 +104,14 @@ def channel_mistake(seen: Observed, before: Load) -> Finding | None:
 
 
 def thinned(seen: Observed) -> Observed:
-    """Keep at most `MOST` observations, spread evenly over the recording."""
+    """Keep at most `MOST` observations, evenly spread over the recording."""
     if len(seen) <= MOST:
         return seen
     return part(seen, np.linspace(0, len(seen) - 1, MOST).astype(int))
 
 
 def part(seen: Observed, rows: np.ndarray) -> Observed:
-    """Observations selected by indices or by a boolean mask."""
+    """Select observations by row indices or a boolean mask."""
     return replace(seen, q=seen.q[rows], y=seen.y[rows], t=seen.t[rows], row=seen.row[rows])
 
 
@@ -120,7 +120,7 @@ def _of_channels(seen: Observed) -> Iterator[Mistake]:
 
 
 def _mended(moments: Moments, mass: float) -> Iterator[Mistake]:
-    """Possible mistakes in the channels, the simplest first, for forces of a mass [kg]."""
+    """Yield possible mistakes in the channels, simplest first; ``mass`` [kg] is for sentences."""
     words, reasons, matrices = _all_mends()
     for text, reason, load in zip(words, reasons, moments.mended(matrices), strict=True):
         yield Mistake(load, Finding(reason, text.format(mass=mass)))
@@ -128,7 +128,7 @@ def _mended(moments: Moments, mass: float) -> Iterator[Mistake]:
 
 @cache
 def _all_mends() -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
-    """Sentences, reasons, and the matrices (B, 6, 6) that undo the mistakes on the readings."""
+    """Sentences, reasons, and correction matrices (B, 6, 6) of B mistakes in the channels."""
     words, reasons, matrices = zip(*_mends(), strict=True)
     return words, reasons, np.stack(matrices)
 
@@ -219,8 +219,7 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
 
 
 def best_turn(gravity: np.ndarray, force: np.ndarray) -> np.ndarray | None:
-    """Rotation (3, 3) that best aligns forces (M, 3) with gravity in sensor axes (M, 3); None if a
-    reflection does so better.
+    """Rotation (3, 3) that best aligns forces (M, 3) with gravity (M, 3); None if a mirror does.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
     """
@@ -231,7 +230,7 @@ def best_turn(gravity: np.ndarray, force: np.ndarray) -> np.ndarray | None:
 
 
 def _turned_sensor(seen: Observed, rotation: np.ndarray) -> Iterator[Mistake]:
-    """Mistakes in which the sensor is turned by a rotation (3, 3)."""
+    """Yield the mistake that the sensor is turned by a rotation (3, 3), if that is large."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     turn = Rotation.from_matrix(rotation)
@@ -267,7 +266,7 @@ def _of_orientations(seen: Observed) -> Iterator[Mistake]:
 
 
 def _of_gravity(seen: Observed, into: np.ndarray) -> Iterator[Mistake]:
-    """Mistakes in gravity's direction: forces R' u + b for one u along another base axis."""
+    """Yield the mistake that gravity acts along another base axis, fitted to the forces."""
     if isinstance(seen.q, Jet):
         finding = Finding(
             "gravity",
@@ -325,7 +324,7 @@ def _of_joints(seen: Observed) -> Iterator[Mistake]:
 
 
 def _joint_mistakes(seen: Observed) -> Iterator[tuple[str, Value]]:
-    """Possible mistakes in joints, each as a sentence with the corrected joint values."""
+    """Yield possible mistakes in the joints: a sentence and the corrected joint values (M, J)."""
     names = seen.robot.joints
     for j in range(len(names)):
         sign = np.ones(len(names))
@@ -344,7 +343,7 @@ def _joint_mistakes(seen: Observed) -> Iterator[tuple[str, Value]]:
 
 
 def _designs(seen: Observed, tried: Sequence[Value]) -> list[np.ndarray | None]:
-    """Regressors (M, 6, 10) at each set of joint values; None where the robot cannot take them."""
+    """Regressors (M, 6, 10) at each of the tried joint values; None where these are impossible."""
     if seen.robot.broadcasts and not isinstance(seen.q, Jet):  # a formula: all at once
         with np.errstate(all="ignore"):
             every = regressor(seen.motion(np.concatenate(tried)))

@@ -26,7 +26,7 @@ _RIDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """M observations of a robot that carries one load: poses at rest or samples of a motion.
+    """M observed wrenches of a robot that carries one load: poses at rest or samples of a motion.
 
     Attributes:
         robot, theta, gravity: its model, its own parameters (P,), gravity in world axes (3,).
@@ -37,7 +37,7 @@ class Observed:
         row: number of the first row of each observation (M,).
         mass: configured mass of the tool [kg].
         stated: whether the metadata state the mass.
-        cog: as the metadata states it (3,) [m], None if it does not.
+        cog: CoG that the metadata state (3,) [m], None if they do not.
         turns: whether the fit that follows finds the rotation of the sensor's mount by itself.
     """
 
@@ -58,7 +58,7 @@ class Observed:
         return len(self.y)
 
     def motion(self, q: Value) -> Motion:
-        """Motion of the sensor at joint values or jets; at rest with gravity alone."""
+        """Velocity and acceleration of the sensor at joint values or jets, gravity included."""
         if isinstance(q, Jet):
             return motion_of(*self.robot.sensor_pose(q, self.theta), self.gravity)
         seen = -self.robot.gravity_seen(q, self.theta, self.gravity).T
@@ -66,22 +66,22 @@ class Observed:
 
     @cached_property
     def seen(self) -> Motion:
-        """Motion of the sensor at the recorded joint values."""
+        """Velocity and acceleration of the sensor at the recorded joint values."""
         return self.motion(self.q)
 
     @cached_property
     def design(self) -> np.ndarray:
-        """Regressor (M, 6, 10) of the readings on the ten inertial parameters."""
+        """Regressor (M, 6, 10): the derivative of the readings by the ten inertial parameters."""
         return regressor(self.seen)
 
     @cached_property
     def rotation(self) -> np.ndarray:
-        """Rotation R_world_sensor (M, 3, 3)."""
+        """Rotation R_world_sensor (M, 3, 3) of the sensor at each observation."""
         return np.asarray(value(self.robot.sensor_pose(value(self.q), self.theta)[0]))
 
     @cached_property
     def moments(self) -> "Moments":
-        """Moments of the uncorrected readings."""
+        """Sums of products of regressor and readings, without corrections."""
         return Moments.of(self.design, self.y, self.noise)
 
 
@@ -94,7 +94,7 @@ class Load:
         share: residual beyond noise over the readings' variance, the larger of forces and torques,
             0 … 1; 1 for a load without mass and where the readings are only noise.
         left: rms residual of each channel (6,) [N, N·m].
-        channel: the same share of each channel by itself (6,), 0 where it is only noise.
+        channel: ``share`` of each channel by itself (6,), 0 where it is only noise.
     """
 
     phi: np.ndarray
@@ -105,7 +105,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Sums of products about the means (which the bias takes) over M observations.
+    """Sums of products of regressor D and readings y, about their means, over M observations.
 
     Attributes:
         design: D_c' D_c of each channel (6, 10, 10).
@@ -122,7 +122,7 @@ class Moments:
 
     @classmethod
     def of(cls, design: np.ndarray, y: np.ndarray, noise: np.ndarray) -> "Moments":
-        """Moments of designs (M, 6, 10) and readings (M, 6) with noise (6,)."""
+        """Compute the sums for regressors (M, 6, 10), readings (M, 6) and their noise (6,)."""
         d, r = design - design.mean(axis=0), y - y.mean(axis=0)
         rows = np.moveaxis(d, 0, 2)  # (6, 10, M)
         return cls(
@@ -131,7 +131,7 @@ class Moments:
         )  # fmt: skip
 
     def fit(self, mend: np.ndarray | None = None, without: Sequence[int] = ()) -> Load:
-        """Load that best explains readings corrected by ``mend`` (6, 6), some channels left out.
+        """Fit a load to readings corrected by the matrix ``mend`` (6, 6), without some channels.
 
         Forces weigh by their variance, torques by theirs or by that of a short lever.
         """
@@ -139,24 +139,23 @@ class Moments:
         return self._fits((np.eye(6) if mend is None else mend)[None], use[None])[0]
 
     def mended(self, mends: np.ndarray) -> list[Load]:
-        """Loads fitted after each of many corrections (B, 6, 6)."""
+        """Fit a load after each of B corrections, matrices (B, 6, 6) on the readings."""
         return self._fits(mends, np.ones(mends.shape[:2], dtype=bool))
 
     def without_each(self) -> list[Load]:
-        """Loads fitted without each of the six channels in turn."""
+        """Fit six loads, each without one of the six channels in turn."""
         return self._fits(np.broadcast_to(np.eye(6), (6, 6, 6)), ~np.eye(6, dtype=bool))
 
     def swing(self, phi: np.ndarray) -> np.ndarray:
-        """Standard deviation (6,) [N, N·m] of the readings that a load phi (10,) makes."""
+        """Standard deviation (6,) [N, N·m] of the readings that a load phi (10,) would cause."""
         return np.asarray(np.sqrt(np.maximum(self._squares(phi[None])[0], 0.0) / self.count))
 
     def _squares(self, phi: np.ndarray) -> np.ndarray:
-        """Sums of squares (B, 6), about the means, of the readings that loads (B, 10) make."""
+        """Sums of squares (B, 6), about the means, of readings that loads phi (B, 10) cause."""
         return np.asarray(((self.design @ phi.T) * phi.T).sum(axis=1).T)
 
     def _fits(self, p: np.ndarray, use: np.ndarray) -> list[Load]:
-        """Loads that best explain readings corrected by matrices (B, 6, 6), by the channels in
-        ``use`` (B, 6)."""
+        """Fit loads to readings corrected by matrices p (B, 6, 6), on channels ``use`` (B, 6)."""
         mixed = np.swapaxes(np.swapaxes(p, 0, 1) @ self.mixed, 0, 1)  # (B, 6, 10)
         squares = ((p @ self.readings) * p).sum(axis=2)
         force, torque = _parts(squares * use)
@@ -183,12 +182,12 @@ class Moments:
 
 
 def _parts(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sums (B,) over the three forces and over the three torques of channels (B, 6)."""
+    """Sums of values (B, 6) over the three forces (B,) and over the three torques (B,)."""
     return channels[:, :3].sum(axis=1), channels[:, 3:].sum(axis=1)
 
 
 def left_of_swing(residual: np.ndarray, y: np.ndarray) -> float:
-    """Residual (M, 6) over the readings' swing, squared; the larger of forces and torques."""
+    """Squared residuals (M, 6) over squares of y about means; the larger of forces and torques."""
     remaining, swing = (residual**2).sum(axis=0), ((y - y.mean(axis=0)) ** 2).sum(axis=0)
     force, torque = float(swing[:3].sum()), float(swing[3:].sum())
     torque = max(torque, LEAST_LEVER**2 * force, 1e-300)

@@ -68,8 +68,8 @@ _MAD = 1.4826
 
 
 def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
-    """First finding that rows alone give; None if they give none. With ``blocking`` only findings
-    that make a recording useless count.
+    """First finding from a recording's rows alone, None without any. With ``blocking`` only
+    findings that make a recording useless count.
 
     Raises:
         RecordingError: the recording has no wrench.
@@ -81,7 +81,7 @@ def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
 
 
 def _without_lever(recording: Recording, channel: str) -> bool:
-    """Whether a torque is exactly 0 by the stated CoG, as in a simulation without noise."""
+    """Whether the stated CoG makes a torque channel exactly 0, as in a simulation without noise."""
     cog = recording.metadata.tool.cog
     if cog is None or channel not in CHANNELS[3:] or recording.metadata.source != "sim":
         return False
@@ -117,7 +117,7 @@ def _channels(recording: Recording) -> Iterator[Finding]:
 
 
 def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
-    """Findings on a channel that is clipped at one end and reads further at the other.
+    """Yield a finding if a channel is clipped at one end of its range but not at the other.
 
     A limit that holds in both directions is an effect, which a diagnosis can name.
     """
@@ -140,7 +140,7 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
 
 
 def usable(recording: Recording) -> np.ndarray:
-    """Whether to use each row (N,): not if one of its channels is marked as saturated.
+    """Booleans (N,): rows without a channel that is marked as saturated.
 
     Live drivers mark them in ``saturated``, simulations in ``status``; the status word of a real
     device has its maker's meaning and drops nothing.
@@ -154,7 +154,7 @@ def usable(recording: Recording) -> np.ndarray:
 
 
 def _ranges(recording: Recording) -> Iterator[Finding]:
-    """Findings on unmarked rows at the end of one of the sensor's ranges."""
+    """Yield findings on rows at the end of one of the sensor's ranges that are not marked."""
     model, keep = recording.metadata.sensor.model, usable(recording)
     if model is None or not registry.is_known("sensors", model):
         return
@@ -175,8 +175,7 @@ def _ranges(recording: Recording) -> Iterator[Finding]:
 
 
 def _lost(recording: Recording) -> Iterator[Finding]:
-    """Findings on rows without a reading: all channels 0, or one 0 between rows alike and far
-    off."""
+    """Yield findings on rows without a reading: all channels 0, or one 0 between others far off."""
     blank = np.asarray(~recording.wrench.any(axis=1))
     if LEAST_LOST <= blank.sum() < len(recording):
         yield _no_readings("all channels are", blank)
@@ -194,7 +193,7 @@ def _lost(recording: Recording) -> Iterator[Finding]:
 
 
 def _no_readings(what: str, rows: np.ndarray) -> Finding:
-    """Finding on rows (N,) that hold 0 instead of a reading."""
+    """Finding that rows (N,) hold 0 instead of a reading."""
     return Finding(
         "spike",
         f"{what} exactly 0 in {rows.sum()} rows (the first: row {int(np.argmax(rows))}) between "
@@ -204,7 +203,7 @@ def _no_readings(what: str, rows: np.ndarray) -> Finding:
 
 
 def _spikes(recording: Recording) -> Iterator[Finding]:
-    """Findings on single rows far from both neighbours: no load comes and goes within one row."""
+    """Yield findings on single rows far from both neighbours, which no load can cause."""
     if len(recording) < 20:
         return
     for c, unit in zip(CHANNELS, UNITS, strict=True):
@@ -229,7 +228,7 @@ def _spikes(recording: Recording) -> Iterator[Finding]:
 
 
 def _off_neighbours(y: np.ndarray) -> np.ndarray:
-    """Distance of each row (N,) outside the interval of its neighbours; 0 at the ends."""
+    """Distance (N,) of each value from the interval between its two neighbours; 0 at both ends."""
     low, high = np.minimum(y[:-2], y[2:]), np.maximum(y[:-2], y[2:])
     off = np.zeros(len(y))
     np.abs(np.subtract(y[1:-1], np.clip(y[1:-1], low, high, out=low), out=high), out=off[1:-1])
@@ -255,8 +254,8 @@ def _clock(recording: Recording) -> Iterator[Finding]:
 
 
 def frozen_joints(recording: Recording) -> list[tuple[str, int, int]]:
-    """Joints that keep one value exactly, over more rows than any pose, while the rest changes:
-    (column, or `ALL` for all joints at once; first row; rows) of each."""
+    """Joint columns that are exactly constant for more rows than any pose, while others change:
+    (column, or `ALL` if all joints are; first row; number of rows) of each."""
     names = recording.joints or QUATERNION
     columns = [np.asarray(recording.columns[n]) for n in names]
     moved = np.zeros(len(recording) - 1, dtype=bool)
@@ -278,7 +277,7 @@ def frozen_joints(recording: Recording) -> list[tuple[str, int, int]]:
 
 
 def standing(recording: Recording) -> Iterator[Finding]:
-    """Findings on a motion whose joints all stand for a while as the readings go on changing."""
+    """Yield findings on a motion in which all joints stand for a while but the readings change."""
     std = recording.metadata.sensor.noise_std
     if recording.metadata.mode != "dynamic" or std is None or not recording.joints:
         return
@@ -293,7 +292,7 @@ def standing(recording: Recording) -> Iterator[Finding]:
 
 
 def _longest_run(column: np.ndarray) -> tuple[int, int]:
-    """First row and length of the longest run of equal values."""
+    """First row and length of the longest run of equal values in a column (N,)."""
     starts = np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1])
     lengths = np.diff(np.append(starts, len(column)))
     longest = int(lengths.argmax())
@@ -301,7 +300,7 @@ def _longest_run(column: np.ndarray) -> tuple[int, int]:
 
 
 def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> Finding | None:
-    """Finding on rows of poses that are not repeats of each other; None without one.
+    """Finding if the rows of a pose differ too much to be repeats of it; None otherwise.
 
     Rows of the move before, or of no measurement, shift the pose's mean and enlarge the noise by
     its repeats, so that no later check detects them. ``keep`` (N,), boolean, are the rows to use,
@@ -356,7 +355,7 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
 
 
 def _along(off: np.ndarray, way: np.ndarray) -> float:
-    """Share of deviations (F, 6) that lie along the vectors ``way`` (F, 6), within their length."""
+    """Fraction of deviations ``off`` (F, 6) along the vectors ``way`` (F, 6), in their length."""
     size = np.maximum((way**2).sum(axis=1), 1e-300)
     part = np.clip((off * way).sum(axis=1) / size, 0.0, 1.0)
     beside = ((off - part[:, None] * way) ** 2).sum(axis=1)

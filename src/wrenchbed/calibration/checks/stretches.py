@@ -35,7 +35,7 @@ _MAD = 1.4826
 
 
 def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (M, 6) of a load that most observations agree on, and its robust scale (6,)."""
+    """Residual (M, 6) of the load on which most observations agree, and its robust scale (6,)."""
     d, y, scale = _scaled(seen)
     kept, rng = int(KEPT * len(seen)), np.random.default_rng(0)
     best, least = y, np.inf
@@ -56,8 +56,7 @@ def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scaled(seen: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Regressor of load and bias (M, 6, 16) and readings (M, 6), over the swing (6,), the last
-    result."""
+    """Regressor of load and bias (M, 6, 16) and readings (M, 6), over the swing (6,), and that."""
     d = np.concatenate([seen.design, np.broadcast_to(np.eye(6), (len(seen), 6, 6))], axis=2)
     force = float(seen.y[:, :3].std(axis=0).max())
     scale = np.repeat([force, max(float(seen.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
@@ -74,7 +73,7 @@ def _solution(d: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def touched(seen: Observed) -> Finding | None:
-    """Finding on a contact force during a part of the recording; None without one."""
+    """Finding if a contact force acts during part of the recording; else None."""
     some = thinned(seen)
     if len(some) < 2 * LEAST_SIDE:
         return None
@@ -116,7 +115,7 @@ def _where(seen: Observed, far: np.ndarray, peak: float, residual: np.ndarray) -
 
 
 def changed(seen: Observed) -> Finding | None:
-    """Finding on a load or a zero that changes at some moment; None without one."""
+    """Finding if the load or a zero changes at some moment of the recording; else None."""
     some = thinned(seen)
     before = some.moments.fit().share
     if len(some) < 2 * LEAST_SIDE:
