@@ -86,8 +86,8 @@ class Claim:
     ``causes`` are classes of indistinguishable effects, largest first, each its first choice and
     then its rivals; ``probabilities`` of each possible leading answer, a class's key its members
     joined by ``|``; ``presence`` of each class where that differs; ``set90`` names that hold the
-    truth in 90 % of cases; ``subsystem`` the first one named apart from causes; ``elements`` of each
-    effect; ``parameters`` and ``gap`` finite numbers as published, by effect and name.
+    truth in 90 % of cases; ``subsystem`` the first one named apart from causes; ``elements`` of
+    each effect; ``parameters`` and ``gap`` finite numbers as published, by effect and name.
     """
 
     verdict: str = "error"
