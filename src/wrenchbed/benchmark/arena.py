@@ -95,7 +95,7 @@ def read(catalogue: Path) -> list[ArenaSet]:
 
 
 def version() -> str:
-    """SHA-256 of the program: of every Python file of wrenchbed but this room's, which judge."""
+    """SHA-256 of all Python files of wrenchbed but the benchmark's: it identifies the program."""
     here, whole = Path(__file__).parent, hashlib.sha256()
     for path in sorted(here.parent.rglob("*.py")):
         if here not in path.parents:
@@ -139,9 +139,9 @@ def answer(one: ArenaSet, data: Path, folder: Path, method: str, limit: float) -
 
 
 def judge(right: Mapping[str, Any], given: Mapping[str, Any]) -> Judged:
-    """Compare what a run gave with the true answer: ``causes`` (any of them; of none nothing may be
-    claimed), ``besides`` (may be claimed too), ``values`` ({name: [value, tolerance]}, or ["<",
-    bound]) or ``refusal`` (words of the true reason)."""
+    """Compare what a run gave with the true answer: ``causes`` (one of them must be claimed; if
+    there are none, nothing may be), ``besides`` (may be claimed too), ``values`` ({name: [value,
+    tolerance]}, or ["<", bound]) or ``refusal`` (its words)."""
     said, content = str(given["words"]).removeprefix("wrenchbed: error: "), given["answer"]
     reason = right.get("refusal")
     if content is None:
@@ -197,7 +197,7 @@ def run(
 
 
 def page(judged: Mapping[str, tuple[ArenaSet, Judged]], command: str = "") -> Document:
-    """Page of every answer, wrong ones first."""
+    """Page that lists every judged answer, wrong ones first; ``command`` made them."""
     rows = sorted(judged.values(), key=lambda pair: MARKS.index(pair[1].mark))
     count = Counter(result.mark for _, result in rows)
     hits = [hit for _, result in rows for *_, hit in result.claims]

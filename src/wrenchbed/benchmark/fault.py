@@ -95,7 +95,7 @@ The weight of the sensor's own tool side is exactly a mass and a CoG: it is in e
 
 
 def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> Metadata:
-    """Metadata of a made recording: a tool, and the noise of the robot's own sensor."""
+    """Metadata of a made recording: a given tool, and the noise of the robot's own sensor."""
     sensor = registry.load("sensors", robot.sensor)
     numbers = sensor.noise.row_std, tool.cog, six_of(tool.inertia)
     noise, cog, inertia = (tuple(values.tolist()) for values in numbers)
@@ -198,7 +198,7 @@ def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[st
 
 
 def by_axis(vector: np.ndarray, stem: str = "") -> dict[str, float]:
-    """Components (3,) of a vector by axis, after a stem."""
+    """Components of a vector (3,) by name: the stem and ``x``, ``y``, ``z``."""
     return {f"{stem}{a}": float(v) for a, v in zip("xyz", vector, strict=True)}
 
 
@@ -209,7 +209,7 @@ def by_moment(inertia: np.ndarray) -> dict[str, float]:
 
 
 def by_channel(values: np.ndarray, stem: str = "") -> dict[str, float]:
-    """Nonzero values (6,) by channel name, after a stem."""
+    """Nonzero values of six (6,) by name: the stem and ``fx`` … ``tz``."""
     pairs = zip(CHANNELS, values.tolist(), strict=True)
     return {f"{stem}{c}": v for c, v in pairs if v != 0.0}
 
@@ -221,7 +221,7 @@ def by_pair(matrix: np.ndarray) -> dict[str, float]:
 
 
 def numbered(stem: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns (N,) of values (N, J) by a stem and their number from 1."""
+    """Columns (N,) of values (N, J) by name: the stem and the column's number from 1."""
     return {f"{stem}{j + 1}": column for j, column in enumerate(values.T)}
 
 
@@ -231,7 +231,7 @@ def at_times(y: np.ndarray, t: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def elapsed(t: np.ndarray) -> np.ndarray:
-    """Fraction of the run that is over at each instant (T,)."""
+    """Share of the run that has elapsed (T,), 0 … 1, at each instant t (T,)."""
     return np.asarray((t - t[0]) / max(float(t[-1] - t[0]), 1e-9))
 
 
@@ -258,7 +258,7 @@ class Shown:
         return self.rows or self.gap
 
     def needed(self, kind: str) -> float:
-        """Least `amount` with which the cause counts in a case of this kind."""
+        """Least `amount` from which a cause counts in a case of a kind, as ``single``."""
         return (ROWS_NEEDED if self.rows else NEEDED)[kind]
 
 
@@ -313,7 +313,7 @@ class Usual:
 
     @classmethod
     def of(cls, differences: Sequence[np.ndarray], noise: np.ndarray) -> "Usual":
-        """Make it from four differences of readings (n, 6) by mass and CoG, and the biases."""
+        """Make the basis of six biases and four differences of readings (n, 6) by mass and CoG."""
         biases = [np.broadcast_to(axis, differences[0].shape) for axis in np.eye(6)]
         columns = np.stack([*biases, *differences], axis=-1)
         white = (columns / noise[:, None]).reshape(-1, columns.shape[-1])

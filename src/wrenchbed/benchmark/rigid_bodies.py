@@ -20,8 +20,9 @@ def wrench_at(lever: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 class RigidBodies:
-    """Bodies of a robot with parameters (P,), without constraints, rotors, friction, damping,
-    servos and gravity compensation, under gravity in world axes (3,) [m/s²], or the robot's own."""
+    """A robot's bodies in MuJoCo with parameters (P,), without constraints, rotors, friction,
+    damping, servos and gravity compensation, under gravity (3,) [m/s²], world axes, or the
+    default."""
 
     def __init__(
         self,

@@ -33,7 +33,7 @@ class Leg:
     Attributes:
         row: number of the pose's row in the plan.
         via: joint values (J,) to go through in straight lines; the last are the pose's own.
-        seconds: of all its moves at the driver's speed.
+        seconds: duration of all its moves at the driver's speed.
     """
 
     row: int
@@ -42,7 +42,7 @@ class Leg:
 
 
 def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
-    """Refuse a plan that the robot cannot run, before it moves; a `PlanError` names the row."""
+    """Raise a `PlanError`, which names the row, if the robot cannot run a plan; move nothing."""
     robot = driver.robot
     if plan.robot != robot.name:
         raise PlanError(f"{plan.name}: the plan is for robot {plan.robot!r}, not {robot.name!r}")
@@ -141,8 +141,8 @@ def live_limits(driver: Driver, plan: Plan, *, clear: bool = True) -> LiveLimits
 def _box(
     driver: Driver, plan: Plan, clear: bool
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Lower and upper corner [m] of the box around the sensor's way through the plan and back to
-    its first pose, with `MARGIN_M`."""
+    """Lower and upper corner [m] of the box around the sensor's path through the plan and back to
+    its first pose, with `MARGIN_M` on all sides."""
     robot, here = driver.robot, driver.read().q
     rows = [*range(len(plan)), 0] if plan.mode == "static" else [0]
     legs = itinerary(robot, plan, here, driver.limits, rows, clear=clear)

@@ -80,7 +80,7 @@ class Before:
         columns: columns (N,) by name, of rows of complete poses; empty if there are none.
         poses: numbers of the plan's rows that are done.
         elapsed: time since t = 0 [s].
-        metadata: of the recording.
+        metadata: the recording's.
         revisited: whether the second visit of the first pose is complete.
     """
 

@@ -102,8 +102,7 @@ class Fleet:
         self.model_robot()
 
     def model_robot(self) -> SimulatedRobot:
-        """The robot as its nominal model; a `ParameterError` if it has no model that could be
-        simulated."""
+        """Robot of the fleet as its nominal model; a `ParameterError` if it cannot be simulated."""
         robot = registry.load("robots", self.robot)
         if not isinstance(robot, SimulatedRobot):
             raise ParameterError(f"robot {self.robot!r} has no model to simulate")
@@ -126,7 +125,7 @@ class Fleet:
 
 
 def varied(model: Model) -> tuple[int, ...]:
-    """Indices of parameters that differ between robots: those that `calibrate` identifies."""
+    """Indices of the parameters that differ from robot to robot: those `calibrate` identifies."""
     return model.parameters.select(model.robot.free)
 
 
@@ -213,7 +212,7 @@ def robot_row(fleet: Fleet, k: int) -> Row:
 
 
 def recorded(fleet: Fleet, k: int) -> tuple[Recording, np.ndarray]:
-    """Simulate the recording of robot k; also return its true parameters (P,)."""
+    """Simulate the recording of robot k: the recording, and the robot's true parameters (P,)."""
     model = Model.of(fleet.model_robot())
     path = course(fleet, k if "poses" in fleet.vary else 0)
     first = np.r_[True, np.diff(path.columns["segment"]) != 0]  # row of each rest
@@ -239,8 +238,8 @@ def _of_fit(fleet: Fleet, theta: np.ndarray, fit: Fit) -> Row:
 
 
 def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
-    """Rms over fresh poses of the error of a robot's reading [N, N·m], and of its tool's
-    position [m], if it has one, before its fit and after it."""
+    """Columns of a robot's row: rms errors of readings [N, N·m], and of tool positions [m] if it
+    has a tip, over test poses, before calibration and after it."""
     model, row = Model.of(fleet.model_robot()), Row()
     q, target = judged(fleet.robot)
     fitted = model.parameters.vector(dict(fit.theta))
@@ -258,7 +257,7 @@ def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
 
 @cache
 def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Test poses (100, J) for errors of readings, (G, J) in the target for those of positions."""
+    """Test poses of a robot for readings (100, J), and for positions in its target (G, J)."""
     robot: SimulatedRobot = Fleet(name, 1).model_robot()
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
 

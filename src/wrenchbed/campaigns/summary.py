@@ -59,12 +59,12 @@ def figures(table: pa.Table) -> dict[str, float | None]:
 
 
 def numbers(table: pa.Table, name: str) -> np.ndarray:
-    """Column of numbers (N,), NaN where there is none."""
+    """Column of numbers (N,) of a table, by its name; NaN where there is none."""
     return np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=float)
 
 
 def text(table: pa.Table, name: str) -> np.ndarray:
-    """Column of texts (N,)."""
+    """Column of texts (N,) of a table, by its name."""
     return np.array([x or "" for x in table[name].to_pylist()])
 
 

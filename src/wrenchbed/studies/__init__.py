@@ -55,7 +55,7 @@ def _module(paper: str) -> Any:
 
 
 def _finite(value: Any) -> Any:
-    """Value for JSON, with null for numbers that are not finite."""
+    """Value prepared for JSON: null in the place of numbers that are not finite."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, list):

@@ -107,8 +107,8 @@ class PaperRobot:
 
     Attributes:
         theta: true parameters (P,).
-        exact: without noise, the paper's way.
-        real: with the certificate's noise, weighted.
+        exact: identified without noise, by the paper's method.
+        real: identified with the certificate's noise, by weighted least squares.
         errors: by case (``before``, ``exact``, ``real``, and each design with ±1 N as 3σ, the
             paper's way) and workspace.
         printed: rows of `Judge` for Table 1's column with measurement errors, and before.
@@ -189,7 +189,7 @@ def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number
 
 
 class Judge:
-    """Errors of identified parameters against the true robot, in the target and over the pool."""
+    """Computes errors of identified parameters against the true robot, in target and pool."""
 
     def __init__(self, setting: StudySetting, theta: np.ndarray, simulation: Simulation) -> None:
         self.setting = setting

@@ -73,7 +73,7 @@ class NoiseModel:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviation of a configuration's mean (6,) [N, N·m]."""
+        """Standard deviation (6,) [N, N·m] of a configuration's mean of `SAMPLES` measurements."""
         return self.row / np.sqrt(SAMPLES)
 
 
@@ -116,7 +116,7 @@ class StudySetting:
 
     @property
     def in_table_units(self) -> np.ndarray:
-        """The Jacobian (N, 6, 27) in N and N·m per mm, degree and kg."""
+        """Jacobian of the wrench (N, 6, 27) in N and N·m per mm, degree and kg."""
         return self.jacobian * self.units
 
     def covariance(self, chosen: np.ndarray, std: np.ndarray) -> np.ndarray:
@@ -126,7 +126,7 @@ class StudySetting:
         return (triangle @ triangle.T) * np.outer(self.units, self.units)
 
     def bound(self, chosen: np.ndarray, std: np.ndarray) -> float:
-        """Cramér–Rao bound as rms position error in the target [m]."""
+        """Cramér–Rao bound of the rms position error in the target [m], of chosen poses."""
         return self.goal.rms(self.covariance(chosen, std))
 
     def expected(self, chosen: np.ndarray, noise: NoiseModel) -> np.ndarray:

@@ -125,7 +125,7 @@ SCENARIOS = (
 
 @dataclass(frozen=True, eq=False)
 class StudyScene:
-    """Robot and sensor in one scenario."""
+    """Simulated robot and sensor of one scenario."""
 
     scenario: Scenario
     model: Model
@@ -416,7 +416,7 @@ def _summary(first: Trial, table: pa.Table) -> dict[str, Any]:
 
 
 def _bound(one: Trial) -> float:
-    """Cramér–Rao bound of the error of the centre of gravity [m], by averaged white noise alone."""
+    """Cramér–Rao bound [m] of the CoG's error in a trial, for averaged white noise alone."""
     scene, q = one.scene, one.calibrating
     columns = scene.model.parameters.select(FREE)
     std = scene.noise.white / np.sqrt(SAMPLES)

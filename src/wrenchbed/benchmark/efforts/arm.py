@@ -63,7 +63,7 @@ def of_values(rate: float, t: np.ndarray, q: np.ndarray) -> Path:
 
 
 def draw(robot: SimulatedRobot, rng: Rng) -> Path:
-    """Draw a random motion of an arm, of one of the kinds in the module's first paragraph."""
+    """Draw a motion of an arm: multisine, Fourier series, point to point, or one way."""
     moves: Sequence[Callable[..., np.ndarray]] = (_multisine, _fourier, _points, _oneway)
     move = moves[rng.choice(len(moves), p=SHARES)]
     rate = float(rng.choice(RATES))
@@ -170,8 +170,8 @@ class TrueArm:
         return self.bodies.inverse(places, path.qd, path.qdd)
 
     def pull_slopes(self, path: Path, anchor: np.ndarray) -> np.ndarray:
-        """Slopes (T, J) [m/rad] of a line's length, by each joint value, from an anchor in the
-        world (3,) [m] to the last link's origin."""
+        """Derivatives (T, J) [m/rad], by joint values, of the length of a line from an anchor in
+        the world (3,) [m] to the last link's origin."""
         bodies = self.bodies
         model, data = bodies.model, bodies.data
         body = int(model.jnt_bodyid[-1])

@@ -108,8 +108,8 @@ def _rest(columns: np.ndarray, target: np.ndarray) -> float:
 
 
 def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield every family of one joint with its signature's columns (M, K); families with a scale,
-    such as a length, come several times."""
+    """Yield the name of each fault family of one joint and columns (M, K) that span the efforts it
+    may add; families with a scale, such as a length, come several times."""
     path, d = setting.path, setting.drives
     thin = slice(None, None, FINE * _EVERY)
     q, v, a = path.q[:, joint], path.qd[:, joint], path.qdd[:, joint]
@@ -151,8 +151,8 @@ def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.nd
 
 
 def whole_columns(setting: EffortSetting) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield ``link``, ``tool`` and ``base`` families with their signature's columns (M, J, K)
-    [N·m], differences of MuJoCo's torques."""
+    """Yield the name of each fault family of links, tool and base and columns (M, J, K) [N·m] that
+    span the torques it may add, by MuJoCo."""
     fine = setting.path.rows[::_EVERY]
     path = setting.path
     thin = Motion(path.rate, path.t[fine], path.q[fine], path.qd[fine], path.qdd[fine])

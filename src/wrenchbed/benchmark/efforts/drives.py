@@ -158,12 +158,12 @@ class EffortFault(Fault):
 
     @property
     def place(self) -> str:
-        """Name ``drive.coulomb.2`` of the effect and its joint, from 1."""
+        """Name of the effect with the number of its joint from 1, as ``drive.coulomb.2``."""
         return self.name if self.joint is None else f"{self.name}.{self.joint + 1}"
 
     def changed(self, matrix: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Change the column of the fault's joint in a matrix (T, J), all columns without a
-        joint."""
+        """Copy of a matrix (T, J) with ``change`` applied to the column of the fault's joint, or to
+        all columns of a fault without a joint."""
         if self.joint is None:
             return change(matrix)
         result = matrix.copy()

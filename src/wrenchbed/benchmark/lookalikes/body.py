@@ -208,7 +208,7 @@ def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.nda
 
 @lru_cache(maxsize=8)
 def _visibility(design: ExperimentDesign) -> np.ndarray:
-    """Change of the reading by 0.2° at each joint (J,) after the usual fit, relative."""
+    """Size (J,) of the change of readings by 0.2° at each joint, less the usual fit; relative."""
     robot, seen = ImperfectRobot(design), np.empty(design.q.shape[1])
     for j in range(len(seen)):
         item = Imperfection(joint=_off(design, j, np.deg2rad(0.2)))

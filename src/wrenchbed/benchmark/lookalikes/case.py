@@ -89,7 +89,7 @@ def _fitting(design: ExperimentDesign) -> list[str]:
 
 
 def _shows(design: ExperimentDesign, effect: str) -> bool:
-    """Whether one of a few large draws of an effect reaches a gap that counts."""
+    """Whether an effect can show in a design: of a few large draws one has a gap that counts."""
     robot = ImperfectRobot(design)
     for probe in range(_PROBES):
         item = DRAWS[effect](design, np.random.default_rng([probe, 7]), 0.8 * LARGEST)
@@ -224,7 +224,7 @@ def draw(
 
 @dataclass(frozen=True, eq=False)
 class _Measured(common.Shown):
-    """A cause with what it adds (gap, rise of variance), and the clean reading with it (N, 6)."""
+    """A cause, the gap and rise of variance that it adds, and the clean reading with it (N, 6)."""
 
     item: Imperfection
     reading: np.ndarray
@@ -334,7 +334,7 @@ class _Drawing:
 
 
 def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
-    """Recording of a case, with noise, clock jitter and all effects between rows."""
+    """Make the recording of a case, with noise, clock jitter and effects on the scatter of rows."""
     rng = np.random.default_rng([case.seed, 3])
     rows = _rows(design, case)
     count, samples = rows.shape[:2]
@@ -363,7 +363,7 @@ def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
 
 
 def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
-    """Readings (N, samples, 6) [N, N·m] of a case."""
+    """Readings (N, samples, 6) [N, N·m] of all rows of a case, with noise."""
     rng = np.random.default_rng([case.seed, 2])
     samples = 1 if design.moving else design.samples
     slow, scatter = row_noise(design, rng, samples)

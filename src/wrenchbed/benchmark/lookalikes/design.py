@@ -186,12 +186,12 @@ class ExperimentDesign:
 
     @cached_property
     def load(self) -> Tool:
-        """Stated load on the sensor."""
+        """Tool on the sensor, as the metadata state it."""
         return self.robot.tool(self.theta)
 
     @cached_property
     def motion(self) -> SensorMotion:
-        """Pose and motion of the nominal sensor."""
+        """Pose and motion of the nominal robot's sensor, at each hold or sample."""
         return self.moved(np.zeros(0), self.theta)
 
     def moved(self, dq: np.ndarray, theta: np.ndarray) -> SensorMotion:

@@ -21,7 +21,7 @@ Act = Callable[[np.ndarray], np.ndarray]
 
 
 def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """State ±1 along time (T, …): up above ``high``, down below ``low``, else as before.
+    """State of relays along time (T, …): 1 above ``high``, −1 below ``low``, else as before.
 
     Before the first crossing the state is on the nearer side.
     """
@@ -205,7 +205,7 @@ class ImperfectRobot:
 
 
 def held_rows(rows: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
-    """Draw the index (N,) of the row that is read at each row: itself, or a repeated one."""
+    """Draw which row is read in place of each (N,): itself, or one that a reading repeats."""
     chance, length = stale
     fresh = np.ones(rows, dtype=bool)
     for start in np.flatnonzero(rng.uniform(size=rows) < chance):

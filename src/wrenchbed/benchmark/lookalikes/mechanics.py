@@ -72,7 +72,7 @@ def rotate_back(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def at_rest(robot: Robot, theta: np.ndarray, q: np.ndarray, gravity: np.ndarray) -> SensorMotion:
-    """The sensor at rest at joint values (N, J)."""
+    """Pose of the sensor at joint values (N, J), at rest."""
     rotation, position = robot.sensor_pose(q, theta)
     position = np.broadcast_to(position, (len(q), 3))
     return SensorMotion(rotation, position, np.zeros((len(q), 3)), gravity)
@@ -81,7 +81,7 @@ def at_rest(robot: Robot, theta: np.ndarray, q: np.ndarray, gravity: np.ndarray)
 def in_motion(
     robot: Robot, theta: np.ndarray, t: np.ndarray, q: np.ndarray, gravity: np.ndarray
 ) -> SensorMotion:
-    """The sensor along a trajectory of samples (N, J) at times (N,) [s]."""
+    """Pose and motion of the sensor along a trajectory (N, J) at times (N,) [s]."""
     step = float(np.median(np.diff(t))) / FINER
     instants = np.concatenate([t - step, t, t + step])
     thrice = np.tile(theta, (3, 1)) if theta.ndim == 2 else theta
@@ -168,7 +168,7 @@ def link_forces(
     gravity: np.ndarray,
     names: tuple[str, ...],
 ) -> np.ndarray:
-    """Force (N, L) [N] of gravity that would lengthen each named link, by virtual work."""
+    """Axial force (N, L) [N] of gravity on named links, positive in tension, by virtual work."""
     forces = []
     for name in names:
         energy = []

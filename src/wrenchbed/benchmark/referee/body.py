@@ -309,7 +309,7 @@ def cable_torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFaul
 
 
 def _pull(ride: Ride, place: np.ndarray) -> np.ndarray:
-    """Gravity less acceleration (T, 3) [m/s²] of a point of the tool (3,), in sensor axes."""
+    """Gravity less acceleration (T, 3) [m/s²] of a tool point ``place`` (3,), in sensor axes."""
     path = ride.path
     if not path.moving:
         return ride.in_sensor(ride.gravity)

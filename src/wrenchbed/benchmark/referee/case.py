@@ -96,7 +96,7 @@ def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeF
 
 
 def _stream(rng: Rng) -> Rng:
-    """Split off a random stream for one fault, so that later draws do not depend on its size."""
+    """Split off a random generator for one fault, so that later draws do not depend on it."""
     return np.random.default_rng(int(rng.integers(2**62)))
 
 
@@ -194,7 +194,7 @@ class FaultyRobot:
         return y
 
     def with_(self, fault: RefereeFault) -> "FaultyRobot":
-        """The robot with one more fault; a fault of the mechanics is simulated anew."""
+        """Copy of the robot with one more fault; simulated anew if it is one of the mechanics."""
         around = (*self.around, fault)
         if fault.body is not None:
             return FaultyRobot.of(self.setting, around)

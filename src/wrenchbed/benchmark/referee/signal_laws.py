@@ -59,8 +59,8 @@ def bouc_wen(x: np.ndarray, shape: float) -> np.ndarray:
 
 
 def _loop(pieces: np.ndarray, a: float) -> list[float]:
-    """Integrate one column of `bouc_wen`; pieces (4, T − 1) hold side, length and the exponentials
-    of both rates. Until the loop is 0 it unloads, at another rate."""
+    """Integrate one column of `bouc_wen`: its values (T,), by pieces (4, T − 1) of side, length and
+    exponentials of both rates. Until the loop is 0 it unloads, at another rate."""
     out, now = [], 0.0
     for side, d, loads, unloads in zip(*pieces.tolist(), strict=True):
         w = side * now
@@ -104,7 +104,7 @@ def ornstein(t: np.ndarray, time: float, columns: int, rng: Rng) -> np.ndarray:
 
 
 def dahl(x: np.ndarray, reach: float) -> np.ndarray:
-    """Dahl's friction (T,) in −1 … 1 as x (T,) moves (Dahl 1968, TOR-0158(3107-18)-1)."""
+    """Dahl's friction (T,), −1 … 1, as x (T,) moves, within ``reach`` (TOR-0158(3107-18)-1)."""
     moves = np.diff(x)  # the exact solution over a piece of one direction
     pieces = zip(np.exp(-np.abs(moves) / reach).tolist(), np.sign(moves).tolist(), strict=True)
     return np.array(list(accumulate(pieces, _follow, initial=0.0)))
@@ -142,7 +142,7 @@ def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
 
 
 def held(n: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
-    """Draw the index (N,) of the row that is reported in each row's place (`RowChange.stale`)."""
+    """Draw which row is reported in place of each (N,), by chance and length ``stale``."""
     chance, length = stale
     if chance == 0.0:
         return np.arange(n)

@@ -39,8 +39,8 @@ _NEAREST = 4
 
 
 class _Columns:
-    """Computes each effect's signatures, where readings are compared: at times (n,) and joints (n,
-    J), from the readings of a ride (n, 6) and the stated ones (n, 6)."""
+    """Computes the changes of readings (n, 6) by each effect (signatures) where readings are
+    compared: at times (n,) and joints (n, J), from readings of a ride and stated ones (n, 6)."""
 
     def __init__(self, setting: RefereeSetting, ride: Ride) -> None:
         self.setting, self.ride, self.cut = setting, ride, setting.thin
@@ -168,8 +168,8 @@ class _Columns:
         return theta
 
     def leaning(self) -> list[np.ndarray]:
-        """∂w/∂α (n, 6) of gravity turned about x and y: the tool's weight turns, its inertia does
-        not."""
+        """Derivatives (n, 6) of the wrench by turns of gravity about x and y; the inertial load
+        stays."""
         robot, theta = self.setting.robot, self.setting.theta
         tool, gravity = robot.tool(theta), np.array(robot.gravity)
         turns = np.broadcast_to(robot.sensor_pose(self.q, theta)[0], (len(self.q), 3, 3))
@@ -189,24 +189,24 @@ class _Columns:
 
 
 def _each(y: np.ndarray) -> np.ndarray:
-    """Columns (n, 6, 6), one for each channel of y (n, 6)."""
+    """Columns (n, 6, 6), each with one channel of y (n, 6) and zeros elsewhere."""
     return y[:, :, None] * np.eye(6)
 
 
 def _moved(shift: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Wrench (n, 6) that a shift (n, 3) or (3,) of the place of forces (n, 3) adds."""
+    """Wrench (n, 6) [N, N·m] added if forces (n, 3) are shifted by (n, 3) or (3,) [m]."""
     return np.concatenate([np.zeros_like(force), np.cross(shift, force)], axis=1)
 
 
 def _directions() -> np.ndarray:
-    """The 26 directions to the neighbours in a cubic grid (26, 3)."""
+    """Directions (26, 3) from a point of a cubic grid to its 26 neighbours, unit vectors."""
     grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), -1).reshape(-1, 3)
     grid = grid[np.abs(grid).sum(axis=1) > 0]
     return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
 
 
 def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Signatures of hoses from above, from several sides and with several slacks."""
+    """Yield names and signatures of hoses from above, from several sides, with several slacks."""
     reach = max(1.5 * float(np.linalg.norm(position.std(axis=0))), 0.2)
     point = np.array([0.0, 0.0, 0.04])
     tied = position + rotation @ point
@@ -226,7 +226,7 @@ def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np
 def _pushes(
     rotation: np.ndarray, position: np.ndarray, tip: float
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Signatures of planes that the tool's end presses on."""
+    """Yield names and signatures of planes that the tool's end presses on."""
     lever = np.array([0.0, 0.0, tip])
     ends = position + rotation @ lever
     for normal in _directions():
@@ -245,8 +245,8 @@ class Block(NamedTuple):
     r: np.ndarray
 
     def residual(self, x: np.ndarray, bounded: bool) -> float:
-        """Sum of squares that the best imitation of x (6 n,) by the columns leaves; ``bounded``: of
-        sizes that a robot may have."""
+        """Sum of squares of x (6 n,) after the best fit by the columns; ``bounded``: with
+        amplitudes that a robot may have."""
         projection = self.q.T @ x
         free = float(x @ x) - float(projection @ projection)
         if not bounded:
@@ -277,8 +277,8 @@ class Bench:
     def imitated(
         self, signature: np.ndarray, configured: bool, bounded: bool = True
     ) -> dict[str, float]:
-        """Gap that remains of a signature (n, 6) after each effect's best imitation, by effect, if
-        ``bounded`` with sizes that a robot may have."""
+        """Gap of a signature (n, 6) that remains after the best fit by each effect, by effect; if
+        ``bounded`` by amplitudes that a robot may have."""
         x = self.usual.white(signature, configured)
         remaining = {}
         for name, variants in (self.alone if configured else self.beside).items():

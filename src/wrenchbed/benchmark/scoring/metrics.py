@@ -75,7 +75,7 @@ class Metric:
     percent: bool = True
 
     def text(self, scored: ScoredMetric | None, *, wide: bool = True) -> str:
-        """A figure as tables show it, with its interval if ``wide``."""
+        """Text of a value for tables, with its interval if ``wide``; – if there is none."""
         if scored is None:
             return "–"
         numbers = (scored.value, scored.low, scored.high)
@@ -121,7 +121,7 @@ def figure(
 
 
 def exact_interval(hits: int, count: int) -> tuple[float, float]:
-    """95 % interval of a share (Clopper & Pearson 1934, 10.1093/biomet/26.4.404)."""
+    """95 % interval (low, high) of hits/count (Clopper & Pearson 1934, 10.1093/biomet/26.4.404)."""
     low, high = binomtest(hits, count).proportion_ci(0.95, "exact")
     return float(low), float(high)
 
@@ -130,19 +130,19 @@ def exact_interval(hits: int, count: int) -> tuple[float, float]:
 
 
 def holds(claim: Claim, truth: Sequence[str]) -> bool:
-    """Whether any claimed class holds any true effect."""
+    """Whether any class of effects that is claimed holds any of the true effects."""
     return any(t in c for c in claim.causes for t in truth)
 
 
 def right(truth: Answer, claim: Claim) -> bool:
-    """Whether the first answer is right: its class, none or unknown."""
+    """Whether the leading answer of a claim (a class, none or unknown) is right."""
     if claim.causes:
         return bool(set(claim.causes[0]) & set(truth.effects))
     return claim.verdict == {"none": NONE, "outside": UNKNOWN}.get(truth.kind)
 
 
 def probability(truth: Answer, claim: Claim) -> float:
-    """Probability that a claim gives the right first answer."""
+    """Probability that a claim gives to the right leading answer."""
     if truth.kind in ("none", "outside"):
         return claim.probabilities.get(NONE if truth.kind == "none" else UNKNOWN, 0.0)
     lead = {_without_joint(n) for n in (*claim.causes, ())[0]}
@@ -166,17 +166,17 @@ def matched(truth: Answer, claim: Claim) -> tuple[int, int, int]:
 
 
 def kind_is(*kinds: str) -> Test:
-    """Condition that a case is of one of these kinds."""
+    """Make a test of whether a case is of one of these kinds."""
     return lambda truth, claim: truth.kind in kinds
 
 
 def verdict_is(verdict: str) -> Test:
-    """Condition that a claim has this verdict."""
+    """Make a test of whether a claim has this verdict."""
     return lambda truth, claim: claim.verdict == verdict
 
 
 def isolated(truth: Answer, claim: Claim) -> bool:
-    """Whether any claimed class holds the true effect."""
+    """Whether any class of effects that is claimed holds the true effect."""
     return holds(claim, truth.effects)
 
 
@@ -187,8 +187,8 @@ def _of_the_joint(truth: Answer, claim: Claim) -> bool:
 
 
 def _visible(truth: Answer, claim: Claim) -> bool:
-    """Whether a single effect has a signature, or a raised variance over its own scatter √(2/n), so
-    large, in noises, that a perfect detector would not miss it."""
+    """Whether a case's single effect is so large that a perfect detector would not miss it: its
+    signature over the noise, or the rise of variance over its scatter √(2/n)."""
     sigmas = [
         c.rows * np.sqrt(truth.rows / 2) if c.rows else np.sqrt(6 * truth.rows * c.gap)
         for c in truth.causes
@@ -209,7 +209,7 @@ def _bins(truth: Answer, claim: Claim) -> Sequence[float]:
 
 
 def _calibration(s: np.ndarray) -> np.ndarray:
-    """Expected calibration error: Σ_bins |Σ stated − Σ right| / n (Naeini et al. 2015)."""
+    """Expected calibration error by sums: Σ_bins |Σ stated − Σ right| / n (Naeini et al. 2015)."""
     bins = s[..., :-1].reshape(*s.shape[:-1], BINS, 2)
     return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
 
@@ -226,8 +226,8 @@ def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 
 def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Coverage: published numbers of true effects named first, and whether they hold the true ones;
-    of the referee's robots every number is known, 0 where none is listed."""
+    """Counts (hits, all) of published intervals of true effects named first, a hit if it holds the
+    true number; of the referee's robots every number is known, 0 where none is listed."""
     inside = [
         abs(n.value - n.truth) <= NORMAL_90 * n.std
         for cause in (truth.causes if truth.effects else ())
@@ -238,10 +238,9 @@ def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 
 def _closed(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Sums for the closed share of the gap on held-out rows, as the claim states it (0 if it does
-    not) and as the oracle does; None where a cause shows between rows: then the floor itself rose.
-    Of causes that are only wrong stated numbers it counts from the configured simulator on, else
-    from the calibrated one."""
+    """Share of the gap on held-out rows that is closed by the claim (0 if it states none), and by
+    the oracle; None where a cause shows between rows, as the floor itself rises. Of causes that are
+    only wrong stated numbers the gap is the configured simulator's, else the calibrated one's."""
     oracle = None if truth.oracle is None else truth.oracle.closed
     if oracle is None or not truth.effects or any(c.rows for c in truth.causes):
         return None
@@ -336,7 +335,7 @@ def figures(rows: Sequence[CaseRow], methods: Sequence[str]) -> Figures:
 
 
 def effect_cells(rows: Sequence[CaseRow]) -> Cells:
-    """Heading and rows of a table: answers to each single effect and to each outside family."""
+    """Heading and rows of a table that counts the answers to each effect and outside family."""
     head = ["effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named"]
     alone = [(r.truth, r.claims[OURS]) for r in rows if r.truth.kind in ("single", "outside")]
     groups: dict[tuple[bool, str], list[tuple[Answer, Claim]]] = {}

@@ -56,7 +56,7 @@ def reliability_at_design(
 
 
 def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
-    """Diagnose one random look-alike: what was claimed, what was true; None if it cannot be
+    """Draw and diagnose one look-alike: what was claimed and what was true; None if none can be
     drawn."""
     kind = TEN_KINDS[index % len(TEN_KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
@@ -85,7 +85,7 @@ def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: flo
 
 
 def _errors(weighed: Weighed, case: LookalikeCase) -> tuple[float, ...]:
-    """Published minus true parameters of a case's causes, over their standard uncertainties."""
+    """Errors (published − true) of a case's parameters over their standard uncertainties."""
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
     final = conclude(weighed.decision, answer.elements_of(a, verdict))
     result = list[float]()

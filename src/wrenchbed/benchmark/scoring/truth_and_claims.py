@@ -104,7 +104,7 @@ class Claim:
 
     @property
     def sure(self) -> float:
-        """Stated probability of the first answer: its class, none or unknown."""
+        """Probability that the method states for its leading answer: a class, none or unknown."""
         if self.presence:
             return self.presence[0]
         first = "|".join(self.causes[0]) if self.causes else self.verdict
@@ -112,7 +112,7 @@ class Claim:
 
     @property
     def where(self) -> str | None:
-        """First subsystem that the method named; None if it named none."""
+        """Name of the first subsystem that the method named; None if it named none."""
         return self.subsystem or (subsystem(self.causes[0][0]) if self.causes else None)
 
 

@@ -100,7 +100,7 @@ def commit(
 
 
 def family(about: Mapping[str, object], root: str | None) -> bytes:
-    """Bytes of ``family.json``: ``about``, and when complete the SHA-256 of its commitments."""
+    """Content of ``family.json``: ``about``, and once complete the SHA-256 of its commitments."""
     return (json.dumps({**about, "commitments": root}, indent=1) + "\n").encode()
 
 

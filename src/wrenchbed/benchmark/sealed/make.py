@@ -87,8 +87,8 @@ class Family:
         return asdict(self) | ({"world": self.world} if self.world else {})
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
-        """Answer and recording of one case, without its name and salt; a `ParameterError` if this
-        attempt finds none."""
+        """Draw the truth and the recording of one case, without name and salt; a `ParameterError`
+        if this attempt makes none."""
         kind = self.kinds()[index]
         case = referee.make(self.robot, self.mode, kind, (self.seed, index, attempt))
         facts = tuple(
@@ -116,7 +116,7 @@ class Family:
         return replace(answer, case=name, salt=salt(self.seed, name)), rows
 
     def names(self) -> list[str]:
-        """Names of the cases: numbers."""
+        """Names of the cases: their numbers, as text."""
         return [f"{k:04d}" for k in range(1, self.cases + 1)]
 
 
@@ -134,7 +134,7 @@ def design(robot: str, mode: str, seed: int, number: int) -> ExperimentDesign:
 
 @dataclass(frozen=True)
 class LookalikeFamily(Family):
-    """Look-alikes, which the probabilities of the diagnosis are learnt on."""
+    """Family of look-alike cases, on which the probabilities of the diagnosis are learnt."""
 
     tries: ClassVar[int] = 8
     world: ClassVar[str] = "look-alikes"
@@ -158,8 +158,8 @@ class LookalikeFamily(Family):
 
 @dataclass(frozen=True)
 class EffortFamily(Family):
-    """Moving arms with torques or currents of their joints, and with ``wrench`` a force/torque
-    sensor."""
+    """Family of cases of moving arms with joint torques or currents, and with ``wrench`` a
+    force/torque sensor."""
 
     wrench: bool = False
     tries: ClassVar[int] = efforts.TRIES
@@ -167,7 +167,7 @@ class EffortFamily(Family):
     several: ClassVar[bool] = True
 
     def kinds(self) -> list[str]:
-        """Kind of each case."""
+        """Kind of each case (none, single or outside), in order."""
         return [efforts.kind_of(self.seed, k, self.wrench) for k in range(self.cases)]
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
@@ -234,7 +234,7 @@ def open_family(family: Family, out: Path, answers: Path) -> None:
 
 
 def make_case(family: Family, out: Path, answers: Path, index: int) -> None:
-    """Make one case; its files are written atomically."""
+    """Draw one case and write its recording and its answer, each file atomically."""
     name = family.names()[index]
     answer, recording = family.found(index)
     write_bytes(commitments.answer_of(answers, name), answer.to_bytes())

@@ -24,7 +24,7 @@ _ORACLE = (
 
 
 def _reliability(rows: Sequence[CaseRow]) -> Table:
-    """Table of stated probabilities of first answers beside the share that was right."""
+    """Table of stated probabilities of leading answers beside the share that was right."""
     stated = np.array([r.claims[OURS].sure for r in rows])
     held = np.array([metrics.right(r.truth, r.claims[OURS]) for r in rows])
     which = np.digitize(stated, _BINS) - 1
@@ -91,7 +91,7 @@ def page(score: Score, command: str = "") -> Document:
 
 
 def _targets(marks: Mapping[str, str]) -> Card:
-    """Card of the targets met, from the mark of each metric."""
+    """Card with the number of targets that are met, from the mark of each metric."""
     total, open_ = sum(map(bool, marks.values())), sum("(" in mark for mark in marks.values())
     missed = [METRICS[key].title for key, mark in marks.items() if mark == "✗"]
     remark = f"For {open_} of them the cases are too few: the interval allows met and missed."
@@ -104,7 +104,7 @@ def _targets(marks: Mapping[str, str]) -> Card:
 
 
 def marked(metric: metrics.Metric, scored: metrics.ScoredMetric) -> str:
-    """✓ or ✗ at its target, in brackets where the interval allows the other; empty without one."""
+    """✓ or ✗ for a metric's target met, in brackets if its interval allows the other; or ""."""
     parts = re.fullmatch(r"([≥≤<]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
     if parts is None:
         return ""

@@ -104,8 +104,8 @@ class Entrant:
 
     @classmethod
     def of(cls, method: str) -> "Entrant":
-        """``diagnose``, the name of a baseline, or a command; a `ParameterError` for an empty
-        command."""
+        """Entrant from a text: ``diagnose``, the name of a baseline, or a command; a
+        `ParameterError` if the command is empty."""
         if method == OURS or method in BASELINES:
             return cls(method)
         known = f"give {OURS}, {', '.join(BASELINES)} or a command"
@@ -158,7 +158,7 @@ def enter(
 
 
 def _misuse(folder: Path) -> str:
-    """Delete an entrant's folder that has a link or too many bytes; a sentence on that, else ""."""
+    """Delete an entrant's folder if it has a link or too many bytes; then say so, else ""."""
     entries = [folder, *folder.rglob("*")]
     if any(entry.is_symlink() for entry in entries):
         misuse = "wrote a symbolic link"
@@ -172,7 +172,7 @@ def _misuse(folder: Path) -> str:
 
 
 def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> None:
-    """Write the claim of the diagnosis or of a baseline to ``out``."""
+    """Write the claim of our diagnosis or of a baseline about a recording to ``out``."""
     with _at_most(limit), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         data = Recording.read(recording)
@@ -229,7 +229,7 @@ def _call(command: str, recording: Path, out: Path, limit: float) -> None:
 
 @contextmanager
 def _at_most(seconds: float) -> Iterator[None]:
-    """Raise `OverTimeError` in this thread when the time is up."""
+    """Context manager: raise `OverTimeError` in this thread when the block takes too long."""
 
     def ring(*_: object) -> None:
         raise OverTimeError

@@ -157,7 +157,7 @@ class Score:
 
     @property
     def beside(self) -> tuple[str, ...]:
-        """Names of methods shown beside the judged one; an oracle where all truths are exact."""
+        """Names of methods shown beside the judged one; an oracle too if all cases have it."""
         known = all(row.truth.oracle is not None for row in self.rows)
         return (ORACLE, *self.others) if known else self.others
 
