@@ -16,7 +16,7 @@ _RANK = 1e-9
 
 
 def own_noise(residual: np.ndarray, nuisance: np.ndarray, columns: np.ndarray) -> float:
-    """Standard deviation of one reading, in the unit of ``residual``.
+    """Estimate the standard deviation of one reading, in the unit of ``residual``.
 
     Args:
         residual: measured less expected (n,).

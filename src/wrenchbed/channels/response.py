@@ -33,7 +33,7 @@ rounding 1e-12."""
 def readings(
     channels: Sequence[Channel], scene: Scene, active: Sequence[ActiveEffect] = ()
 ) -> np.ndarray:
-    """Mean readings (M, C) of every row of a scene with effects."""
+    """Mean readings (M, C) of all channels, for every row of a scene, with effects."""
     chain = EffectChain(active)
     return _predicted(channels, chain, scene, *chain.placed(scene))
 
@@ -115,7 +115,7 @@ def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Derivative of a scene's readings with respect to amplitudes of one effect."""
+    """Derivatives of a scene's readings (M, C) by amplitudes of one effect."""
 
     scene: Scene
     channels: tuple[Channel, ...]

@@ -88,7 +88,7 @@ STAGES: Mapping[str, Stage] = {
 
 @dataclass(frozen=True)
 class Variant:
-    """One way in which an effect shows.
+    """One way in which an effect may show: amplitudes to fit, and start values of its shape.
 
     Attributes:
         label: for people, for instance ``joint 2``.
@@ -118,7 +118,7 @@ class Curve(NamedTuple):
     """Curve that a form-free variant adds, over the variable that it depends on.
 
     Attributes:
-        channel: name of its channel; empty if it is the same for all.
+        channel: name of the channel it is of; empty if it is the same for all.
         x: grid (P,); a loop goes there and back.
         columns: contribution of each amplitude ``names`` per SI unit (P, k).
     """
@@ -252,7 +252,7 @@ class Effect(ABC):
         return ()
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Curves that a free-form variant adds to readings, one a channel; by default none."""
+        """Curves that a form-free variant adds to readings, one a channel; by default none."""
         return ()
 
     def usual(self, variant: Variant) -> tuple[str, ...]:

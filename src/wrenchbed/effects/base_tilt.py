@@ -10,7 +10,7 @@ TYPICAL = np.deg2rad(0.5)
 
 
 class BaseTilt(ModelEffect):
-    """g → Exp(α) g, α horizontal.
+    """g → Exp(α) g, g gravity in the robot's axes, α a horizontal rotation vector [rad].
 
     Seen in: orientations with joint 1 turned; else a tilt about joint 2's axis is an offset of
     joints 2 to 4.

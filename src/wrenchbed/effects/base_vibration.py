@@ -7,7 +7,7 @@ from wrenchbed.physics.parameters import Parameter
 
 
 class BaseVibration(RowEffect):
-    """y_i → y_i + A_i sin(2πft + φ), one random phase a call; adds A²/2 to a row's variance.
+    """y_i → y_i + A_i sin(2πft + φ), y_i the reading of channel i, φ random: variance + A²/2.
 
     A is what the shaking tool's inertia puts on the sensor: m·a, and m·a times its lever.
 

@@ -9,10 +9,10 @@ from wrenchbed.physics.time_derivatives import STEP
 
 
 class CableTorsion(LoadEffect):
-    """T −= a (k (q − q₀) + f sgn(q̇)): q is the last joint, sgn(q̇) the side it last came from.
+    """T −= a (k (q − q₀) + f sgn(q̇)): T loads the sensor, q is the last joint, q̇ its last motion.
 
-    a is the sensor's z, or with ``joint_axis`` = 1 the last joint's axis in sensor axes; on the
-    UR5 both are one. k q₀ is a constant: a bias.
+    a is the sensor's z, or with ``joint_axis`` = 1 the last joint's axis in sensor axes; on the UR5
+    both are one. k q₀ is a constant: a bias.
 
     Seen in: the last joint turned far and both ways.
     """

@@ -70,7 +70,7 @@ class EffectChain:
 
     @property
     def stages(self) -> frozenset[str]:
-        """Names of the stages at which an effect acts."""
+        """Names of the stages at which effects of the chain act."""
         return frozenset(s for s, active in self._at.items() if active)
 
     def theta(self, robot: Robot, theta: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from wrenchbed.effects.base import JointEffect, Values, vector
 
 
 class DriveConstant(JointEffect):
-    """τ_j → (1 + ε_j) τ_j.
+    """τ_j → (1 + ε_j) τ_j, τ_j the torque that the sensor of joint j reads at rest.
 
     Seen in: joint torques of poses that load the joint differently; one that carries no weight
     shows nothing.

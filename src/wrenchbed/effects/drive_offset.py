@@ -6,7 +6,7 @@ from wrenchbed.effects.base import JointEffect, Values, vector
 
 
 class DriveOffset(JointEffect):
-    """τ_j → τ_j + b_j.
+    """τ_j → τ_j + b_j, τ_j the torque [N·m] that the sensor of joint j reads at rest.
 
     Seen in: joint torques of poses that load the joint differently.
     """

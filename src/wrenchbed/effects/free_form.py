@@ -80,6 +80,6 @@ def channel_curves(
 def share_curve(
     variant: Variant, x: np.ndarray, basis: Callable[[str, np.ndarray], np.ndarray], x_unit: str
 ) -> tuple[Curve, ...]:
-    """Curve of a free-form variant that adds a share of the load, the same in all channels."""
+    """Curve of a form-free variant that adds a share of the load, the same in all channels."""
     columns = np.stack([basis(n, x) for n in variant.free], axis=1)
     return (Curve("", variant.free, x, columns, x_unit, "1"),)

@@ -85,7 +85,7 @@ def _wave(joint: int, order: float, weight: float = 1.0) -> Variant:
 
 
 def rotary(robot: Robot) -> list[int]:
-    """Numbers of the rotary joints, from 1."""
+    """Numbers of a robot's rotary joints, counted from 1."""
     return [k for k, joint in enumerate(robot.joints, start=1) if joint.unit == "rad"]
 
 

@@ -151,7 +151,7 @@ class Scene:
 
     @cached_property
     def jolts(self) -> np.ndarray:
-        """Wrench of brisk moves between poses at rest (M, 6) [N, N·m], for effects with memory.
+        """Wrench (M, 6) [N, N·m] of fast moves between poses at rest, for effects with memory.
 
         Minimum-jerk moves at the joints' top speeds (`PEAK_SPEED`): the last jolt before a rest is
         the one from which hysteresis comes. 0 where a pose is held, and in motion.

@@ -7,7 +7,7 @@ from wrenchbed.effects.scene import Scene
 
 
 class SensorBias(ChannelEffect):
-    """y_i → y_i + b_i [N, N·m].
+    """y_i → y_i + b_i, y_i the reading of channel i [N, N·m].
 
     Seen in: any poses that turn the tool about.
     """

@@ -18,7 +18,7 @@ ORIGIN = tuple(f"origin.{a}" for a in "xyz")
 
 
 class SensorCrosstalk(ReadingEffect):
-    """F → F + X_FF F + X_FT T, T → T + X_TF F + X_TT T + r × F.
+    """F → F + X_FF F + X_FT T, T → T + X_TF F + X_TT T + r × F, of the forces and torques read.
 
     ``x.fx.ty`` is what fx shows per ty. ``origin`` r is the shift of the sensing origin: the
     antisymmetric part of X_TF, three numbers instead of nine.

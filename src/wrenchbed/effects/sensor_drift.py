@@ -43,14 +43,14 @@ noise."""
 
 
 class SensorDrift(ReadingEffect):
-    """y_i → (1 + s(t)) y_i + d_i(t), both zero at the first row.
+    """y_i → (1 + s(t)) y_i + d_i(t), y_i the reading of channel i; s and d_i are 0 at first.
 
-    Steady: d_i = r_i t. Warming up: d_i and s end at ``warm`` with 1 − exp(−t/τ). Free: the rate
-    is a sum of half cosines over the ``duration`` T, so that d_i = w_i1 t + Σ_k w_i,k+1 T/(kπ)
+    Steady: d_i = r_i t. Warming up: d_i and s end at ``warm`` with 1 − exp(−t/τ). Free: the rate is
+    a sum of half cosines over the ``duration`` T, so that d_i = w_i1 t + Σ_k w_i,k+1 T/(kπ)
     sin(kπt/T), and s likewise.
 
-    The typical rates, 1e-4 N/s = 0.36 N/h and 2e-6 N·m/s = 7 mN·m/h, add up to 0.03 N and
-    0.6 mN·m in five minutes.
+    The typical rates, 1e-4 N/s = 0.36 N/h and 2e-6 N·m/s = 7 mN·m/h, add up to 0.03 N and 0.6 mN·m
+    in five minutes.
 
     Seen in: a first pose that is visited again, in an order of poses that is mixed.
     """

@@ -15,10 +15,10 @@ rows would be saturated."""
 
 
 class SensorSaturation(ReadingEffect):
-    """y_i → y_i + s_i (clip(y_i, ±L_i) − y_i).
+    """y_i → y_i + s_i (clip(y_i, ±L_i) − y_i), y_i the reading of channel i.
 
-    The share s_i is 0 where nothing is clipped and 1 where the channel never passes its level
-    L_i [N, N·m]; it makes the reading linear. Between the two a channel bends at its level.
+    The share s_i is 0 where nothing is clipped and 1 where the channel never passes its level L_i
+    [N, N·m]; it makes the reading linear. Between the two a channel bends at its level.
 
     Seen in: poses that load the channel beyond its level: flat tops in one channel.
     """

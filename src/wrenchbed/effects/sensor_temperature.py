@@ -98,7 +98,7 @@ class SensorTemperature(ReadingEffect):
         return (*zeros, Variant("span, any lag", span, at, (), free_form.FREE))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Curves over temperature, for a settled lag."""
+        """Curves of zero and span over temperature, of a sensor that has settled at it."""
         if scene.warmth is None:
             return ()
         ends = float(scene.warmth.min()), float(scene.warmth.max())

@@ -7,7 +7,7 @@ from wrenchbed.effects.scene import Scene
 
 
 class TimingDelay(ReadingEffect):
-    """y(t) → y(t − T), a cubic spline between rows; before the first row the reading stood still.
+    """y(t) → y(t − T), y the readings, a cubic spline between rows, constant before the first row.
 
     Phase falls linearly with frequency, the amplitude stays.
 

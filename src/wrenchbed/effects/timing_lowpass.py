@@ -13,9 +13,9 @@ row, which bound time."""
 
 
 class TimingLowpass(ReadingEffect):
-    """τ ż = y − z, the reading is z: phase and amplitude fall. Settled at the first row.
+    """τ ż = y − z: of readings y the filter makes z. It has settled at the first row.
 
-    Of n stages in a row each has τ/n.
+    Phase and amplitude fall with frequency. Of n stages in a row each has τ/n.
 
     Between rows the load follows a cubic spline, whose fine linear pieces the filter takes exactly;
     so it is smooth in τ down to 0. τ < 0 mirrors the change, 2y − z(|τ|), which no filter does but

@@ -10,7 +10,7 @@ NAMES = tuple(f"cog.{a}" for a in "xyz")
 
 
 class ToolCog(ModelEffect):
-    """c → c + δc in sensor axes.
+    """c → c + δc, c the tool's centre of gravity in sensor axes [m].
 
     Seen in: varied orientations.
     """

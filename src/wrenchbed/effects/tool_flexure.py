@@ -14,7 +14,7 @@ SKEW = tuple(f"compliance.{a}" for a in ("xy", "xz", "yz"))
 class ToolFlexure(LoadEffect):
     """c → c + C F + φ × c, so T += (C F + φ × c) × F with C symmetric (3, 3), φ = b (c × F).
 
-    F is what pulls on the tool. A tool that gives alike along x, y and z shows nothing.
+    c is the tool's CoG, F the force on it. A tool as soft along x as along y and z shows nothing.
 
     Seen in: varied orientations with a second payload: the torque is quadratic in the load.
     """

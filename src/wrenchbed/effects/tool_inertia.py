@@ -14,8 +14,8 @@ SHARE = "share"
 class ToolInertia(ModelEffect):
     """I → I + δI about the centre of gravity in sensor axes; no wrench at rest shows it.
 
-    Where only orientations are known a simulator has weight alone. An accelerometer then says what
-    of F = −m a, T = c × F − I ω̇ − ω × I ω is there: a share of 1, if the tool is as stated.
+    Where only orientations are known a simulator has weight alone. With an accelerometer the
+    ``share`` of F = −m a, T = c × F − I ω̇ − ω × I ω is fitted too: 1 if the tool is as stated.
 
     Seen in: a motion that turns and accelerates the tool.
     """
@@ -53,7 +53,7 @@ class ToolInertia(ModelEffect):
         return added(robot, theta, {f"tool.{n}": p[n] for n in NAMES})
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """A share of the tool's inertial load (M, 6) at the scene's accelerations; 0 without."""
+        """Share of the tool's inertial load at the scene's accelerations (M, 6) [N, N·m]; or 0."""
         return p.get(SHARE, 0.0) * scene.inertial
 
 

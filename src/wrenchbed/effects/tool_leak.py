@@ -29,7 +29,7 @@ FARTHEST = 0.5
 
 
 class ToolLeak(LoadEffect):
-    """m → m − r (t − t₀) − Σ_k w_k sin(kπ (t − t₀)/D), k = 1 … 5: what leaks no longer pulls.
+    """m → m − r (t − t₀) − Σ_k w_k sin(kπ (t − t₀)/D), k = 1 … 5: m the tool's mass.
 
     It is a point mass at the tool's CoG plus ``place`` in sensor axes; in motion its inertia goes
     with it. Without waves the loss is steady; with them it is any smooth function of time, whose
@@ -65,9 +65,9 @@ class ToolLeak(LoadEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants with the place (3,) [m] where mass leaves searched on a residual.
+        """Variants that begin at the place (3,) [m] of the lost mass that explains a residual best.
 
-        A course a(t) at a place s pulls with a(t) u + Σ_i a(t) s_i l_i, linear in a and a s.
+        A mass a(t) at s pulls with a(t) u + Σ_i a(t) s_i l_i, which is linear in a and in a s.
         """
         pose = Pose(*scene.pose)
         rows = residual.rows[:: 1 + len(residual.rows) // SCANNED]
@@ -94,7 +94,7 @@ class ToolLeak(LoadEffect):
         return tuple(result)
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Wrench (M, 6) [N, N·m] that takes the lost mass's load off the sensor."""
+        """Wrench (M, 6) [N, N·m] that the lost mass no longer puts on the sensor, negative."""
         lost = course(scene, p["rate"], vector(p, FREE), p["duration"])
         return -lost[:, None] * per_kilogram(scene, pose, scene.tool.cog + vector(p, PLACE))
 

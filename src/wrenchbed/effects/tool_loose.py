@@ -35,7 +35,7 @@ weight, in steps that a refit bridges."""
 
 
 class ToolLoose(LoadEffect):
-    """c → c + s n sgn(n·F/|F| − l): the centre of gravity jumps along a way n, torque δc × F.
+    """c → c + s n sgn(n·F/|F| − l): the tool's CoG jumps along a direction n; torque δc × F.
 
     The sign is tanh(…/0.05), l leans to one side; with a ``grip`` it turns only once n·F/|F| is
     that far beyond l. What flows along the load has no torque; along one axis it is tool.flexure.
@@ -73,7 +73,7 @@ class ToolLoose(LoadEffect):
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """Variants whose directions, grips and leans fit a residual's torques best.
 
-        Of a jump s = ±1 along any lever δ: T = s δ × F, so Σ s Fᵀ× T is all that a scan needs.
+        A jump s = ±1 by a lever δ has the torque T = s δ × F, so that Σ s Fᵀ× T suffices.
         """
         force = scene.tool_force(wrench(*scene.pose, scene.tool, scene.gravity))
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)

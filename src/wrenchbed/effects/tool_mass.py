@@ -9,7 +9,7 @@ from wrenchbed.robots.base import Robot
 
 
 class ToolMass(ModelEffect):
-    """m → m + δm, its centre of gravity where it was.
+    """m → m + δm, m the tool's mass [kg]; its centre of gravity stays.
 
     Seen in: any poses that turn the tool about.
     """

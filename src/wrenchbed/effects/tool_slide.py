@@ -15,7 +15,7 @@ _FORM = {"form": "free"}
 
 
 class ToolSlide(LoadEffect):
-    """c → c + v (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D), k = 1 … 5, in sensor axes.
+    """c → c + v (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D), c the tool's CoG, sensor axes.
 
     Without waves the CoG moves steadily; with them on any smooth course, whose typical size falls
     with 1/k². D is the recording's duration. The slide itself is slow: it adds no acceleration. A

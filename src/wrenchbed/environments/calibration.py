@@ -72,7 +72,7 @@ class Knowledge:
 
     @property
     def value(self) -> float:
-        """Information [nats]; grows with every informative pose."""
+        """Information so far [nats], −log of ``error``; it grows with every informative pose."""
         return -math.log(self.error)
 
     @property
@@ -87,7 +87,7 @@ class Knowledge:
         return replace(self, information=self.information + rows.T @ rows)
 
     def gains(self) -> np.ndarray:
-        """Rise of ``value`` by each pose of the pool (N,)."""
+        """Rise of ``value`` [nats] by a reading at each pose of the pool (N,)."""
         after = self.criterion.changed(self.information, self.rows, 1.0)
         return 0.5 * np.log(np.maximum(after, 1e-300)) - self.value
 

@@ -143,7 +143,7 @@ def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
 
 
 class NoiseStream:
-    """Generator of a model's noise along one clock: each call continues where the last one
+    """Generator of a sensor's noise along one clock: each call continues where the last one
     ended."""
 
     def __init__(self, model: NoiseModel, seed: int) -> None:

@@ -16,7 +16,7 @@ _PATTERNS = 4096
 
 @dataclass(frozen=True)
 class Parameter:
-    """One scalar of a model.
+    """One scalar that may differ between a robot and its model; its value is kept elsewhere.
 
     Attributes:
         name: the field's or the paper's symbol, see ``docs/reference/nomenclature.md``.
@@ -37,7 +37,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class ParameterSet(Sequence[Parameter]):
-    """Ordered parameters of a model: vector ↔ mapping, selection by name and pattern."""
+    """Ordered parameters of a model, by index, name or pattern; converts vectors and mappings."""
 
     items: tuple[Parameter, ...]
 

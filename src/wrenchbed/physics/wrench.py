@@ -42,7 +42,7 @@ class Tool:
 
     @property
     def inertial(self) -> np.ndarray:
-        """Ten parameters (…, 10), see `newton_euler`, with the sensor's own mass at its origin."""
+        """Ten inertial parameters (…, 10), as in `newton_euler`, with the sensor's own mass."""
         cx, cy, cz = (self.cog[..., k] for k in range(3))
         m, about = self.mass, self.inertia
         six = [about[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]

@@ -44,7 +44,7 @@ class MixOptions:
     """Costs, tolerances and candidates with which `reach` plans gravity poses and touches.
 
     Attributes:
-        share: of the robots whose error shall be below the wanted accuracy, 0 … 1.
+        share: part of the robots whose error shall be below the wanted accuracy, 0 … 1.
         least_poses: smallest number of poses under gravity; they calibrate the sensor itself.
         touch_cost: cost of one touch, in units of one gravity pose.
         pool: gravity poses to choose from.
@@ -137,7 +137,7 @@ class _Task:
         return int(some[np.argmax(value)]), float(value.max())
 
     def grow(self, chosen: Chosen) -> None:
-        """Add to ``chosen`` (in place) the candidate that lowers the log error most per cost."""
+        """Add to ``chosen``, in place, the candidate that lowers the log error most per cost."""
         information = self.information(chosen)
         now = float(self.criterion.values(information))
         (pose, with_pose), (touch, with_touch) = (

@@ -91,7 +91,7 @@ def for_tracker(
 
 
 def _candidates(robot: Robot, n: int, pool: int, seed: int) -> np.ndarray:
-    """Random feasible joint values (pool, J), of which n are to be chosen."""
+    """Draw feasible joint values (pool, J) at random, of which n are to be chosen."""
     if not robot.joints:
         raise PlanError(f"robot {robot.name!r} has no joints to plan for")
     if not 1 <= n <= pool:
@@ -130,7 +130,7 @@ def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
 
 
 def _wave(t: np.ndarray, joints: int, rng: np.random.Generator) -> np.ndarray:
-    """Sum (N, J) of the harmonics of `BASE_PERIOD_S` with random weights and phases."""
+    """Sum (N, J), at t (N,) [s], of harmonics of `BASE_PERIOD_S` of random weight and phase."""
     phase = rng.uniform(0.0, 2 * np.pi, (HARMONICS, joints))
     weight = rng.uniform(0.3, 1.0, (HARMONICS, joints))
     turn = 2 * np.pi * t[:, None] / BASE_PERIOD_S

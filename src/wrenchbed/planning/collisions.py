@@ -26,7 +26,7 @@ _PER_LEG = 0.3
 
 
 class Clearance:
-    """Collision checks of a robot against itself and its surroundings."""
+    """Collision checks of a robot with itself and its surroundings, in MuJoCo."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self.robot = robot
@@ -82,7 +82,7 @@ class Clearance:
 
     @cached_property
     def _built(self) -> set[tuple[int, int, int, int]]:
-        """Pairs that touch at home or in many random poses, for `hit` to ignore."""
+        """Pairs that touch at home or in many random poses, as `_touching`: `hit` ignores them."""
         drawn = self.robot.sample(_DETOURS, np.random.default_rng(1))
         often = Counter(pair for q in drawn for pair in self._touching(q))
         usual = {pair for pair, n in often.items() if n > _OFTEN * len(drawn)}
@@ -90,12 +90,12 @@ class Clearance:
 
     @cached_property
     def _free(self) -> list[np.ndarray]:
-        """Random poses without contact."""
+        """Joint values of random poses without contact, as way points around obstacles."""
         drawn = self.robot.sample(_DETOURS, np.random.default_rng(0))
         return [q for q in drawn if not self.hit(q)]
 
     def _touching(self, q: np.ndarray) -> set[tuple[int, int, int, int]]:
-        """Pairs in contact: bodies (a, b, 0, 0), or with surroundings (0, b, geom, geom)."""
+        """Pairs in contact at q: bodies (a, b, 0, 0), with surroundings (0, b, geom, geom)."""
         model, data = self.model, self._data
         data.qpos[:] = self.robot.qpos(q[None], self._theta)[0]
         mujoco.mj_kinematics(model, data)

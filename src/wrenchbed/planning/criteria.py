@@ -45,7 +45,7 @@ class Criterion(ABC):
         return self.gradient(information)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Values (N,) after adding (+1) or removing (−1) each of blocks (N, k, m) alone."""
+        """Criterion (N,) after adding (+1) or removing (−1) each of blocks (N, k, m) alone."""
         return self.values(information + sign * np.swapaxes(blocks, -1, -2) @ blocks)
 
 
@@ -71,7 +71,7 @@ class Spectral(Criterion):
 
     @abstractmethod
     def _slope(self, sigma: np.ndarray) -> np.ndarray:
-        """Derivative (m,) by each singular value (m,)."""
+        """Derivative (m,) of the criterion by each singular value (m,)."""
 
 
 class O1(Spectral):
@@ -86,7 +86,7 @@ class O1(Spectral):
         return self._of(sigma) / (len(sigma) * sigma)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Values (N,) after adding or removing each block (determinant lemma, k × k not m × m)."""
+        """Criterion (N,) after adding or removing each block, by determinants k × k (lemma)."""
         m = len(information)
         inner = blocks @ np.linalg.inv(information) @ np.swapaxes(blocks, -1, -2)
         factor = np.linalg.det(np.eye(blocks.shape[1]) + sign * inner)
@@ -154,7 +154,7 @@ class InverseTrace(Criterion):
         return inner / np.trace(self.weight @ inverse) ** 2
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Values (N,) after adding or removing each block, by the Woodbury identity."""
+        """Criterion (N,) after adding or removing each block, by the Woodbury identity."""
         inverse = np.linalg.inv(information)
         turned = np.swapaxes(blocks, -1, -2)
         inner = np.eye(blocks.shape[1]) + sign * (blocks @ inverse @ turned)

@@ -69,7 +69,7 @@ class Pool:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Chosen indices (n,), the criterion's value, and its values after each improving exchange."""
+    """Result of `exchange`: chosen indices (n,), the criterion, its values after each exchange."""
 
     chosen: np.ndarray
     value: float
@@ -198,10 +198,10 @@ class Certificate:
 
 
 def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Certificate:
-    """Bound the criterion over all choices of n different configurations, from some of full rank.
+    """Bound the criterion over all choices of n different configurations; ``start`` has full rank.
 
-    Multiplicative weights (Silvey, Titterington & Torsney 1978, doi 10.1080/03610927808827719) on
-    a growing set of candidates; the whole pool is scanned once a round.
+    Multiplicative weights (Silvey, Titterington & Torsney 1978, doi 10.1080/03610927808827719) on a
+    growing set of candidates; the whole pool is scanned once a round.
 
     Raises:
         PlanError: the criterion is not concave, so nothing can be certified this way.
@@ -211,7 +211,7 @@ def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Cert
         raise PlanError(f"{criterion.name} is not concave: its optimum cannot be certified")
 
     def slopes(blocks: np.ndarray, weight: np.ndarray, of: np.ndarray) -> tuple[float, np.ndarray]:
-        """Criterion^``power`` of weighted blocks; its derivatives (M,) by weights of ``of``."""
+        """Criterion^``power`` of weighted blocks, and its derivatives (M,) by weights of ``of``."""
         rows = (blocks * np.sqrt(weight)[:, None, None]).reshape(-1, blocks.shape[-1])
         value = float(criterion.values(rows.T @ rows))
         gradient = power * value ** (power - 1.0) * criterion.gradient(rows.T @ rows)
@@ -248,7 +248,7 @@ def heaviest(certificate: Certificate, n: int) -> np.ndarray:
 
 
 def _capped(weight: np.ndarray, cap: float) -> np.ndarray:
-    """Weights scaled to the sum 1, each at most ``cap``."""
+    """Weights (K,) scaled to the sum 1, each at most ``cap``."""
     full = np.zeros(len(weight), dtype=bool)
     while True:
         rest = (1.0 - cap * full.sum()) / max(weight[~full].sum(), 1e-300)

@@ -45,7 +45,7 @@ HISTORY_S = 4.0
 
 
 class Efforts(NamedTuple):
-    """Efforts that the drives report of one cycle.
+    """Torques and currents that the drives report in one control cycle.
 
     Attributes:
         servo: torque that moves links without weight and friction (J,) [N·m or N].

@@ -138,7 +138,7 @@ class SensorWithEffects:
         self._values = np.vstack([self._values[keep], reading])[-_WINDOW:]
 
     def mean(self, t: np.ndarray) -> np.ndarray:
-        """Readings (n, 6) [N, N·m] at times (n,) [s] without the effects' random parts."""
+        """Readings (n, 6) [N, N·m] at times (n,) [s], interpolated, without random parts."""
         columns = [np.interp(t, self._knots, self._values[:, k]) for k in range(6)]
         return np.stack(columns, axis=-1)
 

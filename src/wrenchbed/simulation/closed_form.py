@@ -58,7 +58,7 @@ SENSOR = _sensor_parameters()
 class CompiledForm:
     """Readings of a robot and its sensor under gravity (3,) [m/s²], by compiled C functions.
 
-    Each method returns None where plain numpy has to do it: `Model` then does.
+    Each method returns None where C cannot evaluate it: `Model` then does by numpy.
     """
 
     robot: Robot
@@ -68,14 +68,14 @@ class CompiledForm:
     )
 
     def readings(self, q: Value, theta: np.ndarray, sensed: bool) -> np.ndarray | None:
-        """Readings as `Model.predict`, or the loads of `Model.true_wrench` if not ``sensed``."""
+        """Readings (N, 6) as `Model.predict`, or loads as `Model.true_wrench` if not ``sensed``."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
         return statics.readings(name, q, self._of_one(theta, sensed))
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
-        """Gravity in sensor axes as `Model.gravity_seen` has it; None if it is not compiled."""
+        """Gravity in sensor axes (N, 3) [m/s²] as `Model.gravity_seen`; None if not compiled."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
@@ -175,8 +175,7 @@ class Model:
         return self.plain_wrench(q, theta) if compiled is None else compiled
 
     def plain_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Load on the sensor as `true_wrench`, by numpy alone; compiled code is tested against
-        it."""
+        """Load on the sensor (…, N, 6) by numpy alone, against which compiled code is tested."""
         return self._load(self._seen(q, theta), theta)
 
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:

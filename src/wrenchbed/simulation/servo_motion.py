@@ -30,8 +30,8 @@ class ServoDrivenRobot:
     """Dynamics of a robot in MuJoCo whose position servos follow joint targets.
 
     Args:
-        simulation: the compiled robot; the plant owns its state from now on.
-        q: joint values (J,) to stand at.
+        simulation: the compiled robot, whose state changes from now on.
+        q: joint values (J,) at the start.
     """
 
     def __init__(self, simulation: Simulation, q: np.ndarray) -> None:

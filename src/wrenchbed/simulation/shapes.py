@@ -40,7 +40,7 @@ def geoms_of(model: mujoco.MjModel, body: int) -> np.ndarray:
 
 
 def colours(model: mujoco.MjModel) -> np.ndarray:
-    """Colour of each geom (G, 4), 0 … 1; of its material where it states none."""
+    """Colour (G, 4) of each geom as r g b a, 0 … 1; of its material where it states none."""
     rgba, material = np.array(model.geom_rgba), model.geom_matid
     plain = (rgba == _PLAIN).all(axis=1) & (material >= 0)
     rgba[plain] = model.mat_rgba[material[plain]]

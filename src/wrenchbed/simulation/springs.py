@@ -32,7 +32,7 @@ class Spring(NamedTuple):
     """Spring, backlash and friction of a joint that an effect adds.
 
     Attributes:
-        stiffness: [N·m/rad or N/m].
+        stiffness: of the spring [N·m/rad or N/m].
         half: half its backlash [rad or m]; None without backlash.
         lags: whether it rests on the side against its joint's last motion.
         friction: force [N] up to which it stays where it is.

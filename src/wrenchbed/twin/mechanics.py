@@ -142,8 +142,8 @@ class _Added:
     in_tool: bool
 
     def side(self, force: np.ndarray, coming: np.ndarray) -> np.ndarray:
-        """Position in its backlash (M,), −half … half, under forces (M,); ``coming``: see
-        `balance`."""
+        """Position in its backlash (M,), −half … half, under forces (M,) and with directions
+        ``coming`` (M, J) of the joints' last motion."""
         half, turn = float(self.half or 0.0), np.sign(self.stiffness)
         if self.name.endswith(LAGS):
             return np.asarray(-half * turn * coming[:, self.driven])
@@ -240,7 +240,7 @@ class Mechanism:
         return turn, position
 
     def _describe(self, joint: "mujoco.MjModel") -> _Added:
-        """Data of one added joint, read from the compiled model."""
+        """Read the data of one added joint (spring, backlash, friction) from the compiled model."""
         model, on = self.model, joint.name.partition(MARK)[2].removesuffix(LAGS)
         body = model.jnt_bodyid[joint.id]
         return _Added(
@@ -255,7 +255,7 @@ class Mechanism:
 
     def _settle_play(self, give: np.ndarray, force: np.ndarray, coming: np.ndarray) -> None:
         """Write into ``give`` (M, E) [rad or m] where each added joint with backlash is pushed by
-        the force (M, E) [N·m or N] that acts in its middle; ``coming``: see `balance`."""
+        the force (M, E) [N·m or N] in its middle; ``coming`` (M, J): joints' last directions."""
         for k, a in enumerate(self._added):
             if a.half is not None:
                 give[:, k] = a.side(force[:, k], coming)
@@ -301,7 +301,7 @@ class Mechanism:
         return result
 
     def _turns(self, columns: list[int]) -> np.ndarray:
-        """Turn of the loops' passive joints per turn of the joints at the columns: −J_p⁺ J."""
+        """Derivative of the loops' passive joints by the joints at ``columns``: −J_p⁺ J, now."""
         data = self.data
         loops = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         jacobian = np.asarray(data.efc_J).reshape(data.nefc, self.model.nv)[loops]

@@ -159,7 +159,7 @@ class Playback:
             self._t[-1] = max(t, float(np.nextafter(self._t[-2], np.inf)))
 
     def forget(self, rows: int) -> None:
-        """Drop all but the last ``rows`` remembered rows."""
+        """Drop all but the last ``rows`` of the remembered rows (poses and moves)."""
         if len(self._q) > rows:
             self._q, self._t, self._load = self._q[-rows:], self._t[-rows:], self._load[-rows:]
 
@@ -172,7 +172,7 @@ class Playback:
         return self.twin.reading(scene, load + self.twin.load(scene) - self._plain.load(scene))
 
     def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Rows (n, 6) with the effects' random parts, which continue those of earlier calls."""
+        """Add the effects' random parts to rows (n, 6) at t (n,), going on from earlier calls."""
         self._rows, self._times = np.concatenate([self._rows, rows]), np.append(self._times, t)
         return self.twin.corrupt(self._rows, self._times, self.seed)[-len(rows) :]
 

@@ -79,7 +79,7 @@ def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
 
 
 def _numbers(value: Mapping[str, float], joints: int, path: str) -> np.ndarray:
-    """Values (J, 5) of the parameters `_KINDS` of each joint, negative ones as 0."""
+    """Values (J, 5) of a fit's five servo parameters (`_KINDS`) a joint, negative ones as 0."""
     each = [[f"{kind}.{j + 1}" for kind in _KINDS] for j in range(joints)]
     if missing := [name for names in each for name in names if name not in value]:
         raise ExportError(f"{path}: parameters: {missing[0]} is missing: give a fit of commands")

@@ -74,7 +74,7 @@ class Twin:
         return twin
 
     def _check_tool(self, tool: checked.Fields) -> None:
-        """Refuse a tool that contradicts ``theta``."""
+        """Raise a `TwinError` if the ``tool`` of a twin.json contradicts ``theta``."""
         expected = self.tool()
         for key, given in tool.only(expected, "tool").raw.items():
             try:
@@ -107,7 +107,7 @@ class Twin:
         write_json(path, self.to_json())
 
     def tool(self) -> dict[str, Any]:
-        """Mass [kg] and CoG (3,) [m] in sensor axes, without effects."""
+        """Mass [kg] and CoG (3,) [m] of the tool, sensor axes, as twin.json states them."""
         tool = self.model.robot.tool(self.robot_theta)
         return {"mass": float(tool.mass), "cog": [float(c) for c in tool.cog]}
 
@@ -137,7 +137,7 @@ class Twin:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """The robot with the effects that MuJoCo carries, compiled."""
+        """The twin's robot, compiled with the effects that MuJoCo carries."""
         robot = self.model.robot
         theta = EffectChain(self.active).theta(robot, self.robot_theta)
         return Mechanism(robot, theta, self.model.gravity, self.active)

@@ -5,7 +5,7 @@ from wrenchbed.effects.drives.wave import GEAR_MOST, SLOWEST, Wave, first_of, fi
 
 
 class DriveRipple(Wave):
-    """τ → τ + Σ a sin(k n q) + b cos(k n q), n few periods a turn.
+    """τ → τ + Σ a sin(k n q) + b cos(k n q), n (few) periods a joint turn.
 
     Such slow periods look like other causes: they are searched beside what every fit leaves free.
 
