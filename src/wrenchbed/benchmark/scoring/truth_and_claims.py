@@ -83,11 +83,11 @@ class Answer:
 class Claim:
     """Claim of a method about a recording; the verdict is ``error`` where there is no readable one.
 
-    ``causes`` are classes of indistinguishable effects, largest first, each its first choice and
-    then its rivals; ``probabilities`` of each possible leading answer, a class's key its members
-    joined by ``|``; ``presence`` of each class where that differs; ``set90`` names that hold the
-    truth in 90 % of cases; ``subsystem`` the first one named apart from causes; ``elements`` of
-    each effect; ``parameters`` and ``gap`` finite numbers as published, by effect and name.
+    ``causes`` are classes of indistinguishable effects, largest first, each its first choice, then
+    rivals; ``probabilities`` of each possible leading answer, a class's key its members joined by
+    ``|``; ``presence`` of each class where that differs; ``set90`` names that hold the truth in 90
+    % of cases; ``subsystem`` the first one named apart from causes; ``elements`` joints or parts by
+    effect; ``parameters`` and ``gap`` finite numbers as published, by effect and name.
     """
 
     verdict: str = "error"
