@@ -62,12 +62,10 @@ def moving_in_degrees(rec):
 
 
 def one_orientation(rec):
-    """One pose that is held 80 times."""
     return with_columns(one_pose(rec), {"segment": np.repeat(np.arange(80), ROWS)})
 
 
 def one_pose(rec):
-    """The rows of one pose, 80 times."""
     again = {c: np.tile(rec.columns[c][:ROWS], 80) for c in (*rec.joints, *CHANNELS)}
     return wb.Recording(rec.metadata, again | {"t": np.arange(80.0 * ROWS)}, rec.name)
 

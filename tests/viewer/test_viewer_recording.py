@@ -19,7 +19,7 @@ from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.pages.scene import heat
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.reports.claim import joints
-from wrenchbed.reports.robot_scene import blame, painted, part_of
+from wrenchbed.reports.robot_scene import _parts, blame, part_of
 from wrenchbed.simulation.shapes import bodies, geoms_of, triangles
 from wrenchbed.viewer.elements import scale_for
 from wrenchbed.viewer.recordings import recording_view
@@ -73,12 +73,10 @@ def test_curves_are_what_was_recorded(recorded):
     assert np.allclose(shown, recording.q * factors, rtol=1e-12)
 
 
-def misplaced(path: Path, recording: wb.Recording) -> float:
-    """Largest error of a body's place [m] or of its axes, against MuJoCo."""
-    robot, rrd = wb.load("robots", recording.metadata.robot), Rrd(path)
+def test_bodies_are_where_mujoco_has_them_in_every_pose(recorded):
+    robot, recording, rrd, _ = recorded
     simulation = wb.Simulation(robot, robot.parameters.nominal)
     model, data = simulation.model, mujoco.MjData(simulation.model)
-    worst = 0.0
     for name, body in bodies(model).items():
         entity = f"/world/real/{name}"
         rows = rrd.times(entity, "Transform3D:translation", "row")
@@ -89,14 +87,7 @@ def misplaced(path: Path, recording: wb.Recording) -> float:
             mujoco.mj_kinematics(model, data)
             x, y, z, w = turn[k]
             off = matrix([w, x, y, z]) - data.xmat[body].reshape(3, 3)
-            worst = max(worst, np.abs(place[k] - data.xpos[body]).max(), np.abs(off).max())
-    return float(worst)
-
-
-def test_bodies_are_where_mujoco_has_them_in_every_pose(recorded):
-    _, recording, _, folder = recorded
-    assert misplaced(folder / "view.rrd", recording) < 1e-5
-    _, recording, rrd, _ = recorded
+            assert max(np.abs(place[k] - data.xpos[body]).max(), np.abs(off).max()) < 1e-5
     rows = rrd.times("/world/real/tool", "Transform3D:translation", "row")
     changes = np.flatnonzero(np.r_[True, np.diff(recording.columns["segment"]) != 0])
     assert set(changes) <= set(rows)
@@ -233,6 +224,12 @@ def parts(robot="ur5", world=False):
     return simulation, part_of(simulation, world)
 
 
+def shares_of(simulation, shares):
+    """Bodies of the parts that a scene shows, each with its share."""
+    of = list(bodies(simulation.model).values())
+    return {(of[p.body], p.share) for p in _parts(simulation, shares)}
+
+
 def test_rivals_share_what_their_class_has():
     shares = blame(
         told(
@@ -268,32 +265,23 @@ def test_every_geom_of_the_robot_stands_for_a_part(robot):
 @pytest.mark.parametrize("joint", [1, 4])
 def test_blame_is_painted_on_the_body_that_the_joint_moves(robot, joint):
     simulation, _ = parts(robot)
-    model, colours = simulation.model, painted(simulation, {f"joint {joint}": 1.0})
-    red = {int(model.geom_bodyid[g]) for g, c in colours.items() if c == tuple(heat(1.0))}
-    grey = {int(model.geom_bodyid[g]) for g, c in colours.items() if c == tuple(heat(0.0))}
+    model, painted = simulation.model, shares_of(simulation, {f"joint {joint}": 1.0})
+    red, grey = ({body for body, share in painted if share == x} for x in (1.0, 0.0))
     own = int(model.joint(f"q{joint}").bodyid[0])
     assert red == ({own} if len(model.body(own).geomnum) and model.body(own).geomnum[0] else set())
-    assert not red & grey and grey
+    assert not red & grey and grey and 0 not in red | grey
+    assert (0, 1.0) in shares_of(simulation, {"environment": 1.0})  # bench and floor
 
 
 def test_sensor_cable_and_tool_are_told_apart():
-    simulation, known = parts()
-    model = simulation.model
-    of = {model.geom(g).name: names for g, names in known.items() if model.geom(g).name}
+    def named(robot):
+        simulation, known = parts(robot)
+        return {simulation.model.geom(g).name: names for g, names in known.items()}
+
+    of = named("ur5")
     assert of["sensor"] == ("sensor",) and of["sensor_cable"] == ("cable",)
     assert of["tool_plate"] == of["finger_left"] == ("tool",)
     assert of["sensor_rim"] == ("mount", "sensor")
-    simulation, known = parts("medrue")
-    model = simulation.model
-    of = {model.geom(g).name: names for g, names in known.items() if model.geom(g).name}
+    of = named("medrue")
     assert of["sensor_socket"] == ("sensor",) and of["sensor_cable"] == ("cable",)
     assert of["probe"] == of["holder"] == of["probe_cable"] == ("tool",)
-
-
-def test_the_ground_is_painted_only_where_the_environment_is_to_blame():
-    simulation, _ = parts()
-    bodies_of = simulation.model.geom_bodyid
-    ground = {g for g, body in enumerate(bodies_of) if not body}
-    assert not ground & set(painted(simulation, {"tool": 1.0}))
-    red = painted(simulation, {"environment": 1.0})
-    assert all(red[g] == tuple(heat(1.0)) for g in ground)

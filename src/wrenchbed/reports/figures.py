@@ -18,13 +18,11 @@ BINS = 8
 def residual_map(e: Evidence) -> Chart:
     """Residual rms of the simulators before and after in units of noise, over poses or time, on the
     scale of every page."""
-    readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
     (over, axis), panels = along(e.prepared), []
     groups = bins(over, BINS)
     names = [numbers.minus(f"{over[g].min():.0f}…\n{over[g].max():.0f}") for g in groups]
     spans = [[int(e.ids[g].min()), int(e.ids[g].max())] for g in groups]
-    for title, reading in readings.items():
-        residual = (e.prepared.y - reading) / e.std
+    for title, residual in e.residuals.items():
         values = binned_rms(residual, groups)
         cells = tuple(tuple(_cell(float(v)) for v in row) for row in values)
         worst = np.stack([e.ids[g][np.abs(residual[g]).argmax(axis=0)] for g in groups], axis=1)

@@ -11,7 +11,7 @@ from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.result import Diagnosis, named_by
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Role
-from wrenchbed.pages.scene import Arrows, Part, Scene, heat
+from wrenchbed.pages.scene import Arrows, Part, Scene
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.claim import joints, joints_or
@@ -54,14 +54,6 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
             for place in [f"{part} {k}" for k in blamed] or [part]:
                 shares[place] = min(1.0, shares.get(place, 0.0) + share)
     return shares
-
-
-def painted(simulation: Simulation, shares: Mapping[str, float]) -> dict[int, tuple[int, ...]]:
-    """Colour of each geom of the robot by its number: that of its part with the largest share."""
-    return {
-        g: tuple(int(c) for c in heat(max(shares.get(n, 0.0) for n in names)))
-        for g, names in part_of(simulation, "environment" in shares).items()
-    }
 
 
 def part_of(simulation: Simulation, shown_world: bool) -> dict[int, Sequence[str]]:
@@ -113,8 +105,7 @@ def wrench_scene(e: Evidence) -> Scene | None:
     if not isinstance(robot, SimulatedRobot) or not p.scene.jointed:
         return None
     held, arrows = p.scene.held, list[Arrows]()
-    readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
-    residuals = {name: (p.y - reading) / e.std for name, reading in readings.items()}
+    residuals = e.residuals
     rms = np.sqrt((residuals[e.first] ** 2).mean(axis=1))
     if e.names[:6] == CHANNELS:
         arrows.append(Arrows("load", "box", FORCE_M * p.scene.load[held][:, :3]))

@@ -61,6 +61,13 @@ class Evidence:
         self.before = self.of(self.start) if wrong_only else readings["calibrated"]
         self.after = readings.get("with_effects")
 
+    @property
+    def residuals(self) -> dict[str, np.ndarray]:
+        """Measured minus simulated (H, C) [noise of a row], by what the simulator is."""
+        readings = {self.first: self.before, "with the effects": self.after}
+        y, known = self.prepared.y, readings.items()
+        return {name: (y - read) / self.std for name, read in known if read is not None}
+
     def causes(self) -> list[Cause]:
         """The claimed causes that show in means: active effects, then wrong stated numbers."""
         if self.after is None:

@@ -3,34 +3,36 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.document import markdown, provenance
 from wrenchbed.reports.claim import Claim
-from wrenchbed.reports.robot_scene import blame, painted
+from wrenchbed.reports.robot_scene import blame, wrench_scene
+from wrenchbed.reports.simulators import Evidence
 from wrenchbed.reports.wrench_answer import WrenchAnswer
-from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation.shapes import motion
-from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import stream
-from wrenchbed.viewer.robot import log_pose, log_shapes, log_world
-from wrenchbed.viewer.stream import log_words, to_file
+from wrenchbed.viewer.elements import ROLES, log_curves
+from wrenchbed.viewer.robot import log_scene
+from wrenchbed.viewer.stream import ROW, log_words, to_file
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
-    """Write the view of a diagnosis, with the command that made it; a `MissingExtraError` if rerun
-    is not installed."""
-    robot = findings.analysis.prepared.model.robot
-    jointed = isinstance(robot, SimulatedRobot) and findings.analysis.prepared.scene.jointed
-    scene = stream.scene(robot.name, "robot, painted by blame") if jointed else None
-    words = [stream.document("/report", "answers")]
-    with to_file(path, stream.page(scene, words, timeline=None)) as canvas:
-        shares = blame(findings.diagnosis.to_json()) if jointed else {}
-        if jointed and isinstance(robot, SimulatedRobot):
-            log_world(canvas)
-            simulation = Simulation(robot, robot.parameters.nominal)
-            log_shapes(canvas, "world/real", simulation.model, painted(simulation, shares))
-            log_pose(canvas, "world/real", motion(simulation, robot.home[None]))
+    """Write the view of a diagnosis that a command made; a `MissingExtraError` without rerun."""
+    evidence, view, axis = Evidence(findings), None, None
+    scene, shares = wrench_scene(evidence), dict[str, float]()
+    if scene is not None:
+        shares, axis = blame(findings.diagnosis.to_json()), ROW
+        places = scene.frames[..., 3].reshape(-1, 3)
+        view = stream.blamed(findings.diagnosis.robot, evidence.ids, places)
+    page = stream.page(view, [stream.document("/report", "answers")], axis)
+    with to_file(path, page, ROW) as canvas:
+        if scene is not None:
+            log_scene(canvas, scene)
+            rms = {n: np.sqrt((x**2).mean(axis=1)) for n, x in evidence.residuals.items()}
+            y, colours = np.stack([*rms.values()], axis=1), (ROLES["before"], ROLES["after"])
+            log_curves(canvas, "residual", evidence.ids, y, list(rms), colours)
         log_words(canvas, "report", answers(findings, shares, command))
 
 

@@ -22,6 +22,8 @@ OTHERS = ((0, 158, 115), (170, 110, 190), (225, 190, 60))
 """Further simulators beside the first."""
 RESIDUAL = (13, 148, 136)
 """Teal: the residual."""
+ROLES = {"measured": MEASURED, "before": SIMULATED, "after": OTHERS[0], "box": OTHERS[1]}
+"""The same by their role on a page: without the effects, with them, the load."""
 JOINTS = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44),
     (214, 39, 40), (148, 103, 189), (140, 86, 75),
@@ -88,12 +90,11 @@ def log_curves(
     names: Sequence[str],
     colours: Sequence[Colour],
 ) -> None:
-    """Log curves (N, K) over the canvas's axis at (N,) as one entity.
-
-    The curve of the measurement is wide, beneath the others.
-    """
-    widths, known = [_BENEATH if c == MEASURED else _WIDTH for c in colours], map(printable, names)
-    canvas.once(path, rr.SeriesLines(names=list(known), colors=list(colours), widths=widths))
+    """Log curves (N, K) over the canvas's axis at (N,) as one entity, that of the measurement wide,
+    beneath the others."""
+    shown, known = list(colours[: len(names)]), [printable(name) for name in names]
+    widths = [_BENEATH if c == MEASURED else _WIDTH for c in shown]
+    canvas.once(path, rr.SeriesLines(names=known, colors=shown, widths=widths))
     canvas.columns(path, at, rr.Scalars.columns(scalars=values))
 
 
@@ -107,8 +108,7 @@ def log_channels(
     """Log wrenches (N, 6) by name over the canvas's axis at (N,), one entity a channel."""
     for k, channel in enumerate(CHANNELS):
         values = np.stack([w[:, k] for w in wrenches.values()], axis=1)
-        shades = colours[: len(wrenches)]
-        log_curves(canvas, f"{root}/{channel}", at, values, list(wrenches), shades)
+        log_curves(canvas, f"{root}/{channel}", at, values, list(wrenches), colours)
 
 
 def log_joints(canvas: Canvas, at: np.ndarray, q: np.ndarray, joints: Sequence[Joint]) -> None:

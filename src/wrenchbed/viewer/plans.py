@@ -16,13 +16,7 @@ from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import stream
-from wrenchbed.viewer.elements import (
-    SIMULATED,
-    log_arrows,
-    log_channels,
-    log_joints,
-    scale_for,
-)
+from wrenchbed.viewer.elements import SIMULATED, log_arrows, log_channels, log_joints, scale_for
 from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot
 from wrenchbed.viewer.stream import ROW, TIME, log_words, to_file
 

@@ -1,41 +1,43 @@
 """The robot in the scene: MuJoCo's geoms as shapes of rerun, and where its bodies are."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
 import rerun as rr
 
+from wrenchbed.pages.scene import Scene, heat
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.shapes import BodyMotion, bodies, colours, geoms_of, triangles
 from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.viewer.elements import ROLES
 from wrenchbed.viewer.stream import Canvas
 
 _NO_AREA = 1e-12
 """Twice the area of a triangle below which it is a line [m²]."""
+_AXES_M, _THICK_M = 0.1, 0.006
+"""Length of the sensor's axes, and radius of an arrow [m]: torques are half as thick as forces."""
 FRAMES_HZ = 30.0
 """Most pictures of the robot a second; curves keep every row."""
 
 
-def shape(
-    model: mujoco.MjModel, body: int, paint: Mapping[int, tuple[int, ...]] | None = None
-) -> Any:
-    """A body's geoms in its own frame; each triangle has corners of its own, so that edges are
-    sharp. ``paint`` is RGB of 0 … 255 instead of the model's, by number of the geom; a
-    `NotFoundError` if a geom is of a kind that is not drawn."""
+def shape(model: mujoco.MjModel, body: int) -> Any:
+    """A body's geoms in its own frame; a `NotFoundError` if one is of a kind that is not drawn."""
     geoms = [int(g) for g in geoms_of(model, body)]
     surfaces = [triangles(model, g) for g in geoms]
     rgba = np.rint(255 * colours(model)[geoms]).astype(np.uint8)
-    for k, g in enumerate(geoms):
-        rgba[k, :3] = (paint or {}).get(g, rgba[k, :3])
-    corners = np.concatenate(surfaces)
+    return mesh(np.concatenate(surfaces), np.repeat(rgba, [len(s) for s in surfaces], axis=0))
+
+
+def mesh(corners: np.ndarray, rgba: np.ndarray) -> Any:
+    """Triangles (T, 3, 3) [m] with a colour each (T, 3 or 4); each has corners of its own, so that
+    edges are sharp."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(across, axis=1, keepdims=True), _NO_AREA)
     return rr.Mesh3D(
         vertex_positions=corners.reshape(-1, 3),
         vertex_normals=np.repeat(across / length, 3, axis=0),
-        vertex_colors=np.repeat(rgba, [3 * len(s) for s in surfaces], axis=0),
+        vertex_colors=np.repeat(rgba, 3, axis=0),
     )
 
 
@@ -52,16 +54,12 @@ def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
     return np.asarray(np.unique(first[differs]))
 
 
-def log_world(canvas: Canvas) -> None:
-    """Log that z is up."""
-    canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-
-
 def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyMotion) -> None:
     """Log the robot in its own colours over the canvas's axis at (K,)."""
-    log_world(canvas)
-    simulation = Simulation(robot, robot.parameters.nominal)
-    log_shapes(canvas, "world/real", simulation.model)
+    canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    model = Simulation(robot, robot.parameters.nominal).model
+    for name, body in bodies(model).items():
+        canvas.once(f"world/real/{name}/shape", shape(model, body))
     for k, name in enumerate(real.names):
         where = rr.Transform3D.columns(
             translation=real.position[:, k], quaternion=real.quaternion[:, k]
@@ -69,21 +67,22 @@ def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyM
         canvas.columns(f"world/real/{name}", at, where)
 
 
-def log_shapes(
-    canvas: Canvas,
-    root: str,
-    model: mujoco.MjModel,
-    paint: Mapping[int, tuple[int, ...]] | None = None,
-) -> None:
-    """Log the shapes of all bodies, with bench and floor, under ``root/<body>``; see `shape`."""
-    for name, body in bodies(model).items():
-        canvas.once(f"{root}/{name}/shape", shape(model, body, paint))
-
-
-def log_pose(canvas: Canvas, root: str, motion: BodyMotion) -> None:
-    """Log the first moment of a motion for all times."""
-    for k, name in enumerate(motion.names):
-        place = rr.Transform3D(
-            translation=motion.position[0, k], quaternion=motion.quaternion[0, k]
-        )
-        canvas.once(f"{root}/{name}", place)
+def log_scene(canvas: Canvas, scene: Scene) -> None:
+    """Log the robot of a page at its moments, parts coloured by their shares, with its colour bar;
+    at the sensor axes and arrows."""
+    canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    canvas.once("blame", rr.Image(heat(np.tile(np.linspace(0.0, 1.0, 256), (12, 1)))))
+    for k, frames in enumerate(np.moveaxis(scene.frames, 1, 0)):
+        place = rr.Transform3D.columns(translation=frames[..., 3], mat3x3=frames[..., :3])
+        canvas.columns(f"world/{k}", scene.ids, place)
+    for k, part in enumerate(scene.parts):
+        colours = np.tile(heat(part.share), (len(part.faces), 1))
+        path = f"world/{part.body}/{part.name.replace(' ', '_')}_{k}"
+        canvas.once(path, mesh(part.places[part.faces], colours))
+    sensor = f"world/{scene.frames.shape[1] - 1}"
+    canvas.once(sensor, rr.TransformAxes3D(_AXES_M))
+    for arrow in scene.arrows:
+        path = f"{sensor}/{arrow.name.replace(', ', '_').replace(' ', '_')}"
+        style = rr.Arrows3D.from_fields(colors=[ROLES[arrow.role]], radii=[_THICK_M / arrow.heads])
+        canvas.once(path, style)
+        canvas.columns(path, scene.ids, rr.Arrows3D.columns(vectors=arrow.vectors))

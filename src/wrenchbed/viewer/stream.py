@@ -19,6 +19,8 @@ from wrenchbed.robots.base import SimulatedRobot
 APP = "wrenchbed"
 TIME, ROW = "time", "row"
 """Timelines: of a motion [s], and of poses at rest, between which nothing is recorded."""
+_NEAR = 0.55
+"""Distance of the eye over the diagonal of the box in which a robot moves, to see all of it."""
 _SKY = (242, 244, 247)
 """Behind the robot; curves keep the viewer's own ground."""
 Window = tuple[str, np.ndarray]
@@ -59,23 +61,22 @@ def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canv
 
 def log_words(canvas: Canvas, path: str, text: str) -> None:
     """Log Markdown for all times."""
-    document = rr.TextDocument(printable(text), media_type=rr.MediaType.MARKDOWN)
-    canvas.once(path, document)
+    canvas.once(path, rr.TextDocument(printable(text), media_type=rr.MediaType.MARKDOWN))
 
 
-def scene(robot: str, name: str = "robot") -> Any:
-    """View of the robot from where its arm and sensor are seen best."""
+def scene(robot: str, name: str = "robot", places: np.ndarray | None = None) -> Any:
+    """View of the robot from where its arm and sensor are seen best; if given, so near that its
+    bodies, at ``places`` (N, 3) [m], fill it."""
     shown = registry.load("robots", robot)
     assert isinstance(shown, SimulatedRobot)  # only such have a scene
-    position, target = shown.eye
+    (position, target), up = np.array(shown.eye), (0.0, 0.0, 1.0)
+    if places is not None:
+        ends, back = np.stack([places.min(axis=0), places.max(axis=0)]), position - target
+        target, reach = ends.mean(axis=0), _NEAR * np.linalg.norm(np.ptp(ends, axis=0))
+        position = target + reach / np.linalg.norm(back) * back
+    eye = rr.blueprint.EyeControls3D(position=position, look_target=target, eye_up=up)
     return rr.blueprint.Spatial3DView(
-        origin="/world",
-        name=name,
-        background=list(_SKY),
-        line_grid=False,
-        eye_controls=rr.blueprint.EyeControls3D(
-            position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)
-        ),
+        origin="/world", name=name, background=list(_SKY), line_grid=False, eye_controls=eye
     )
 
 
@@ -102,12 +103,8 @@ def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> An
     start, end = (rr.TimeRangeBoundary.absolute(**{unit: x}) for x in ends)
     whole = rr.TimeRange(start=start, end=end)
     axis = b.TimeAxis(link=b.components.LinkAxis.Independent, view_range=whole)
-    return b.TimeSeriesView(
-        origin=origin,
-        name=name,
-        axis_x=axis,
-        plot_legend=b.PlotLegend(corner=b.Corner2D.RightTop, visible=legend),
-    )
+    shown = b.PlotLegend(corner=b.Corner2D.RightTop, visible=legend)
+    return b.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=shown)
 
 
 def document(origin: str, name: str) -> Any:
@@ -115,18 +112,25 @@ def document(origin: str, name: str) -> Any:
     return rr.blueprint.TextDocumentView(origin=origin, name=name)
 
 
-def page(left: Any | None, right: Sequence[Any], timeline: str | None = TIME) -> Any:
-    """Layout of a picture: one view left, if any, and tabs right.
+def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
+    """View of the robot over its colour bar, and over the residual of rows ``at`` (N,)."""
+    title = "probability that the cause is there: 0 (grey) … 1 (dark red)"
+    bar = rr.blueprint.Spatial2DView(origin="/blame", name=title)
+    residual = curves("/residual", "residual of all channels, rms [noise of a row]", (ROW, at))
+    rows = (scene(robot, "robot, coloured by blame", places), bar, residual)
+    return rr.blueprint.Vertical(*rows, row_shares=[1.0, 0.12, 0.3])
 
-    Without a timeline nothing changes over time, and there is no slider.
-    """
+
+def page(left: Any | None, right: Sequence[Any], timeline: str | None = TIME) -> Any:
+    """Layout of a picture: one view left, if any, and tabs right, of which a single one, of words,
+    needs less room; without a timeline there is no slider."""
     b = rr.blueprint
     time = b.TimePanel(state="hidden")
     if timeline is not None:
         time = b.TimePanel(state="collapsed", timeline=timeline, play_state="paused")
-    tabs = b.Tabs(*right, active_tab=0)
+    tabs, left_share = b.Tabs(*right, active_tab=0), 2.0 if len(right) == 1 else 1.0
     return b.Blueprint(
-        tabs if left is None else b.Horizontal(left, tabs, column_shares=[1.0, 1.2]),
+        tabs if left is None else b.Horizontal(left, tabs, column_shares=[left_share, 1.2]),
         time,
         b.BlueprintPanel(state="collapsed"),
         b.SelectionPanel(state="collapsed"),
