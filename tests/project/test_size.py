@@ -29,7 +29,7 @@ WRENCHBED = {
     "reports": 2155,
     "robots": 4406,
     "sensors": 314,
-    "simulation": 1305,
+    "simulation": 1304,
     "studies": 1346,
     "twin": 1082,
     "viewer": 748,

@@ -305,8 +305,8 @@ def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Usual:
-    """What every fit removes of a difference of readings (by bias, mass, CoG): orthonormal columns
-    (6 n, 10) in units of a row's noise (6,)."""
+    """Changes of readings by bias, mass and CoG, which every fit removes: orthonormal columns (6 n,
+    10) in units of a row's noise (6,)."""
 
     noise: np.ndarray
     basis: np.ndarray
@@ -325,6 +325,6 @@ class Usual:
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 
     def gap(self, signal: np.ndarray, configured: bool = False) -> float:
-        """Gap of a difference of readings (n, 6): mean square of what `white` makes of it."""
+        """Gap of a difference of readings (n, 6): its mean square over row noise, as of `white`."""
         x = self.white(signal, configured)
         return float(x @ x) / len(x)

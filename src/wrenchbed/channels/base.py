@@ -72,7 +72,7 @@ class Channel(ABC):
         return np.asarray(np.add.reduceat(rows, starts) / data.count[:, None])
 
     def rows(self, recording: Recording, data: Observations) -> np.ndarray:
-        """Readings (N, k) of the rows that ``data`` keeps."""
+        """Readings (N, k) of those rows of a recording that ``data`` keeps."""
         return np.stack([recording.columns[c][data.keep] for c in self.columns], axis=1)
 
     def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
@@ -115,5 +115,5 @@ class Channel(ABC):
         return [self.imperfections(scene)], []
 
     def sized(self, sizes: np.ndarray) -> Self:
-        """Copy whose second group of `kinds` is ``sizes`` times its usual size."""
+        """Copy in which the second group of `kinds` has ``sizes`` times its usual sizes."""
         return self

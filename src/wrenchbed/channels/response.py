@@ -171,7 +171,7 @@ class Response:
         return _predicted(self.channels, chain, self.scene, *chain.placed(self.scene))
 
     def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
-        """Change (M, C) of all readings by the motion of one joint in a shift (M, J)."""
+        """Change (M, C) of all readings if of a joint shift (M, J) only joint ``joint`` is made."""
         given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
         parts = [s[joint] * x[:, joint, None] for s, x in zip(self._slopes, given, strict=False)]
         return np.asarray(sum(parts))

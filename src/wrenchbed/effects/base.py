@@ -232,7 +232,7 @@ class Effect(ABC):
         return self.stage in ("reading", "timing")
 
     def acts(self, scene: Scene) -> bool:
-        """Whether the effect can change the readings of a scene; averages of a motion show all."""
+        """Whether the effect can change a scene's readings; any can if they average a motion."""
         return scene.mode in self.modes or scene.averaged
 
     def applies(self, robot: Robot) -> bool:
@@ -311,7 +311,7 @@ class Effect(ABC):
         return 0.0
 
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
-        """The sensor's pose moved by the effect from ``pose`` (stage ``pose``)."""
+        """Pose of the sensor with the effect, from that without it (stage ``pose``)."""
         return pose
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
@@ -465,7 +465,7 @@ def warm_variants(
     at: Values | None = None,
     shape: tuple[str, ...] = (),
 ) -> tuple[Variant, ...]:
-    """Variants of an effect of time or temperature: zeros (6), common or own gains (6), both."""
+    """Variants of a warming effect: zeros (6) alone, a common gain, gains (6), gains and zeros."""
     where = dict(at or {})
     *single, _, _, together = channel_variants(zeros[0].partition(".")[0], where, shape)
     return (

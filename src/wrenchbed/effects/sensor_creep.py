@@ -79,7 +79,7 @@ class SensorCreep(ReadingEffect):
         return tuple(result)
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Curves of the response to a unit step of load, over time."""
+        """Curves over time of the reading's creep after a unit step of load."""
         t, late = np.linspace(0.0, scene.span, free_form.POINTS), variant.at["late"]
 
         def basis(name: str, t: np.ndarray) -> np.ndarray:

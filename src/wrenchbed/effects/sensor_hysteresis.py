@@ -87,7 +87,7 @@ class SensorHysteresis(ReadingEffect):
         return (*slow, *brisk) if scene.jolts.any() else slow
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Curves of the loop from the smallest load to the largest and back."""
+        """Curves of the reading's lag over load, from the smallest to the largest and back."""
         there = np.linspace(-1.0, 1.0, POINTS)
         way = np.concatenate([there, there[::-1], there, there[::-1]])  # settled the second time
         low, high = scene.load.min(axis=0), scene.load.max(axis=0)

@@ -6,7 +6,7 @@ from wrenchbed.effects.base import Rng, RowEffect, Values, channel_parameters, p
 
 
 class SensorNoise(RowEffect):
-    """y_i → y_i + n_i, white Gaussian noise of standard deviation σ_i [N, N·m] beyond the usual.
+    """y_i → y_i + n_i: more noise of channel i, white, Gaussian, with std σ_i [N, N·m].
 
     Seen in: repeats at rest, beside a stated noise of one row.
     """

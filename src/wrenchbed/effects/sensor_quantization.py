@@ -6,7 +6,7 @@ from wrenchbed.effects.base import Rng, RowEffect, Values, channel_parameters, p
 
 
 class SensorQuantization(RowEffect):
-    """y_i → Δ_i round(y_i/Δ_i); a step of 0 does not round. Adds Δ²/12 to a row's variance.
+    """y_i → Δ_i round(y_i/Δ_i), y_i the reading of channel i; Δ_i = 0: not. Variance + Δ²/12.
 
     Seen in: repeats at rest: rows that take few values.
     """

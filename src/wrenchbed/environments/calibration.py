@@ -143,7 +143,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Draw another robot; with a seed also another pool."""
+        """Draw another robot, with a seed also another pool; return observation and info."""
         super().reset(seed=seed)
         if seed is not None or not len(self.pool):
             self.pool = self.robot.sample(self._size, self.np_random)
@@ -163,7 +163,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return self._observation(), self._info()
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Go to a pose and read; the episode ends with the budget."""
+        """Read at a pose: observation, reward, ended (budget spent), truncated and info."""
         chosen, before = int(action), self.knowledge.value
         self._last = self.seconds(chosen)
         self._time += self._last

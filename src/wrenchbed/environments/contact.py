@@ -88,7 +88,7 @@ class Hand:
         return np.asarray(line)
 
     def _blocked(self, new: np.ndarray, length: float) -> bool:
-        """Whether a target (J,) is out of reach; far from the edge one look ahead is enough."""
+        """Whether a target (J,) is beyond the joint limits or, near its edge, the workspace."""
         low, high = self._limits.T
         if ((new < low) | (new > high)).any():
             return True
@@ -156,7 +156,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Draw another limb below the tip and another force; zero the sensor."""
+        """Draw another limb below the tip and force, zero the sensor; return observation, info."""
         super().reset(seed=seed)
         rng = self.np_random
         self.wanted = float(rng.uniform(*TARGET_N))
@@ -181,7 +181,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Move the tip for `STEP_S`."""
+        """Move the tip for `STEP_S`; return observation, reward, ended, truncated and info."""
         wish = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
         for q in self.hand.move(SPEED * STEP_S * wish, CYCLES):
             self.body.step(q)

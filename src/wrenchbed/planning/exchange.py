@@ -39,7 +39,7 @@ _GAP = 1e-3
 
 
 class Pool:
-    """Candidate configurations, as blocks (N, k, m) of a whitened, scaled Jacobian."""
+    """Candidate configurations: blocks (N, k, m) of Jacobians, in units of noise and scale."""
 
     def __init__(self, blocks: np.ndarray) -> None:
         self.blocks = np.ascontiguousarray(blocks, dtype=float)

@@ -83,8 +83,7 @@ class CompiledForm:
         return statics.readings(name, q, constants)[:, :3]
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
-        """Derivatives as `Model.jacobian` has them: C's by the constants, times complex-step
-        ones."""
+        """Derivatives (N, 6, K) as `Model.jacobian`, by C and complex steps; None if not by C."""
         name = self.robot.compiled
         if not statics.available(name, slopes=True) or not self._takes(q, theta):
             return None
@@ -109,7 +108,7 @@ class CompiledForm:
         return constants
 
     def constants(self, theta: np.ndarray, sensed: bool) -> np.ndarray:
-        """Constants (…, C) in the order of `_statics.c` for parameters (…, P)."""
+        """Constants (…, C) of the C functions, in the order of `_statics.c`, of theta (…, P)."""
         parameter_count = len(self.robot.parameters)
         packed = self.robot.packed(theta[..., :parameter_count], np.asarray(self.gravity))
         tool = self.robot.tool(theta[..., :parameter_count])

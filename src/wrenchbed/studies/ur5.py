@@ -242,7 +242,7 @@ def geometric_mean(values: np.ndarray) -> float:
 
 
 def trial(scenario: Scenario, seed: int) -> Trial:
-    """Simulate reference, calibrating and judging poses in a scenario; residuals of all methods."""
+    """Simulate reference, calibrating and judging poses in a scenario; fit all methods."""
     scene = StudyScene.of(scenario, seed)
     robot = cast(URArm, scene.model.robot)
     rng = np.random.default_rng([seed, 1])

@@ -164,8 +164,8 @@ class Playback:
             self._q, self._t, self._load = self._q[-rows:], self._t[-rows:], self._load[-rows:]
 
     def motion(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Readings (N, 6) of a motion at times (N,), q and speeds qd (N, J): ``load`` (N, 6)
-        without effects, plus what effects of the mechanism change in it."""
+        """Readings (N, 6) of a motion at times (N,), q and speeds qd (N, J): ``load`` (N, 6) is
+        that without effects, to which those of the mechanism add."""
         h = float(np.mean(np.diff(t)))
         jets = Jet(q, qd, np.gradient(qd, h, axis=0))
         scene = self.twin.scene(jets, t)

@@ -174,8 +174,8 @@ class Twin:
         return self.model.read(shown, self.theta)
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, seed: int) -> np.ndarray:
-        """Rows (N, 6) at t (N,) [s] with the effects' random parts, which later rows do not
-        change."""
+        """Add the effects' random parts to rows (N, 6) at t (N,) [s]; each row's part depends on
+        the seed and earlier rows alone."""
         for k, a in enumerate(self.active):
             rows = a.effect.corrupt(rows, t, a.values, np.random.default_rng([seed, 2, k]))
         return rows

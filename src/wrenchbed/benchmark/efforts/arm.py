@@ -111,7 +111,7 @@ def _points(
     top: np.ndarray,
     order: Callable[[np.ndarray], np.ndarray] = lambda x: x,
 ) -> np.ndarray:
-    """Joint values (T, J): minimum-jerk moves between random poses in an ``order``; pauses."""
+    """Joint values (T, J): minimum-jerk moves, with pauses, between random poses in an order."""
     middle, reach = room
     poses = order(middle + reach * rng.uniform(-1.0, 1.0, (max(4, int(t[-1] / 2.0)), len(middle))))
     q, now, here = np.empty((len(t), len(middle))), 0, poses[0]

@@ -135,13 +135,13 @@ def heavier(error: float) -> Imperfection:
 
 
 def off(error: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
-    """Fault of a tool whose centre of gravity is off by (3,), or row by row by (N, 3) [m]."""
+    """Fault of a tool whose centre of gravity is off by (3,), or at each row by (N, 3) [m]."""
     known = by_axis(error, "cog.") if true is None else true
     return Imperfection(known, tool=lambda load, _: replace(load, cog=load.cog + error))
 
 
 def biased(shift: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
-    """Fault of a sensor whose zero is off by (6,), or row by row by (N, 6) [N, N·m]."""
+    """Fault of a sensor whose zero is off by (6,), or at each row by (N, 6) [N, N·m]."""
     known = by_channel(shift, "bias.") if true is None else true
     return Imperfection(known, sensor=lambda y: y + shift)
 

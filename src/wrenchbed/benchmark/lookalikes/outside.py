@@ -98,7 +98,7 @@ def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def rectified(design: ExperimentDesign, rng: Rng) -> Imperfection:
-    """Draw a fault: a channel reads another one's magnitude: a plate that lifts off both ways.
+    """Draw a fault: one channel also reads the magnitude of another.
 
     Of a force and the torque that it makes on a load ahead of the sensor, one is the other's
     multiple, and its magnitude a nonlinearity of that channel.

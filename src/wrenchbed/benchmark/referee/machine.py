@@ -324,7 +324,7 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
 
 
 def _driven(truth: Mechanics, path: DrivePath) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """True positions, speeds and accelerations of the drives (T, J); errors vary on the path."""
+    """True positions, speeds and accelerations of the drives (T, J), with the drives' errors."""
     eps = 1e-4
     q0 = truth.driven(path.q)
     if not truth.drive:

@@ -242,7 +242,7 @@ class RefereeSetting:
 def _coordinates(
     robot: SimulatedRobot, theta: np.ndarray, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All of MuJoCo's coordinates of a motion (N, nq), by differences along it."""
+    """MuJoCo coordinates, speeds and accelerations (N, nq) of a motion, by finite differences."""
     p = np.asarray(robot.qpos(q, theta))
     if not np.abs(qd).any():
         return p, np.zeros_like(p), np.zeros_like(p)

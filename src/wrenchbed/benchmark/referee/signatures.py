@@ -265,20 +265,20 @@ class Bench:
 
     @cached_property
     def alone(self) -> Mapping[str, list[Block]]:
-        """Signatures of each effect's variants, nothing fitted away, by effect."""
+        """Signatures of each effect's variants without any other fit, by effect."""
         return {name: [_block(w) for w in variants] for name, variants in self.columns.items()}
 
     @cached_property
     def beside(self) -> Mapping[str, list[Block]]:
-        """Signatures of each effect's variants, less what every fit removes, by effect."""
+        """Signatures of each effect's variants after the fit of bias, mass and CoG, by effect."""
         basis = self.usual.basis
         return {k: [_block(w - basis @ (basis.T @ w)) for w in v] for k, v in self.columns.items()}
 
     def imitated(
         self, signature: np.ndarray, configured: bool, bounded: bool = True
     ) -> dict[str, float]:
-        """Gap of a signature (n, 6) that remains after the best fit by each effect, by effect; if
-        ``bounded`` by amplitudes that a robot may have."""
+        """Gap (mean square over row noise) of a signature (n, 6) less its best fit by an effect, by
+        name of the effect; if ``bounded`` with amplitudes that a robot may have."""
         x = self.usual.white(signature, configured)
         remaining = {}
         for name, variants in (self.alone if configured else self.beside).items():

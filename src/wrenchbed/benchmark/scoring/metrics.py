@@ -362,8 +362,8 @@ def _without_joint(name: str) -> str:
 
 
 def size_cells(rows: Sequence[CaseRow]) -> Cells:
-    """Heading and rows of a table: shares of single effects in means that are noticed (any answer
-    but none) and isolated, by the gap that they add."""
+    """Heading and rows of a table: of cases with one effect on means, by the gap that it adds, the
+    shares that are noticed (any answer but none) and isolated."""
     singles = [r for r in rows if r.truth.kind == "single" and not r.truth.causes[0].rows]
     lines = []
     for low, high in pairwise(EDGES):

@@ -32,12 +32,12 @@ MOST = 5
 
 
 def recording_of(cases: Path, name: str) -> Path:
-    """Path of a case's recording."""
+    """Path of the file with a case's recording, by the case's name."""
     return cases / f"{name}.parquet"
 
 
 def answer_of(answers: Path, name: str) -> Path:
-    """Path of an answer's file."""
+    """Path of the file with a case's answer, by the case's name."""
     return answers / f"{name}.json"
 
 

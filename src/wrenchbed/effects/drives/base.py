@@ -205,7 +205,7 @@ class DriveEffect(ABC):
         return Block(self.name, rows.joint, False, columns, value, prior, level)
 
     def shows(self, rows: DriveRows) -> bool:
-        """Whether it is sought in such rows at all."""
+        """Whether a diagnosis looks for the effect in such rows."""
         return True
 
     def scan(
