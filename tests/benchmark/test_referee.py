@@ -70,9 +70,9 @@ def test_no_file_of_the_other_physics_imports_what_it_judges(room, forbidden):
         assert not [m for m in modules(file) if m.startswith(forbidden)], file
 
 
-def test_referee_and_look_alikes_share_the_frame_of_cases_and_rigid_bodies_only():
+def test_referee_and_look_alikes_share_faults_and_rigid_bodies_only():
     both = reached("referee") & reached("lookalikes")
-    shared = {"benchmark.frame", "benchmark.rigid"}
+    shared = {"benchmark.fault", "benchmark.rigid_bodies"}
     assert {m for m in both if m.startswith("benchmark.")} == shared
 
 
