@@ -40,7 +40,7 @@ def test_blocked_ways_go_around_and_each_leg_is_free_on_a_finer_grid(clearance):
     for start, end in pairwise(free[:24]):
         if not clearance.blocked(start, end):
             continue
-        way = clearance.way(start, end, "test")
+        way = clearance.path(start, end, "test")
         assert len(way) > 1
         assert np.array_equal(way[-1], end)
         for a, b in pairwise([start, *way]):
@@ -57,7 +57,7 @@ def test_where_there_is_no_way_the_pose_is_refused(clearance):
     under[1] += 2 * np.pi  # the same pose, one turn on: the upper arm would go through the bench
     assert clearance.hit(under) == ""
     with pytest.raises(PlanError, match=r"pose 7: .* no way around was found"):
-        clearance.way(UR5.home, under, "pose 7")
+        clearance.path(UR5.home, under, "pose 7")
 
 
 def test_an_itinerary_is_refused_by_row():

@@ -304,15 +304,15 @@ def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Usual:
-    """Changes of readings by bias, mass and CoG, which every fit removes: orthonormal columns (6 n,
-    10) in units of a row's noise (6,)."""
+class UsualFit:
+    """Fit of bias, mass and CoG, which every diagnosis makes first: orthonormal columns (6 n, 10)
+    in units of a row's noise (6,)."""
 
     noise: np.ndarray
     basis: np.ndarray
 
     @classmethod
-    def of(cls, differences: Sequence[np.ndarray], noise: np.ndarray) -> "Usual":
+    def of(cls, differences: Sequence[np.ndarray], noise: np.ndarray) -> "UsualFit":
         """Make the basis of six biases and four differences of readings (n, 6) by mass and CoG."""
         biases = [np.broadcast_to(axis, differences[0].shape) for axis in np.eye(6)]
         columns = np.stack([*biases, *differences], axis=-1)
@@ -320,7 +320,7 @@ class Usual:
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """Difference (n, 6) over row noise (6 n,), less the usual fit unless ``configured``."""
+        """Difference (n, 6) over row noise (6 n,), less its fit unless ``configured``."""
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 

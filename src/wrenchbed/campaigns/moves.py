@@ -85,7 +85,7 @@ def itinerary(
     for row in rows:
         where = f"{plan.name}: row {row}"
         q = plan.q[row]
-        via = [q] if among is None else among.way(here, q, where)
+        via = [q] if among is None else among.path(here, q, where)
         seconds = 0.0
         for end in via:
             path = straight(here, end)

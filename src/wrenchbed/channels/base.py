@@ -86,8 +86,8 @@ class Channel(ABC):
         """
         return self
 
-    def facing(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
-        """Copy refitted to readings (H, k), or itself if predictions are linear in the nuisance."""
+    def relinearised(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
+        """Copy with nuisance refitted to readings (H, k), or itself if predictions are linear."""
         return self
 
     @abstractmethod
@@ -114,6 +114,6 @@ class Channel(ABC):
         others, as friction."""
         return [self.imperfections(scene)], []
 
-    def sized(self, sizes: np.ndarray) -> Self:
+    def with_sizes(self, sizes: np.ndarray) -> Self:
         """Copy in which the second group of `kinds` has ``sizes`` times its usual sizes."""
         return self

@@ -80,7 +80,7 @@ class EffortAtRest(Channel):
         gain, zero, friction = (x[:, :, None] * np.eye(self.joints) for x in of_joints)
         return [gain, zero], [friction, of_links(scene)]
 
-    def sized(self, sizes: np.ndarray) -> Self:
+    def with_sizes(self, sizes: np.ndarray) -> Self:
         return replace(self, sizes=tuple(sizes.tolist()))
 
 

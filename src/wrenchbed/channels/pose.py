@@ -79,7 +79,7 @@ class TargetPose(Channel):
         apart = read - channel._read(rotation, position)
         return channel if apart.std() < _FOLLOWS * (read - centre).std() else None
 
-    def facing(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
+    def relinearised(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
         return self.fitted(read, scene, pose) or self
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:

@@ -96,7 +96,7 @@ class Responses:
         early = [a for a in active if not PLACING.isdisjoint(a.effect.stages)]
         pose, load = _kept(self._placed, _key(early), lambda: chain.placed(self.scene))
         each = zip(self.channels, slices(self.channels), strict=True)
-        channels = [c.facing(self._read[:, of], self._seen, pose) for c, of in each]
+        channels = [c.relinearised(self._read[:, of], self._seen, pose) for c, of in each]
         return _predicted(channels, chain, self.scene, pose, load)
 
 

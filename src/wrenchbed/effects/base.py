@@ -458,7 +458,7 @@ def channel_variants(
     ]
 
 
-def warm_variants(
+def zero_and_gain_variants(
     zeros: Sequence[str],
     span: str,
     spans: Sequence[str],

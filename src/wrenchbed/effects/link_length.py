@@ -14,7 +14,7 @@ LOOPS = (*LINKS, *(f"{a}{i}{y}" for a in "AC" for i in (1, 2) for y in "yz"), "d
 
 
 class LinkLength(ModelEffect):
-    """a, d, α + δ of a serial arm (Denavit–Hartenberg); L, anchors, d4 + δ of five-bars.
+    """p → p + δ, p an a, d, α of a serial arm (Denavit–Hartenberg), or L, anchor, d4 of a five-bar.
 
     A serial arm's lengths move no wrench at rest, its twists do; every length of a loop does.
 

@@ -15,7 +15,7 @@ from wrenchbed.effects.base import (
     channel_variants,
     per_channel,
     vector,
-    warm_variants,
+    zero_and_gain_variants,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
@@ -90,7 +90,7 @@ class SensorDrift(ReadingEffect):
             *(
                 replace(v, label=f"warm-up in {s:g} of the recording, {v.label}", rivals=rivals)
                 for s in WARM_UPS
-                for v in warm_variants(
+                for v in zero_and_gain_variants(
                     WARM, "warm.span", WARM_SPAN, {"tau": s * scene.span}, ("tau",)
                 )
             ),

@@ -12,7 +12,7 @@ from wrenchbed.effects.base import (
     channel_parameters,
     per_channel,
     vector,
-    warm_variants,
+    zero_and_gain_variants,
 )
 from wrenchbed.effects.drives.operators import lagging
 from wrenchbed.effects.scene import Scene
@@ -85,8 +85,8 @@ class SensorTemperature(ReadingEffect):
         """Variants of the effect; empty if no temperature was recorded."""
         if scene.warmth is None:
             return ()
-        late = warm_variants(ZERO, "span", SPAN, {"lag": LAG_S}, ("lag",))
-        return warm_variants(ZERO, "span", SPAN) + late
+        late = zero_and_gain_variants(ZERO, "span", SPAN, {"lag": LAG_S}, ("lag",))
+        return zero_and_gain_variants(ZERO, "span", SPAN) + late
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         if scene.warmth is None:

@@ -176,7 +176,7 @@ class _Task:
             chosen = (chosen[0], new) if kind else (new, chosen[1])
         return chosen
 
-    def rehearsed(self, chosen: Chosen, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    def rehearse(self, chosen: Chosen, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Simulate `ROBOTS` random robots that run the plan: rms tool errors (`ROBOTS`,) [m] in the
         target before and after calibration; a `PlanError` if one leaves its workspace."""
         results = [self._one(chosen, np.random.default_rng([seed, k])) for k in range(ROBOTS)]
@@ -271,7 +271,7 @@ def reach(
         progress(count + 1)
     chosen = task.pruned(chosen, accuracy)
     for _ in range(_ROUNDS):
-        before, after = task.rehearsed(chosen, seed)
+        before, after = task.rehearse(chosen, seed)
         assured = float(np.quantile(after, o.share))
         progress(len(chosen[0]) + len(chosen[1]))
         if assured <= accuracy:

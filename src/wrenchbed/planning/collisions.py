@@ -55,7 +55,7 @@ class Clearance:
                 return f"{what}, {100 * share:.0f} % along the way"
         return ""
 
-    def way(self, start: np.ndarray, end: np.ndarray, where: str) -> list[np.ndarray]:
+    def path(self, start: np.ndarray, end: np.ndarray, where: str) -> list[np.ndarray]:
         """Find a collision-free path from ``start`` to ``end`` (J,): its way points up to ``end``.
 
         A straight joint move if that is free, else the shortest free one over one or two of home

@@ -123,7 +123,7 @@ class SensorWithEffects:
         if self._calm >= _CALM_CYCLES:
             if not self._resting and self._departure is not None:
                 self._playback.forget(_REMEMBERED)
-                self._playback.way((self._departure[0], now.t), self._departure[1], now.q)
+                self._playback.move((self._departure[0], now.t), self._departure[1], now.q)
             if not self._resting or now.t > self._knots[-1]:
                 self._resting = True
                 self._rest(now)

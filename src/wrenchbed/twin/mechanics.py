@@ -192,13 +192,13 @@ class Mechanism:
 
     @property
     def smooth(self) -> np.ndarray:
-        """Whether each added joint (E,) moves the arm without jumps, so that it has rates."""
+        """Whether each added joint (E,) moves without jumps (backlash), so that it has speeds."""
         return np.array(
             [not a.in_tool and (a.half is None or a.name.endswith(ROUND)) for a in self._added]
         )
 
     def balance(self, q: Value, coming: np.ndarray) -> np.ndarray:
-        """Positions of the added joints in balance (M, E) [rad or m] at joint values (M, J), jets
+        """Equilibrium positions of the added joints (M, E) [rad or m] at joint values (M, J), jets
         in motion; ``coming`` (M, J) is the direction in which each joint last moved.
 
         Springs by the fixed point e ← e + force/k; joints with backlash by the force in its middle.

@@ -130,7 +130,7 @@ class Playback:
         self._ahead = q
         self._ahead_load = self.twin.load(self.twin.scene(q, np.arange(len(q)) * 1.0))
 
-    def way(self, t: tuple[float, float], start: np.ndarray, end: np.ndarray) -> None:
+    def move(self, t: tuple[float, float], start: np.ndarray, end: np.ndarray) -> None:
         """Remember a move from one pose (J,) to another, between times (from, to) [s]."""
         share = np.arange(0 if not len(self._q) else 1, WAY + 1) / (WAY + 1)
         q = start + share[:, None] * (end - start)

@@ -12,7 +12,7 @@ from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.benchmark.fault import Usual, as_stated
+from wrenchbed.benchmark.fault import UsualFit, as_stated
 from wrenchbed.benchmark.lookalikes import mechanics
 from wrenchbed.benchmark.lookalikes.mechanics import SensorMotion, Weights
 from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
@@ -244,14 +244,14 @@ class ExperimentDesign:
         return mass, cog, np.asarray(bias, dtype=float)
 
     @cached_property
-    def usual(self) -> Usual:
+    def usual(self) -> UsualFit:
         """Basis of the changes of readings by bias, mass and CoG, which every fit removes."""
         load = self.load
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]
         pulls = (mechanics.load_wrench(self.motion, other) for other in changed)
         differences = [pull - self.nominal for pull in pulls]
-        return Usual.of(differences, self.noise_std)
+        return UsualFit.of(differences, self.noise_std)
 
 
 def _noise(meta: Metadata, robot: Robot, measured: np.ndarray | None) -> np.ndarray:

@@ -310,7 +310,7 @@ class RefereeCase:
             return ()
         return tuple(self.world.signatures.alike(cause.fault.name, cause.signature))
 
-    def seen(self) -> list[tuple[str, ...]]:
+    def detectable(self) -> list[tuple[str, ...]]:
         """Classes that an oracle, which knows form and size of all causes, detects in these data:
         each detectable cause with the effects that no data tell from it."""
         means = [c for c in self.causes if not c.rows]

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.benchmark.fault import Rng, Usual, as_stated, hold_means
+from wrenchbed.benchmark.fault import Rng, UsualFit, as_stated, hold_means
 from wrenchbed.benchmark.rigid_bodies import RigidBodies
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import ParameterError
@@ -207,14 +207,14 @@ class RefereeSetting:
         return self.mean(signal)[:: self.stride]
 
     @cached_property
-    def usual(self) -> Usual:
+    def usual(self) -> UsualFit:
         """Basis of the changes of readings by bias, mass and CoG, which every fit removes."""
         base, tool = self.nominal[:: self.stride], self.robot.tool(self.theta)
         mass, cog, differences = float(tool.mass), np.asarray(tool.cog), []
         for dm, dc in [(0.01, np.zeros(3)), *((0.0, 1e-3 * e) for e in np.eye(3))]:
             theta = self.robot.theta_of_tool(self.theta, mass + dm, (cog + dc).tolist())
             differences.append((self.stated(theta, every=self.stride) - base) / 1e-3)
-        return Usual.of(differences, self.noise)
+        return UsualFit.of(differences, self.noise)
 
     @cached_property
     def swing(self) -> np.ndarray:

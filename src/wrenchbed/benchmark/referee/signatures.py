@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from wrenchbed.benchmark.fault import STATED, Usual
+from wrenchbed.benchmark.fault import STATED, UsualFit
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.benchmark.referee.signal_laws import after, bouc_wen, dahl, lowpass
@@ -260,7 +260,7 @@ class Bench:
     """Signatures of the library's effects on one robot: columns (6 n, k) of each variant, of
     typical size in units of row noise, and the basis that every fit removes."""
 
-    usual: Usual
+    usual: UsualFit
     columns: Mapping[str, list[np.ndarray]]
 
     @cached_property

@@ -70,7 +70,7 @@ def salt(seed: int, case: str) -> str:
     return digest(f"wrenchbed blind salt {seed} {case}".encode())
 
 
-def commit(
+def write(
     out: Path,
     answers: Path,
     robot: str,

@@ -99,7 +99,7 @@ class Family:
         rows = len(case.measured) * per_pose
         oracle = Oracle("none", (), None)
         if case.causes:
-            seen = case.seen()
+            seen = case.detectable()
             verdict = "identified" if all(len(c) == 1 for c in seen) else "ambiguous"
             if kind == "outside" or any(len(c) > MOST for c in seen):
                 verdict = "unknown"
@@ -212,7 +212,7 @@ def make(
         report(1)
 
     in_workers(partial(make_case, family, out, answers), todo, finished, processes)
-    return commitments.commit(
+    return commitments.write(
         out, answers, family.robot, family.mode, family.names(), family.about()
     )
 

@@ -105,7 +105,7 @@ def _by_pose(
     every = [*others, *_of_effects(channel, scene)]
     fit = posterior(residual, free, every, nothing, np.tile(np.arange(width), rows))
     size = np.minimum(fit.sizes[: len(others)], 1.0)
-    sized = channel.sized(size)
+    sized = channel.with_sizes(size)
     usual = (sized.imperfections(scene)[held] ** 2).sum(axis=2).mean(axis=0)
     return sized, fit.noise, np.sqrt(usual)
 

@@ -266,7 +266,7 @@ class SimDriver(Driver):
         start, begun = self._plant.q, self._time
         self._time += self._plant.settle(start)[1]
         if self._playback is not None:
-            self._playback.way((begun, self._time), start, self._plant.q)
+            self._playback.move((begun, self._time), start, self._plant.q)
 
     def _touch(self, point: np.ndarray) -> Reached:
         """Move the tip to a point in the base [m], with a random error of standard deviation
@@ -307,7 +307,7 @@ class SimDriver(Driver):
         """End a move of ``seconds`` at rest; return the joint values (J,) reached and the time."""
         arrived = self._time + seconds
         if self._playback is not None:
-            self._playback.way((self._time, arrived), start, self._plant.q)
+            self._playback.move((self._time, arrived), start, self._plant.q)
         self._time = arrived
         return Reached(self._plant.q, seconds)
 

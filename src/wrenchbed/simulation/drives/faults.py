@@ -44,7 +44,7 @@ class Rows(NamedTuple):
     coulomb: float
 
     @property
-    def way(self) -> np.ndarray:
+    def direction(self) -> np.ndarray:
         """Direction of motion (N,), −1 … 1, smooth through rest."""
         return np.asarray(np.tanh(self.qd / REVERSAL))
 
@@ -94,7 +94,7 @@ def _delay(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndar
 FAULTS: Mapping[str, Fault] = {
     "coulomb": Fault(
         "more friction of direction", "N·m", 0.5,
-        lambda r, torque, p, _: torque + p["size"] * r.way, of_friction=True,
+        lambda r, torque, p, _: torque + p["size"] * r.direction, of_friction=True,
     ),
     "viscous": Fault(
         "more friction per speed", "N·m·s/rad", 0.5,
@@ -107,19 +107,19 @@ FAULTS: Mapping[str, Fault] = {
     "stribeck": Fault(
         "more friction at low speed", "N·m", 0.5,
         lambda r, torque, p, _: torque
-        + p["size"] * r.way * np.exp(-np.square(r.qd / p["speed"])), {"speed": 0.05}, True,
+        + p["size"] * r.direction * np.exp(-np.square(r.qd / p["speed"])), {"speed": 0.05}, True,
     ),
     "load": Fault(
         "friction that grows with the load of the gear", "1", 0.1,
-        lambda r, torque, p, _: torque + p["size"] * np.abs(r.rigid) * r.way,
+        lambda r, torque, p, _: torque + p["size"] * np.abs(r.rigid) * r.direction,
     ),
     "temperature": Fault(
         "friction that changes with temperature", "1/K", -0.01,
-        lambda r, torque, p, _: torque + p["size"] * (r.warm - _ROOM_C) * r.coulomb * r.way,
+        lambda r, torque, p, _: torque + p["size"] * (r.warm - _ROOM_C) * r.coulomb * r.direction,
     ),
     "asymmetry": Fault(
         "more friction in positive direction alone", "N·m", 0.5,
-        lambda r, torque, p, _: torque + p["size"] * np.maximum(r.way, 0.0), of_friction=True,
+        lambda r, torque, p, _: torque + p["size"] * np.maximum(r.direction, 0.0), of_friction=True,
     ),
     "hysteresis": Fault(
         "friction that builds up over a way after each reversal", "N·m", 0.5, _hysteresis,
