@@ -81,7 +81,7 @@ _LEAST_COLUMNS = 40
 
 
 def run() -> None:
-    """Entry point of the console script; SIGTERM ends it like Ctrl-C."""
+    """Entry point of the program `wrenchbed`: run `main` and exit; SIGTERM acts like Ctrl-C."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.unraisablehook = _raise_again
     prepare()
@@ -89,7 +89,7 @@ def run() -> None:
 
 
 def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
-    """Repeat an interrupt that arrived in a callback of the interpreter, which swallows it."""
+    """Hook for exceptions in callbacks of the interpreter, which swallows them: interrupt anew."""
     if unraisable.exc_type is KeyboardInterrupt:
         threading.Timer(_AGAIN_S, signal.raise_signal, (signal.SIGTERM,)).start()
     else:
@@ -97,8 +97,8 @@ def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one verb. Returns 0 done, 1 a named error (one line on stderr), 2 usage, 130 stopped;
-    verbs with verdicts return further codes."""
+    """Run the verb that the arguments name; return its exit code: 0 done, 1 a named error (one line
+    on stderr), 2 usage, 130 stopped; verbs with verdicts return further codes."""
     words = sys.argv[1:] if arguments is None else arguments
     if words and words[0] in _VERBS:
         try:
@@ -127,7 +127,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _usage() -> str:
-    """Help of the program: every verb with the first paragraph of its docstring, in 80 columns."""
+    """Text of the program's help: each verb with the first paragraph of its docstring."""
     indent = max(map(len, _VERBS)) + 4
     lines = [
         "usage: wrenchbed VERB …", "",
@@ -150,7 +150,7 @@ def _usage() -> str:
 
 
 def prepare() -> None:
-    """Let standard output and error print every character, on at least `_LEAST_COLUMNS` columns."""
+    """Set up standard output and error for any character and at least `_LEAST_COLUMNS` columns."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -159,7 +159,7 @@ def prepare() -> None:
 
 
 def _check_memory(verb: str) -> None:
-    """Refuse an address space that is limited below what a verb needs.
+    """Refuse to run a verb under a memory limit (`ulimit -v`) below what it needs.
 
     A limited process also loads its linear algebra with one thread: each reserves memory.
     """
@@ -177,8 +177,8 @@ def _check_memory(verb: str) -> None:
 
 
 def _check_epoch() -> None:
-    """Refuse a SOURCE_DATE_EPOCH that is no whole number of seconds before the year 10000: numpy
-    throws on it wherever it is loaded."""
+    """Check that SOURCE_DATE_EPOCH, if set, is a whole number of seconds before the year 10000:
+    numpy raises on others wherever it is loaded."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "0")
     if not (epoch.isascii() and epoch.isdecimal() and len(epoch) < 12):
         raise ParameterError(
@@ -216,8 +216,7 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _check_interrupt(error: BaseException | None) -> None:
-    """Raise the interrupt that a library turned into another error: one of its causes, or, by
-    ctypes, words in it."""
+    """Raise KeyboardInterrupt if an error hides one: among its causes or, by ctypes, in words."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error):
             raise error if isinstance(error, KeyboardInterrupt) else KeyboardInterrupt()
@@ -225,7 +224,7 @@ def _check_interrupt(error: BaseException | None) -> None:
 
 
 def _in_words(error: Exception) -> str:
-    """Text on the file or resource that was missing; empty where a library is broken."""
+    """Name the missing file or resource that an error is about; empty if a library is broken."""
     if isinstance(error, OSError):
         short = shortage(error, error.filename or "")
         reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
@@ -259,7 +258,7 @@ def _call(verb: str, arguments: Sequence[str]) -> int:
 
 
 def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
-    """Wrap a function so that a call only keeps its arguments and returns what will call it."""
+    """Wrap a function: a call stores its arguments and returns a function that makes the call."""
 
     @wraps(function)
     def bound(*args: Any, **kwargs: Any) -> Callable[[], Any]:
@@ -270,7 +269,7 @@ def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
 
 @contextmanager
 def _cleaned(arguments: Sequence[str]) -> Iterator[None]:
-    """Spell out control characters of arguments, such as file names, in a parser's output."""
+    """Escape control characters, as in file names, in what is printed to stderr in the block."""
     if not any(map(OBEYED.search, arguments)):
         yield
         return

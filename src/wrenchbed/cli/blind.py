@@ -22,9 +22,9 @@ _PUBLISH = "publish with the cases: SHA-256 of commitments.json"
 
 @dataclass(frozen=True)
 class FamilyArguments:
-    """What the cases are made of."""
+    """Options of `blind make`: number, robot and kind of the sealed cases."""
 
-    cases: int = 300  # Number of them.
+    cases: int = 300  # Number of cases.
     robot: str = "ur5"  # Name of a simulated robot.
     mode: Literal["static", "dynamic"] = "static"  # At rest at poses, or in motion.
     # Who makes the physics: the referee of wrenches, the look-alikes that probabilities are learnt
@@ -32,7 +32,7 @@ class FamilyArguments:
     world: Literal["referee", "look-alikes", "efforts", "both"] = "referee"
 
     def family(self, seed: int) -> "Family":
-        """The family of sealed cases that these arguments and a seed determine."""
+        """Make the family of sealed cases that these options and a seed determine."""
         from wrenchbed.benchmark.sealed.make import EffortFamily, Family, LookalikeFamily
 
         if self.world in ("efforts", "both"):
@@ -56,7 +56,7 @@ def make(
     Args:
         out: Folder of cases, to be given to entrants.
         answers: Folder of answers, to be given to nobody.
-        seed: All follows from it; one that nobody can guess if left out.
+        seed: Seed of all cases; one that nobody can guess if left out.
         processes: Cases made at a time.
     """
     from wrenchbed.benchmark.sealed import make as making

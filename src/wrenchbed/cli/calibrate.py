@@ -28,8 +28,8 @@ _OF = {"effort": "efforts", "pose": "a tracker's readings", "command": "commands
 
 @dataclass(frozen=True)
 class DataArguments:
-    """What is fitted: the wrench, with touches of known points, joint efforts, a tracker's
-    readings, or commands."""
+    """Options of `calibrate`: which columns of a recording are fitted, and a recording of touches
+    that joins them."""
 
     # What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording without one,
     # or the places of a target (mx my mz), or what position servos were told (q_target1 …). Of
@@ -45,7 +45,7 @@ class DataArguments:
     touch_std: float | None = None
 
     def read(self) -> wb.Touches | None:
-        """Read the file of touches; None if there is none."""
+        """Read the touches from the file that ``--touches`` names; None without one."""
         if self.touches is None:
             if self.touch_std is not None:
                 raise ParameterError("--touch-std goes with --touches")
@@ -103,8 +103,7 @@ def calibrate(
 
 
 def _channels(data: wb.Recording) -> str:
-    """Channels that are fitted by default: the wrench, else joint efforts, else places, else
-    commands."""
+    """Channels that are fitted by default: wrench, else joint efforts, positions or commands."""
     if data.has_wrench:
         return "wrench"
     if data.only_commanded:
@@ -116,7 +115,7 @@ def _fitted(
     channels: str, data: wb.Recording, options: wb.Options, given: DataArguments,
     truth: Path | None, known: Mapping[str, float] | None,
 ) -> tuple[wb.Fit | DriveFit | TrackerFit, Group]:  # fmt: skip
-    """Fit a recording's channels; return the fit, and its table beside known true values."""
+    """Fit a recording's channels; return the fit and its table, with true values if known."""
     if channels == "effort":
         efforts = wb.calibrate_efforts(
             data, options.free, constants=given.constants, force=options.force
@@ -137,7 +136,7 @@ def _fitted(
 
 
 def tracker_fit_table(fit: TrackerFit) -> Group:
-    """Display of a tracker's fit: parameters, errors before and after, null directions, status."""
+    """Table of a tracker's fit: parameters, errors before and after, null directions, status."""
     rows = f"{fit.poses} poses, {fit.rows} rows"
     head = Text.assemble(("places of a target ", "bold"), f"{fit.recording}  {fit.robot}, {rows}")
     errors = console.table("|rms distance", ">mm", space=1)
@@ -149,7 +148,7 @@ def tracker_fit_table(fit: TrackerFit) -> Group:
 
 
 def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group:
-    """Display of a calibration: parameters, residuals, what the data cannot tell, its status.
+    """Table of a calibration: parameters, residuals, what the data cannot tell, status.
 
     With the true values of a simulated robot, each true value is printed beside its estimate.
     """
@@ -183,7 +182,7 @@ def _parameters(
 
 
 def drive_fit_table(fit: DriveFit) -> Group:
-    """Display of a drive fit: parameters, errors of each joint on held-out rows, and the status."""
+    """Table of a drive fit: parameters, errors of each joint on held-out rows, status."""
     head = Text.assemble(
         (f"joint {fit.word}s ", "bold"), f"{fit.recording}  {fit.robot}, {fit.about}"
     )  # fmt: skip

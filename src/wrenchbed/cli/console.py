@@ -51,7 +51,7 @@ _WORDS: list[str] = []
 
 
 def pairs(words: Sequence[str]) -> dict[str, str]:
-    """Split words into values by name, as text; refuse a word that is not NAME=VALUE."""
+    """Parse words NAME=VALUE into a dict name → value (text); raise `ParameterError` for others."""
     split = [word.partition("=") for word in words]
     for word, (name, equals, _) in zip(words, split, strict=True):
         if not name or not equals:
@@ -60,8 +60,8 @@ def pairs(words: Sequence[str]) -> dict[str, str]:
 
 
 def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> dict[str, Any]:
-    """Convert words to values for fields of an options dataclass; fields in ``excluded`` have flags
-    of their own.
+    """Convert words to the types of an options dataclass's fields, name → value; fields in
+    ``excluded`` have flags of their own.
 
     Raises:
         ParameterError: no such field (the message lists all), or a value of another type.
@@ -87,8 +87,8 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
 
 
 def _simple_type(hint: Any) -> tuple[type, bool, bool] | None:
-    """Simple type of a type hint, whether it is a tuple of them, and whether it may be None; None
-    if no argument on the command line can be its value."""
+    """Type of a value in a type hint, whether the hint is a tuple of them, and whether it allows
+    None; None if no word of a command line can be its value."""
     optional = NoneType in get_args(hint)
     others = [a for a in get_args(hint) if a is not NoneType]
     inner = others[0] if optional and len(others) == 1 else hint
@@ -99,12 +99,12 @@ def _simple_type(hint: Any) -> tuple[type, bool, bool] | None:
 
 
 class Console(RichConsole):
-    """A console on which foreign text is only text: control characters are spelled out."""
+    """A rich console that spells out control characters: foreign texts are shown as text."""
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
-        """Segments as rich makes them, cleaned; rich's own control codes stay."""
+        """Render as rich does, with control characters escaped in texts but not in rich's own."""
         for text, style, control in super().render(renderable, options):
             yield Segment(text if control else printable(text), style, control)
 
@@ -114,14 +114,14 @@ _NOTES = Console(stderr=True)
 
 
 def check_seed(seed: int) -> None:
-    """Refuse a negative seed."""
+    """Raise `ParameterError` for a negative seed."""
     if seed < 0:
         raise ParameterError(f"seed {seed} must not be negative")
 
 
 @contextmanager
 def outputs() -> Iterator[None]:
-    """Release the locks of all outputs when the block ends."""
+    """Context in which outputs are locked; their locks are released at its end."""
     with _CLAIMED:
         yield
 
@@ -129,7 +129,7 @@ def outputs() -> Iterator[None]:
 def check_out(
     out: Path | None, kind: Kind, *inputs: Path | None, force: bool = False, lock: bool = True
 ) -> None:
-    """Refuse to replace what must not be replaced, and lock the output against other processes."""
+    """Raise `ParameterError` if an output may not be replaced; lock it against other processes."""
     if out is None:
         return
     if lock and out.name and not out.is_dir():
@@ -138,7 +138,7 @@ def check_out(
 
 
 def check_folder(out: Path, files: Mapping[str, Kind] = MappingProxyType({})) -> None:
-    """Refuse a file where a folder is needed, and a folder that has other files of these names."""
+    """Check that ``out`` can be a folder and holds no other kinds of files under these names."""
     if out.exists() and not out.is_dir():
         raise ParameterError(f"{out}: is a file; give a folder")
     _CLAIMED.enter_context(locked(out, folder=True))
@@ -147,14 +147,14 @@ def check_folder(out: Path, files: Mapping[str, Kind] = MappingProxyType({})) ->
 
 
 def check_positive(flag: str, count: int) -> int:
-    """Refuse a number of processes or workers below 1."""
+    """Return a count, such as a number of processes; raise `ParameterError` if it is below 1."""
     if count < 1:
         raise ParameterError(f"{flag} {count} must be at least 1")
     return count
 
 
 def parameters(path: Path | None) -> dict[str, float]:
-    """Read a JSON object {name: value}; empty without a file."""
+    """Read a JSON object {name: value} from a file; empty dict without a file."""
     if path is None:
         return {}
     raw = load(path, ParameterError)
@@ -164,22 +164,22 @@ def parameters(path: Path | None) -> dict[str, float]:
 
 
 def command() -> str:
-    """The running command line of wrenchbed, to be printed."""
+    """Command line of the running verb, as text for reports."""
     return shlex.join(["wrenchbed", *_WORDS])
 
 
 def note_words(words: Sequence[str]) -> None:
-    """Store the words of the running command line for `command`."""
+    """Store the words of the running command line, which `command` returns."""
     _WORDS[:] = words
 
 
 def say(text: str) -> None:
-    """Print one line for people, unbroken and without markup."""
+    """Print a line of text on stdout, without line breaks or markup."""
     _print(one_line(text))
 
 
 def note(display: RenderableType) -> None:
-    """Print on stderr what people read before a verb goes on; stdout has the result alone."""
+    """Print a notice on stderr before a verb goes on; stdout is for the result alone."""
     _NOTES.print(display, markup=False, highlight=False)
 
 
@@ -188,7 +188,7 @@ def _print(text: str) -> None:
 
 
 def answer(result: Any, as_json: bool, *displays: RenderableType) -> None:
-    """Print the displays (texts or tables of rich), or with ``as_json`` the result as JSON."""
+    """Print a verb's result: as JSON if ``as_json``, else as displays (texts or rich tables)."""
     if as_json:
         print(json.dumps(result, indent=1, allow_nan=False))
         return
@@ -200,13 +200,13 @@ def answer(result: Any, as_json: bool, *displays: RenderableType) -> None:
 
 
 def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None) -> Table:
-    """Make a table without ruled lines.
+    """Make a rich table without ruled lines.
 
     Args:
         heads: of the columns; after ``>`` of one that is right-aligned, after ``|`` of one that is
             left-aligned, neither of which breaks its lines. All empty: no line of heads.
-        indent: columns to the left of it.
-        space: between its columns.
+        indent: columns to the left of the table.
+        space: columns between its columns.
         title: above it, at the left.
     """
     grid = Table(
@@ -220,16 +220,14 @@ def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None
 
 
 def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]:
-    """Displays of a section: an empty line, a heading, lines, texts indented; none without
-    lines."""
+    """List of displays: an empty line, a title, and lines (texts indented); empty without lines."""
     inside = [Padding(Text(x), (0, 0, 0, 2)) if isinstance(x, str) else x for x in lines]
     return ["", Text(title, style="bold"), *inside] if inside else []
 
 
 @contextmanager
 def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Callable[..., None]]:
-    """Show a progress bar on stderr if that is a terminal; yield a function to call with (steps
-    done, label).
+    """Show a progress bar if stderr is a terminal; yield a function to call with (steps, label).
 
     Without a total, or with steps of which one may take much longer than another, it shows the time
     since its begin, else the time that remains.
@@ -252,7 +250,7 @@ def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Ca
 
 @contextmanager
 def until_signal() -> Iterator[threading.Event]:
-    """Yield an event that SIGINT and SIGTERM set; then put the handlers before back."""
+    """Yield an event that SIGINT and SIGTERM set; restore the former handlers at the end."""
     event = threading.Event()
     kinds = (signal.SIGINT, signal.SIGTERM)
     before = {kind: signal.signal(kind, lambda *_: event.set()) for kind in kinds}

@@ -154,27 +154,27 @@ def _milli(value: float) -> str:
 
 
 def _sure(value: float, std: float) -> str:
-    """Text of a value ± its standard uncertainty, times a thousand, to two digits of the latter."""
+    """Text of value ± standard uncertainty, both times 1000, with two digits of the latter."""
     places = max(0, 1 - math.floor(math.log10(1e3 * std))) if std > 0.0 else 3
     return f"{1e3 * value:.{places}f} ± {1e3 * std:.{places}f}"
 
 
 @dataclass(frozen=True)
 class EmulatorArguments:
-    """The emulated device."""
+    """Options of `twin`: address, plant, noise, effects and settings of the emulated device."""
 
     # Address of this machine, 127.0.0.1 … 127.255.255.254; several twins need several.
     host: str = "127.0.0.1"
     parameters: Path | None = None  # JSON {name: value} in SI: what the robot truly is.
-    noise: Literal["real", "white", "off"] = "real"  # Of the sensor.
+    noise: Literal["real", "white", "off"] = "real"  # Noise of the sensor.
     # ID[:name=value,…] of an effect on the robot, see `wrenchbed list effects`. May be repeated.
     effect: Repeated = ()
     table: float | None = None  # Height of a plate that the tool may press on [m].
     set: Repeated = ()  # NAME=VALUE of a setting that this twin alone has; a wrong NAME lists them.
-    seed: int = 0  # Of the noise.
+    seed: int = 0  # Seed of the noise.
 
     def options(self) -> "wb.EmulatorOptions":
-        """Options of the emulator from these arguments."""
+        """Make the emulator's options from these arguments."""
         console.check_seed(self.seed)
         parameters, words = console.parameters(self.parameters), console.pairs(self.set)
         return wb.EmulatorOptions(
@@ -190,7 +190,7 @@ def twin(
     Prints one line `ready …` with its addresses when clients may connect; Ctrl-C ends it.
 
     Args:
-        name: Of the device, see `wrenchbed list twins`.
+        name: Name of the device, see `wrenchbed list twins`.
         faults: TOML script of timed faults (docs/how-to/hardware.md); `-` takes them as JSON lines
             on standard input.
     """

@@ -46,7 +46,7 @@ _COLOURS = {
 
 @dataclass(frozen=True)
 class DryRunOptions:
-    """With --dry-run: how the plan would be recorded."""
+    """Options of `diagnose --dry-run`: how the plan would be recorded."""
 
     samples: int = 60  # Rows a pose.
     rate: float = 100.0  # Rows a second [Hz].
@@ -54,7 +54,7 @@ class DryRunOptions:
 
 @dataclass(frozen=True)
 class EffortOptions:
-    """What is diagnosed: the wrench, or the joint efforts."""
+    """Options of `diagnose`: which channels are diagnosed, and with which known drive values."""
 
     # What is diagnosed; the wrench, the joint efforts (tau1 … or i1 …) of a recording without one,
     # or both together. Of a recording that holds nothing else, the commands (q_target1 …).
@@ -88,7 +88,7 @@ def diagnose(
         out: Folder for diagnosis.json, twin.json, report.html, diagnosis.rrd and plans of what to
             do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
-        seed: Of the split into folds, each of which is held out once.
+        seed: Seed of the split into folds, each of which is held out once.
         look_alikes: Learn how often such claims are right from so many simulated robots that do
             what this one did too (1 to 5 s each).
         rehearsed: With --dry-run: how the plan would be recorded.
@@ -119,8 +119,8 @@ def diagnose(
 
 
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
-    """Whether joint efforts of a motion are diagnosed: if the option says so, or there is no
-    wrench. At rest they are one channel of the diagnosis of a wrench."""
+    """Whether to diagnose the joint efforts of a motion: if the option says so or there is no
+    wrench. At rest they belong to the diagnosis of the wrench."""
     if len(data) == 1 and data[0].metadata.mode == "static" and data[0].effort == "tau":
         return False
     held = data[0].effort is not None or data[0].only_commanded
@@ -131,7 +131,7 @@ def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
 def _diagnose_efforts(
     data: list[wb.Recording], efforts: EffortOptions, seed: int, out: Path
 ) -> tuple[list[str], Answer]:
-    """Diagnose the joint efforts of one recording, with its wrench if ``efforts.channels`` is both.
+    """Diagnose the joint efforts of a recording, with its wrench if ``efforts.channels`` is both.
 
     Returns the names of the files written to the folder ``out``, and the answer to print.
     """
@@ -157,7 +157,7 @@ def _diagnose_efforts(
 def _diagnose_wrench(
     data: list[wb.Recording], look_alikes: int, seed: int, out: Path, material: str | None
 ) -> tuple[list[str], Answer]:  # fmt: skip
-    """Diagnose the wrench of recordings, or a tracker's readings; return the names of written
+    """Diagnose the wrench, or a tracker's readings, of recordings; return the names of the written
     files, without plans, and the answer to print."""
     from wrenchbed.diagnosis.diagnose import diagnose as one
     from wrenchbed.diagnosis.several import diagnose_several as several
@@ -187,8 +187,8 @@ def _diagnose_wrench(
 
 
 def material_of(text: str) -> Material:
-    """Read the sizes that are material from text such as ``0.2N,0.01N·m,0.1mm``; a `ParameterError`
-    for something else than a force, a torque and a length above 0, each once."""
+    """Parse the residuals that count as material, such as ``0.2N,0.01N·m,0.1mm``; a
+    `ParameterError` unless they are a force, a torque and a length above 0, each once."""
     from wrenchbed.diagnosis.prepare.prepared import Material
 
     parts = text.replace(" ", "").split(",")
@@ -204,7 +204,7 @@ def material_of(text: str) -> Material:
 
 
 def _names(folder: Path) -> list[str]:
-    """Names of those files of a diagnosis that were written to a folder."""
+    """Names of the files in a folder that a diagnosis may write."""
     made = ("diagnosis.json", "twin.json", _DRIVES, _PAGE, _PICTURE)
     return [name for name in made if (folder / name).exists()]
 
@@ -216,7 +216,7 @@ def _draw(findings: Findings, path: Path) -> None:
 
 
 def _tried(name: str, write: Callable[[], object]) -> None:
-    """Call ``write``; warn if it needs a library that is missing."""
+    """Call ``write``, which makes the file ``name``; warn if a library that it needs is missing."""
     try:
         write()
     except MissingExtraError as error:
@@ -224,7 +224,7 @@ def _tried(name: str, write: Callable[[], object]) -> None:
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
-    """Learn how often claims are right at this design too, from ``count`` look-alikes."""
+    """Measure, on ``count`` simulated look-alikes of a recording, how often claims are right."""
     from wrenchbed.benchmark.scoring.reliability_lessons import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
@@ -256,8 +256,7 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
 
 
 def answer_display(a: Answer) -> Group:
-    """Display of the three answers, what the data cannot tell and what to do next, as on the
-    page."""
+    """Displays of a diagnosis: its three answers, what the data cannot tell, what to do next."""
     d = a.d
     head = Text.assemble(("diagnosis ", "bold"), a.about)
     verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {a.headline}")
@@ -292,7 +291,7 @@ def _causes(a: Answer) -> Table:
 
 
 def isolability(name: str, result: DryRun) -> Group:
-    """Display of a dry run: which effects a plan could show, from what size on."""
+    """Displays of a dry run: which effects the plan ``name`` could show, from which size on."""
     from wrenchbed.diagnosis.next.blind import sentences
     from wrenchbed.pages import numbers
 

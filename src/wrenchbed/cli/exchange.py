@@ -23,7 +23,7 @@ from wrenchbed.files import write_text
 
 @dataclass(frozen=True)
 class RowOptions:
-    """How the rows are read."""
+    """Options of `import`: how rows are read."""
 
     # static, dynamic, or auto: a log of holds and moves is split into poses by itself. As the map
     # says if none.
@@ -113,8 +113,7 @@ def _import_lerobot(
 
 
 def _doubt(recording: Recording) -> str | None:
-    """Reason for which a calibration would refuse a recording; None if there is none, or if its
-    robot is not known."""
+    """Reason why a calibration would refuse a recording; None without one or a known robot."""
     from wrenchbed.calibration.trust import check
 
     try:
@@ -125,7 +124,7 @@ def _doubt(recording: Recording) -> str | None:
 
 
 def _changed(column_map: ColumnMap, options: RowOptions) -> ColumnMap:
-    """The column map with the mode and incomplete rows that the command line states."""
+    """Return the column map with mode and handling of incomplete rows taken from the options."""
     mode = options.mode
     if options.skip_incomplete:
         files = tuple(replace(f, skip_incomplete=True) for f in column_map.files)
@@ -138,7 +137,7 @@ def _changed(column_map: ColumnMap, options: RowOptions) -> ColumnMap:
 
 @dataclass(frozen=True)
 class Numbers:
-    """With --to: what the format asks for."""
+    """Options of `export --to`: inputs that some formats need besides the fit."""
 
     # Your own URDF, for --to urdf. It is read; OUT is a copy with the numbers.
     urdf: Path | None = None

@@ -47,12 +47,12 @@ _LONGEST_S = 3600.0
 
 @dataclass(frozen=True)
 class CheckArguments:
-    """How the check is made."""
+    """Options of `check`: how the monthly check is recorded and what is known of it."""
 
     recording: Path | None = None  # Check this recording of the plan in DIR, and move nothing.
     # When it was recorded, ISO 8601 with a zone; what the recording states, else now.
     time: str | None = None
-    # Of the sensor, or of the room [°C], where the recording has no column of it.
+    # Temperature of sensor or room [°C], where the recording has no column of it.
     temperature: float | None = None
     # Why the robot differs from here on: tool replaced, sensor calibrated. History begins anew with
     # this check.
@@ -108,7 +108,7 @@ def _record(
     plan: wb.Plan, out: Path, device: DeviceArguments, how: CheckArguments, motion: LimitArguments,
     number: int,
 ) -> wb.Recording:  # fmt: skip
-    """Record the plan by a driver."""
+    """Record the plan of a check by a driver and return the recording."""
     kind = wb.load("drivers", device.driver)
     if device.driver == SimDriver.name and device.seed is None:
         device = replace(device, seed=number)  # noise of its own
@@ -124,7 +124,7 @@ def _record(
 
 @dataclass(frozen=True)
 class LiveArguments:
-    """What is published, and where."""
+    """Options of `live`: axes, rate and receivers of the published wrench."""
 
     # Axes of the wrench; torques about their origin, in the base about the sensor's.
     frame: Literal["sensor", "flange", "base"] = "sensor"
@@ -132,7 +132,7 @@ class LiveArguments:
     rate: float = 1000.0
     # Whether the zero follows slow drift at rest, 2 N an hour at most.
     follow: Literal["on", "off"] = "on"
-    seconds: float | None = None  # How long [s]; until Ctrl-C.
+    seconds: float | None = None  # Duration [s]; until Ctrl-C.
     udp: str | None = None  # HOST:PORT that gets one datagram of JSON a reading.
 
 
@@ -201,7 +201,7 @@ def _sentence(done: LiveSummary) -> str:
 
 
 class _Gauge:
-    """Shows six bars in the terminal; a sink of `live` and a context manager."""
+    """Display of six bars in the terminal, a receiver of `live`'s readings; a context manager."""
 
     def __init__(self, frame: str) -> None:
         self._live, self._frame, self._shown = Live(auto_refresh=False), frame, -np.inf
@@ -220,7 +220,7 @@ class _Gauge:
 
 
 def gauge(external: External, frame: str) -> Table:
-    """Table of a reading: values, bars in units of noise, and the alarm."""
+    """Table of one reading: values, bars in units of noise, and the alarm."""
     caption = external.alarm or (
         "at rest" if external.at_rest else "moving: inertia is not compensated"
     )
@@ -236,7 +236,7 @@ def gauge(external: External, frame: str) -> Table:
 
 
 def bar(sigmas: float) -> str:
-    """A mark on a line from −10 to 10 standard deviations."""
+    """Text with a mark at ``sigmas`` on a line from −10 to 10 standard deviations."""
     middle = _WIDE // 2
     at = int(np.clip(round(middle + middle * sigmas / _FULL), 0, _WIDE - 1))
     return "".join("█" if k == at else "┼" if k == middle else "─" for k in range(_WIDE))

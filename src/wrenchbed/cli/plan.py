@@ -16,7 +16,7 @@ from wrenchbed.files import set_aside
 
 @dataclass(frozen=True)
 class PoseArguments:
-    """Poses at rest."""
+    """Options of `plan` for poses at rest: their number and how they are chosen."""
 
     n: int = 100  # Number of poses.
     # Observability index to make as large as possible.
@@ -27,7 +27,7 @@ class PoseArguments:
 
 @dataclass(frozen=True)
 class GoalArguments:
-    """Few measurements that make the tool accurate."""
+    """Options of `plan --goal`: the accuracy to be reached, and the touches that serve it."""
 
     # Few measurements that reach a position accuracy in the robot's target workspace.
     goal: Literal["target-position"] | None = None
@@ -44,7 +44,7 @@ class GoalArguments:
 
 @dataclass(frozen=True)
 class MotionArguments:
-    """A motion to follow."""
+    """Options of `plan` for a motion to follow in place of poses: its kind, length and rate."""
 
     # Poses to rest at, a multi-sine to follow, or with --for dynamics the motion of a serial arm
     # that is best for friction and inertial parameters.
@@ -73,7 +73,7 @@ def plan(
     Args:
         robot: name, see `wrenchbed list robots`.
         out: Parquet file to write.
-        seed: Of the random choice.
+        seed: Seed of the random choice.
     """
     console.check_seed(seed)
     console.check_out(out, Kind.PLAN, goal.points)
@@ -94,7 +94,7 @@ def plan(
 
 
 def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -> None:
-    """Refuse arguments of `plan` that do not fit together."""
+    """Raise `PlanError` for options of `plan` that do not go together."""
     if (motion.motion == "excite") != (motion.for_ == "dynamics"):
         raise PlanError("--motion excite goes with --for dynamics")
     for_pose = motion.for_ == "pose"
@@ -148,7 +148,7 @@ def _chosen(arm: wb.Robot, poses: PoseArguments, motion: MotionArguments, seed: 
 
 
 def _touches(out: Path) -> Path:
-    """Path of the plan of touches beside a plan."""
+    """Path of the plan of touches, OUT.touches.parquet, beside the plan OUT."""
     return out.with_name(f"{out.stem}.touches.parquet")
 
 

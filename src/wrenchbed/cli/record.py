@@ -37,7 +37,7 @@ _YES = ("y", "yes")
 
 @dataclass(frozen=True)
 class DeviceArguments:
-    """The robot and its sensor, simulated or real."""
+    """Options of the driver and its sensor, simulated or real."""
 
     driver: str = "sim"  # Name, see `wrenchbed list drivers`.
     # Address of the robot's controller (rtde), or of the machine that shares its CAN bus.
@@ -47,11 +47,11 @@ class DeviceArguments:
     # the robot's own wrench.
     sensor: str | None = None
     parameters: Path | None = None  # JSON {name: value} in SI: what the simulated robot truly is.
-    noise: Literal["real", "white", "off"] | None = None  # Of the simulated sensor; real.
+    noise: Literal["real", "white", "off"] | None = None  # Simulated sensor's noise; real.
     # ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`; without
     # values of typical size. May be repeated.
     effect: Repeated = ()
-    seed: int | None = None  # Of the noise.
+    seed: int | None = None  # Seed of the noise.
     # What recordings keep of the joints: current as i1… [A] (rtde, its default; sim, can), torque
     # as tau1… [N·m] (sim, can), or off.
     effort: Literal["torque", "current", "off"] | None = None
@@ -64,8 +64,7 @@ class DeviceArguments:
 
     @property
     def asked_channels(self) -> tuple[str, ...]:
-        """Names of the channels in ``--channels``, in the order given; empty if the option is not
-        given.
+        """Names in ``--channels``, in the order given; empty without the option.
 
         Raises:
             ParameterError: the driver is not sim, or a name is not one of `CHANNELS_OF`.
@@ -78,14 +77,14 @@ class DeviceArguments:
         return names
 
     def check(self, mode: str) -> None:
-        """Refuse channels that a plan of this mode (static or dynamic) cannot show."""
+        """Raise an error for channels that a plan of this mode (static or dynamic) cannot show."""
         other = ("command",) if mode == "static" else ("pose", "imu")
         if wrong := [name for name in self.asked_channels if name in other]:
             when = "in motion" if mode == "static" else "at rest"
             raise ParameterError(f"--channels {wrong[0]}: is simulated {when} only")
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
-        """Options of the driver; an argument that it does not take is refused by its flag."""
+        """Make the driver's options for a robot; an argument that it does not take is refused."""
         given = {
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
             "parameters": console.parameters(self.parameters) or None, "noise": self.noise,
@@ -107,7 +106,7 @@ class DeviceArguments:
 
 @dataclass(frozen=True)
 class LimitArguments:
-    """Limits of every motion."""
+    """Options that limit every motion of the robot: speed, workspace, force and torque."""
 
     # Share of top speed that moves between poses use; 0.25 on real robots.
     speed: float | None = None
@@ -122,7 +121,7 @@ class LimitArguments:
     max_torque: float | None = None  # Stop the robot above this measured torque [N·m]; likewise.
 
     def limits(self, live: bool) -> Limits:
-        """Limits as given, the others as usual for live or simulated robots."""
+        """Limits as given, completed by the usual ones of ``live`` or simulated robots."""
         usual, box = LIVE if live else Limits(), self.workspace
         return Limits(
             usual.speed if self.speed is None else self.speed,
@@ -135,7 +134,7 @@ class LimitArguments:
 
 @dataclass(frozen=True)
 class RunArguments:
-    """How the plan is run."""
+    """Options of `record`: how the plan is run."""
 
     samples: int = 100  # Rows a pose.
     rate: float | None = None  # Sampling rate [Hz]; the plan's, else 100 at rest and 125 in motion.
@@ -206,20 +205,19 @@ def record(
 
 
 def _version(path: Path) -> tuple[int, int] | None:
-    """Time and size of a file, which show whether it was rewritten; None if there is none."""
+    """Time and size of a file, which change when it is rewritten; None if there is no file."""
     return (path.stat().st_mtime_ns, path.stat().st_size) if path.is_file() else None
 
 
 def _left_behind(new: bool, static: bool, resumed: bool) -> str:
-    """Text on what a stopped recording leaves on disk (``new`` if the file was written), and how to
-    continue it (``static``: a live driver visited poses, which alone can be resumed)."""
+    """Describe what a stopped recording leaves on disk (``new``: the file was written) and how to
+    continue (``static``: a live driver visited poses, which alone can be resumed)."""
     what = "; what was recorded is on disk" if new else "; nothing was recorded"
     return f"{what}, and `record … --resume` goes on" if static and (new or resumed) else what
 
 
 def _leave_out(path: Path, asked: tuple[str, ...]) -> None:
-    """Delete from a recording the columns of channels that are not in ``asked``; keep all if it is
-    empty."""
+    """Delete a recording's columns of channels not in ``asked``; none if that is empty."""
     stems = {s for name, columns in CHANNELS_OF.items() if name not in asked for s in columns}
     if not asked or not stems:
         return
@@ -230,7 +228,7 @@ def _leave_out(path: Path, asked: tuple[str, ...]) -> None:
 
 
 def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments) -> None:
-    """Check the moves, and print them as a table."""
+    """Check the moves of a plan without a robot and print them as a table."""
     if run.resume:
         raise ParameterError("--dry-run records from the start: leave --resume out")
     arm = wb.load("robots", plan.robot)
@@ -280,12 +278,12 @@ def _answer(done: RunProgress, plan: wb.Plan, driver: str, as_json: bool) -> Non
 
 @contextmanager
 def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[LiveLimits | None]:
-    """Connect a driver and activate it for the block; errors name the flag, not the Python method.
+    """Connect and activate a driver for the block; yield the limits of a live driver.
 
-    Yields the limits of a live driver, which were printed and agreed to.
+    These were printed and agreed to. Errors name the flag to give, not the Python method.
 
     Args:
-        link: closed.
+        link: driver that is not connected yet.
         plan: that it will run.
         recover: somebody has looked at a robot that stopped.
         yes: a person agreed already that a real robot moves.
@@ -317,7 +315,7 @@ def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[
 
 
 def _shown(link: LiveDriver, plan: wb.Plan) -> LiveLimits:
-    """Print the complete limits and return them."""
+    """Print the limits that a live driver will keep during a plan, and return them."""
     complete = live_limits(link, plan)
     limits, origin = complete.limits, complete.origin
     assert limits.workspace is not None
@@ -336,7 +334,7 @@ def _shown(link: LiveDriver, plan: wb.Plan) -> LiveLimits:
 
 
 def _agree(address: str) -> None:
-    """Ask at the terminal whether the robot may move; refuse if the answer is not yes."""
+    """Ask at the terminal whether the robot may move; raise an error unless the answer is yes."""
     console.note(f"The robot at {address} will move. Is nobody in its reach? [y/N]")
     if sys.stdin.readline().strip().lower() not in _YES:
         raise ParameterError("not agreed: nothing was moved")

@@ -28,8 +28,8 @@ def list_(kind: tyro.conf.Positional[Kinds], /, as_json: Json = False) -> None:
     """List what exists, one line each.
 
     Args:
-        kind: Of plug-in; effects with the channels in which they show: those of the wrench, or of
-            the joint efforts; checks: what a recording is examined for before it is calibrated.
+        kind: Kind of plug-in; effects with the channels in which they show: those of the wrench, or
+            of the joint efforts; checks: what a recording is examined for before it is calibrated.
     """
     from wrenchbed.calibration.checks.finding import REASONS
 
@@ -60,8 +60,8 @@ def simulate(
         twin: JSON file, see `wrenchbed diagnose`.
         like: Recording whose times and joint values it follows.
         out: Recording to write.
-        noise: Of the simulated sensor.
-        seed: Of the noise and of what effects draw.
+        noise: Noise of the simulated sensor.
+        seed: Seed of the noise and of what effects draw.
         force: Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
     """
     console.check_seed(seed)
@@ -87,7 +87,7 @@ def compare(
 
 
 def compared(result: wb.Comparison) -> Group:
-    """Display of a comparison: its sentences, then a table of all numbers."""
+    """Displays of a comparison: its sentences, then a table of all numbers."""
     table = console.table("|", ">A", ">B", ">B − A", ">σ")
     for c in result.changes:
         style = "bold" if c.changed else ""
@@ -103,18 +103,18 @@ def compared(result: wb.Comparison) -> Group:
 
 @dataclass(frozen=True)
 class RobotArguments:
-    """The simulated robots."""
+    """Options of `campaign`: number and kind of the simulated robots."""
 
-    robots: int = 100  # Number of them.
+    robots: int = 100  # Number of robots.
     # What differs from robot to robot, with commas: noise, parameters, poses.
     vary: str = "noise,parameters"
-    plan: Path | None = None  # That all robots run; random poses if none.
-    poses: int = 100  # Of each robot, without --plan.
+    plan: Path | None = None  # Plan that all robots run; random poses if none.
+    poses: int = 100  # Poses of each robot, without --plan.
     samples: int = 50  # Rows a pose.
-    seed: int = 0  # All follows from it.
+    seed: int = 0  # Seed of everything random.
 
     def fleet(self, robot: str) -> "wb.Fleet":
-        """Settings that determine all rows of the campaign."""
+        """Make the campaign's settings, which determine all rows of its table."""
         words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
         plan = None if self.plan is None else wb.Plan.read(self.plan)
         return wb.Fleet(robot, self.robots, words, self.poses, self.samples, self.seed, plan)
@@ -175,7 +175,7 @@ def study(
         out: Folder for tables (Markdown, HTML), figures (SVG) and results (Parquet).
         quick: A small version, a minute or two.
         robots: Random MedRUE robots (200, quick 8), or repetitions on the UR5 (20, quick 3).
-        seed: Of everything random.
+        seed: Seed of everything random.
     """
     from wrenchbed import studies
 
@@ -206,7 +206,7 @@ def doctor_(
         robot: Name of the arm that recordings will be made with.
         host: Address of the robot's controller.
         sensor: HOST of a Net F/T box, or its address: netft://HOST.
-        seconds: For which each stream is watched [s].
+        seconds: Time for which each stream is watched [s].
     """
     from wrenchbed.hardware.drivers.rtde.doctor import doctor
 
@@ -236,7 +236,7 @@ def view(
         recording: Parquet file, of a plan too; the folder of a diagnosis; or an .rrd file.
         against: fit.json and twin.json files whose simulators are held against it.
         rrd: Write this file and open nothing.
-        port: Of the viewer's data, on 127.0.0.1.
+        port: Port of the viewer's data, on 127.0.0.1.
     """
     console.check_out(rrd, Kind.PICTURE, recording, *against)
     wb.view(recording, against, rrd=rrd, port=port)
