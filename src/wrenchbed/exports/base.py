@@ -23,7 +23,7 @@ XML = "<!--"
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Inputs that some formats need besides the numbers.
+    """Inputs that some export formats need besides the fit.
 
     Attributes:
         urdf: text of the user's own URDF.
@@ -35,7 +35,7 @@ class ExportOptions:
 
 
 class Export(ABC):
-    """A file format of another program: writes load numbers as its text.
+    """A file format of another program, in which load numbers are written.
 
     Attributes:
         name: as in ``export --to NAME``.
@@ -56,18 +56,18 @@ class Export(ABC):
 
     @abstractmethod
     def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
-        """Text of the whole file; ``notes`` are lines for its comments.
+        """Return the text of the whole file; ``notes`` are lines for its comments.
 
         Raises:
             ExportError: the data did not determine what the format needs.
         """
 
     def hints(self, numbers: LoadNumbers) -> tuple[str, ...]:
-        """Notes on the format for people: units, what to fill in."""
+        """Notes for people on this format: units, and what to fill in."""
         return ()
 
     def commented(self, notes: Sequence[str]) -> str:
-        """Notes as comments of this format, whatever texts of others stand in them."""
+        """Notes as comments of this format, safe whatever characters they contain."""
         if self.comment == XML:
             lines = [re.sub("-(?=-|$)", "- ", one_line(line)) for line in notes]
             return f"{XML} {chr(10).join(lines)} -->"
@@ -103,7 +103,7 @@ def export_to(
 
 
 def output_files(format_name: str, out: str | Path) -> list[Path]:
-    """The files that an export writes; the last has the notes if the format has no comments.
+    """Paths that an export in this format writes; last the notes, if the format has no comments.
 
     Raises:
         NotFoundError: no such format.

@@ -13,7 +13,7 @@ _POINT = "inertia was not identified: zeros stand for a point mass, which is too
 
 
 class Franka(Export):
-    """Export format of Franka Desk: strict JSON, so the notes are in a file beside it."""
+    """Export format for Franka Desk: strict JSON, so that the notes are in a file beside it."""
 
     name = "franka"
     title = "Franka Desk's end effector configuration (JSON)"

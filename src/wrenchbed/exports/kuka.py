@@ -14,7 +14,7 @@ _MM = 1000.0
 
 
 class Kuka(Export):
-    """Export format of KUKA: M [kg], CM [mm, °] with the principal axes of inertia, J [kg·m²]."""
+    """Export format for KUKA: M [kg], CM [mm, °] with the principal axes of inertia, J [kg·m²]."""
 
     name = "kuka"
     title = "KUKA load data (KRL)"
@@ -41,7 +41,7 @@ class Kuka(Export):
 
 
 def _fields(names: str, values: Sequence[float] | np.ndarray) -> str:
-    """A KRL aggregate: {X 1.0,Y 2.0,…}; KRL reads no exponents below 1e-9 of a unit."""
+    """KRL aggregate {X 1.0,Y 2.0,…} of names and values, without exponents below 1e-9."""
     return f"{{{','.join(f'{n} {float(v):.12f}' for n, v in zip(names, values, strict=True))}}}"
 
 

@@ -52,7 +52,7 @@ Vectors = Mapping[str, np.ndarray]
 
 
 class Origin(StrEnum):
-    """Where a number of a calibration comes from."""
+    """Where an exported number comes from: the data, a statement, or nowhere (undetermined)."""
 
     IDENTIFIED = "identified from the data"
     STATED = "not identified: as the recording or the model states it"
@@ -61,12 +61,12 @@ class Origin(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A number or a vector of a calibration.
+    """A number or vector of a calibration, with its uncertainty and origin.
 
     Attributes:
         value: (K,) [unit].
         std: standard uncertainty (K,) [unit]; None if it is not known.
-        unit: SI.
+        unit: SI unit.
         origin: where it comes from.
         why: if it is undetermined, the parameters of which the data fix only a combination.
     """
@@ -79,8 +79,7 @@ class Quantity:
     why: str = ""
 
     def needed(self, by: str) -> np.ndarray:
-        """The value (K,), for a format that cannot do without it; an `ExportError` if the data did
-        not determine it."""
+        """Value (K,), needed by the format ``by``; an `ExportError` if it is undetermined."""
         if self.origin is Origin.UNDETERMINED:
             raise ExportError(
                 f"{self.name} was not determined, and {by} needs it: {self.why}. Record more "
@@ -90,11 +89,11 @@ class Quantity:
 
     @property
     def known(self) -> bool:
-        """Whether the data determined this number."""
+        """Whether the data determined this number, so that its origin is a fit."""
         return self.origin is Origin.IDENTIFIED
 
     def line(self) -> str:
-        """The number as one line: value ± std [unit] and origin."""
+        """Text of one line: value ± std [unit] and origin."""
         if self.origin is Origin.UNDETERMINED:
             return f"{self.name}: undetermined, {self.why}"
         std = self.std if self.std is not None else (None,) * len(self.value)
@@ -108,16 +107,16 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False)
 class LoadNumbers:
-    """What a calibration knows of the load, the sensor and its place.
+    """Numbers of a calibration on the load, the sensor and its place, for other programs.
 
     Attributes:
         source: name of the file.
-        digest: its SHA-256.
+        digest: SHA-256 of that file.
         robot, recording: what was calibrated, and from what.
         frame: in whose axes ``cog``, ``inertia``, ``rotation`` and ``position`` are: the flange's,
             or the sensor's where no flange is known.
         mass: of all that loads the gauges [kg].
-        cog: its centre of gravity in ``frame`` [m]; ``cog_sensor`` the same in sensor axes.
+        cog: centre of gravity of that in ``frame`` [m]; ``cog_sensor`` the same in sensor axes.
         inertia: about the CoG, axes of ``frame``, xx yy zz xy xz yz [kg·m²]; ``inertia_sensor``
             the same in sensor axes.
         rotation: of the sensor in ``frame``, rotation vector [rad].
@@ -125,7 +124,7 @@ class LoadNumbers:
         bias: zero of the sensor, six channels [N, N·m].
         gravity: in axes of the robot's base [m/s²].
         left: what the file knows and no format here carries, a line each.
-        twin: the same numbers as a simulator.
+        twin: the calibrated simulator with these numbers.
     """
 
     source: str
@@ -147,9 +146,9 @@ class LoadNumbers:
 
 
 class _Calibrated(NamedTuple):
-    """A calibrated simulator with parameters θ, in which effects are parameters where they can be;
-    of the identified parameters the indices, their covariance (K, K) if it is known, and those of
-    which the data fix only a combination, and with which; and what no format carries."""
+    """A calibrated simulator with parameters θ, in which effects are parameters where possible; of
+    the identified parameters the indices, the covariance (K, K) if known, and those of which the
+    data fix only a combination, with which; and what no format carries."""
 
     twin: Twin
     free: tuple[int, ...]
@@ -159,7 +158,7 @@ class _Calibrated(NamedTuple):
 
 
 def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> LoadNumbers:
-    """Read fit.json or twin.json.
+    """Read the numbers for other programs from fit.json or twin.json.
 
     For robots whose model knows no flange ``mount`` is the place of the sensor in it, x y z [m] qw
     qx qy qz. The numbers are then in flange axes.
@@ -197,7 +196,7 @@ def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> Load
 
 
 def calibrated_twin(path: str | Path) -> Twin:
-    """The simulator that fit.json or twin.json states.
+    """Make the simulator that fit.json or twin.json states.
 
     Raises:
         ExportError, TwinError: it is neither, or cannot be trusted; names the file and the field.
@@ -212,7 +211,7 @@ def calibrated_twin(path: str | Path) -> Twin:
 
 
 def _trusted(fields: checked.Fields) -> None:
-    """Refuse a fit that its own data refute, or that did not converge."""
+    """Raise `ExportError` for a fit that its own data refute, or that did not converge."""
     if refuted := fields.raw.get("refuted"):
         raise ExportError(f"{fields.where}its own data refute it: {refuted}")
     if fields.raw.get("converged") is not True:
@@ -240,7 +239,7 @@ def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> 
 
 
 def _quantity(known: _Calibrated, name: str, value: np.ndarray, slope: np.ndarray) -> Quantity:
-    """A quantity (V,) with its slopes (K, V) by the free parameters."""
+    """Make a quantity (V,) from its value and its derivatives (K, V) by the K free parameters."""
     moved = [i for i, s in zip(known.free, slope, strict=True) if np.abs(s).max() > _FLAT]
     title, unit = _TITLES[name]
     if blind := [known.blind[i] for i in moved if i in known.blind]:
@@ -255,7 +254,7 @@ def _quantity(known: _Calibrated, name: str, value: np.ndarray, slope: np.ndarra
 
 
 def _mount(mount: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-    """The sensor in the flange: rotation vector (3,) [rad] and origin (3,) [m]."""
+    """Split ``mount`` (x y z qw qx qy qz) into rotation vector (3,) [rad] and origin (3,) [m]."""
     values = np.asarray(mount, dtype=float)
     norm = float(np.linalg.norm(values[3:])) if values.shape == (7,) else 0.0
     if not np.isfinite(values).all() or abs(norm - 1.0) > _UNIT:

@@ -37,7 +37,7 @@ gravity_compensation_filter:
 
 
 class Ros2(Export):
-    """Export format of ROS 2: two parameter blocks of one load, of which a user keeps one."""
+    """Export format for ROS 2: two parameter blocks of one load, of which a user keeps one."""
 
     name = "ros2"
     title = "ROS 2 parameters of admittance_controller and gravity_compensation_filter"

@@ -8,7 +8,7 @@ from wrenchbed.files.checked import listed
 
 
 class UniversalRobots(Export):
-    """Export format of Universal Robots: a URScript program, whose lines may be copied."""
+    """Export format for Universal Robots: a URScript program, whose lines may be copied."""
 
     name = "ur"
     title = "URScript with set_target_payload and set_gravity"

@@ -23,7 +23,7 @@ _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 class Urdf(Export):
-    """Export format of URDF: edits the user's elements; notes are comments in the inertial."""
+    """Export format for URDF: edits the user's elements; notes are comments in the inertial."""
 
     name = "urdf"
     title = "the user's URDF with the load and the sensor's frame"
@@ -59,7 +59,7 @@ class Urdf(Export):
         return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
 
     def _load(self, inertial: Element, numbers: LoadNumbers, notes: Sequence[str]) -> None:
-        """Write the load into an inertial, whose inertia is kept where none was identified."""
+        """Write mass, CoG and inertia to an <inertial> element; an unidentified inertia stays."""
         cog, mass = numbers.cog_sensor.needed(self.name), numbers.mass.needed(self.name)[0]
         inertia = inertial.find("inertia")
         if numbers.inertia_sensor.known:
@@ -81,8 +81,7 @@ class Urdf(Export):
 
 
 def read_urdf(path: str | Path) -> str:
-    """Read the text of a URDF; an `ExportError` names it if it is missing, too large or no
-    UTF-8."""
+    """Read a URDF file's text; an `ExportError` if it is missing, too large or not UTF-8."""
     try:
         with Path(path).open("rb") as file:
             data = file.read(_LARGEST + 1)
@@ -96,7 +95,7 @@ def read_urdf(path: str | Path) -> str:
 
 
 def _parsed(text: str) -> Element:
-    """Parse a URDF: its robot element with comments.
+    """Parse a URDF's text and return its robot element, comments included.
 
     Raises:
         ExportError: no XML, a document type (its entities could hide anything), or no robot.
@@ -114,13 +113,13 @@ def _parsed(text: str) -> Element:
 
 
 def _linked(joint: Element, side: str) -> str:
-    """Name of the link at a side of a joint, ``parent`` or ``child``; empty if it has none."""
+    """Name of the ``parent`` or ``child`` link (``side``) of a joint element; empty without one."""
     end = joint.find(side)
     return "" if end is None else end.get("link", "")
 
 
 def _part(element: Element, tag: str) -> Element:
-    """Child element of this tag, made where there is none."""
+    """Return the child element with this tag, made if it is missing."""
     part = element.find(tag)
     if part is None:
         part = Element(tag)

@@ -16,7 +16,7 @@ stand in a name."""
 
 
 class XArm(Export):
-    """Export format of xArm: mass [kg], CoG in sensor axes [mm], zero of six channels [N, N·m]."""
+    """Export format for xArm: mass [kg], CoG in sensor axes [mm], zero of six channels [N, N·m]."""
 
     name = "xarm"
     title = "the ten numbers of xArm's ft_sensor_cali_load"

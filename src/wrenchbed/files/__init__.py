@@ -113,7 +113,7 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def locked(path: str | Path, folder: bool = False) -> Iterator[None]:
-    """Lock an output for this process while the block runs; a process that dies lets it go.
+    """Lock an output for this process while the block runs; the lock ends with the process.
 
     A file is locked by ``.NAME.lock`` beside it; a folder, which is made if it is missing, by
     itself. This process may lock an output again. File systems without locks lock nothing.
@@ -152,7 +152,7 @@ def set_aside(path: Path, suffix: str = "~", beside: str = "") -> Path | None:
     """Rename a file to the first free one of NAME~, NAME~2, … (``suffix`` in the place of ``~``),
     which are never replaced; return the new path, None if there was no file.
 
-    A file of the name with the suffix ``beside`` belongs to it and goes with it.
+    A file that is named as this one with the suffix ``beside`` is renamed with it.
     """
     there = [end for end in dict.fromkeys(("", beside)) if os.path.lexists(f"{path}{end}")]
     if not there:
@@ -167,19 +167,19 @@ def set_aside(path: Path, suffix: str = "~", beside: str = "") -> Path | None:
 
 
 def put_back(kept: Path, path: Path, beside: str) -> None:
-    """Undo `set_aside`."""
+    """Undo `set_aside`: rename ``kept``, and the file beside it, back to ``path``."""
     for end in dict.fromkeys(("", beside)):
         if os.path.lexists(f"{kept}{end}"):
             Path(f"{kept}{end}").rename(f"{path}{end}")
 
 
 def open_new(path: Path) -> BinaryIO:
-    """Open a file that must not exist yet, for a writer that goes on for long."""
+    """Create a file that must not exist yet and open it for writing bytes, without atomicity."""
     return open(path, "xb", _AT_ONCE, opener=no_link)
 
 
 def remove(path: Path) -> None:
-    """Delete a file, or a folder with all that is in it."""
+    """Delete a file, or a folder with its content."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -192,7 +192,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file, atomically."""
+    """Write bytes to a file, atomically."""
     with atomic_write(path) as file:
         file.write(data)
 
@@ -207,13 +207,13 @@ def _temporary_name() -> str:
 
 
 def _hold(handle: int) -> None:
-    """Lock a temporary file or folder until it is closed, where a file system has locks."""
+    """Lock the temporary file or folder behind a descriptor until it is closed, if possible."""
     with suppress(OSError):
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
 
 
 def _sweep(folder: Path) -> None:
-    """Delete what killed writers left in a folder; once in a process."""
+    """Delete temporary files of killed writers in a folder; done once per process and folder."""
     if folder in _SWEPT:
         return
     _SWEPT.add(folder)
@@ -229,12 +229,12 @@ def _sweep(folder: Path) -> None:
 
 
 def no_link(name: str, flags: int) -> int:
-    """Open a file descriptor, an opener for `open`, without following symbolic links."""
+    """Opener for `open` that returns a file descriptor and does not follow symbolic links."""
     return os.open(name, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
 
 
 def _lock(name: Path, folder: bool) -> int:
-    """Open the lock of an output and hold it; return the file descriptor."""
+    """Open and lock the lock file ``name``, or a folder itself; return its file descriptor."""
     kind = os.O_DIRECTORY if folder else os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW
     while True:
         handle = os.open(name, kind | os.O_CLOEXEC, 0o666)
@@ -252,7 +252,7 @@ def _lock(name: Path, folder: bool) -> int:
 
 
 def _replaceable(path: Path) -> int | None:
-    """Permissions of the file at ``path`` that may be replaced; None if the name is free or a link.
+    """Permissions of the file at ``path``, which may be replaced; None if there is none or a link.
 
     Raises:
         OSError: a folder, a device or a write-protected file has the name.
@@ -271,7 +271,7 @@ def _replaceable(path: Path) -> int | None:
 
 
 def _make(folder: Path) -> list[Path]:
-    """Make a folder and its parents; return those that were missing, the innermost last."""
+    """Make a folder and its missing parents; return the folders that were made, innermost last."""
     missing = []
     while not folder.exists():
         missing.append(folder)
@@ -283,14 +283,14 @@ def _make(folder: Path) -> list[Path]:
 
 
 def _unmake(made: list[Path]) -> None:
-    """Delete those of the folders ``made`` that are still empty."""
+    """Delete the folders in ``made`` that are still empty."""
     with suppress(OSError):
         for folder in reversed(made):
             folder.rmdir()
 
 
 def _sync(folder: Path, named: Path) -> None:
-    """Flush the names in a folder to the disk, where possible; errors name the output."""
+    """Flush the directory entries of a folder to disk, where possible; errors name ``named``."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(handle)
@@ -302,7 +302,7 @@ def _sync(folder: Path, named: Path) -> None:
 
 
 def _move(source: Path, folder: Path) -> None:
-    """Move all files of a folder into another; all names are checked before the first moves."""
+    """Move all files of a folder into another, after checking that all names are free for them."""
     files = sorted(p for p in source.rglob("*") if p.is_file())
     places = [folder / file.relative_to(source) for file in files]
     for file, place in zip(files, places, strict=True):

@@ -25,7 +25,7 @@ _LONGEST_NAME = 4096
 
 
 def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> Any:
-    """The content of a JSON or TOML file by its suffix; files of other suffixes are ``other``.
+    """Read a JSON or TOML file, chosen by its suffix (``other`` if neither); return its content.
 
     Raises:
         error: no such file, a folder, unreadable or not valid.
@@ -48,7 +48,7 @@ def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> 
 
 
 def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSON") -> Any:
-    """The content of JSON or TOML (``kind``) in UTF-8.
+    """Parse JSON or TOML (``kind``) in UTF-8 bytes and return its content.
 
     Raises:
         error: not valid, too long, or nested too deeply.
@@ -78,7 +78,7 @@ def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSO
 
 
 def text_of(path: Path, error: type[WrenchbedError]) -> str:
-    """The text of a regular TOML file, not read beyond what one may hold.
+    """Read the text of a regular TOML file, not beyond the length that one may have.
 
     Raises:
         error: no such file, or it is no text; a longer one is left to `parsed` to refuse.
@@ -98,18 +98,18 @@ def _inner(part: Any) -> Collection[Any]:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a finite number (true and false are none)."""
+    """Whether a value is a finite int or float; booleans do not count as numbers."""
     plain = isinstance(value, int | float) and not isinstance(value, bool)
     return plain and abs(value) <= float_info.max
 
 
 class Fields:
-    """An object of a JSON or TOML file; each field is checked when it is read.
+    """An object of a JSON or TOML file, whose fields are checked when they are read.
 
     Args:
         raw: the object as it was parsed.
         where: file, and the part of it, at the beginning of each message.
-        error: what is raised.
+        error: class of the errors to raise.
         name: of this object in its file, with dots; empty for the file itself.
     """
 
@@ -120,7 +120,7 @@ class Fields:
         self.raw = raw
 
     def error(self, key: str, rule: str) -> WrenchbedError:
-        """Error for a field: its value, or that it is missing, and what is allowed there."""
+        """Make the error for a field: its value, or that it is missing, and the rule for it."""
         if key not in self.raw:
             return self.kind(f"{self.where}{self._label(key)} is missing: it {rule}")
         return self.kind(f"{self.where}{self._label(key)} = {self.raw[key]!r} {rule}")
@@ -129,7 +129,7 @@ class Fields:
         return f"{self.name}.{key}" if self.name else key
 
     def only(self, known: Collection[str], what: str = "it") -> "Fields":
-        """Refuse a field that is not known, naming the nearest known one; return these fields."""
+        """Raise an error for an unknown field, with the nearest known name; return this object."""
         for key in self.raw:
             if key not in known:
                 has = f"{what} has {', '.join(sorted(known))}"
@@ -138,12 +138,12 @@ class Fields:
         return self
 
     def part(self, key: str) -> "Fields":
-        """The object in a field; empty if it is absent or null."""
+        """The object in field ``key`` as `Fields`; an empty one if the field is absent or null."""
         raw = self.raw.get(key)
         return Fields({} if raw is None else raw, self.where, self.kind, self._label(key))
 
     def parts(self, key: str) -> list["Fields"]:
-        """Objects in a list; none if the field is absent."""
+        """The objects in the list of field ``key``; empty if the field is absent."""
         raw = self.raw.get(key, [])
         if not isinstance(raw, list):
             raise self.error(key, "must be a list")
@@ -152,11 +152,11 @@ class Fields:
         ]
 
     def text(self, key: str, rule: str = "must be a name") -> str | None:
-        """Text of a field that is not empty; None if it is absent."""
+        """Text of field ``key``, which must not be empty; None if the field is absent."""
         return None if self.raw.get(key) is None else self.stated_text(key, rule)
 
     def stated_text(self, key: str, rule: str = "must be a text that is not empty") -> str:
-        """Text of a field that must be there and not be empty."""
+        """Text of field ``key``, which must be present and not be empty."""
         value = self.raw.get(key)
         if not isinstance(value, str) or not value:
             raise self.error(key, rule)
@@ -165,7 +165,7 @@ class Fields:
         return value
 
     def choice(self, key: str, known: Collection[str], rule: str, default: Any = None) -> str:
-        """Text of a field that must be one of the known words."""
+        """Text of field ``key``, which must be one of ``known``; ``default`` if absent."""
         value = self.raw.get(key, default)
         if not isinstance(value, str) or value not in known:
             raise self.error(key, rule)
@@ -174,7 +174,7 @@ class Fields:
     def number(
         self, key: str, unit: str, *, positive: bool = False, nonnegative: bool = False
     ) -> float | None:
-        """Finite number of a field; None if it is absent."""
+        """Finite number in field ``key``; None if the field is absent. The unit is for messages."""
         if self.raw.get(key) is None:
             return None
         value = self.stated_number(key, f"must be a number [{unit}]")
@@ -183,13 +183,13 @@ class Fields:
         return value
 
     def stated_number(self, key: str, rule: str = "must be a finite number") -> float:
-        """Finite number of a field that must be there."""
+        """Finite number in field ``key``, which must be present."""
         if not is_number(self.raw.get(key)):
             raise self.error(key, rule)
         return float(self.raw[key])
 
     def amount(self, key: str, unit: str, most: float = inf, not_in: str = "") -> float:
-        """Number from 0 to ``most`` in a unit; a larger one may be ``not_in`` another unit."""
+        """Number in field ``key``, 0 … ``most`` in a unit; above, the error suggests ``not_in``."""
         value = self.stated_number(key, f"must be a number in {unit}, without its unit")
         if not 0.0 <= value <= most:
             hint = f" (is it in {not_in}?)" if not_in and value > most else ""
@@ -200,7 +200,7 @@ class Fields:
     def numbers(
         self, key: str, n: int, *, nonnegative: bool = False, rule: str = ""
     ) -> tuple[float, ...] | None:
-        """List of n finite numbers of a field; None if it is absent."""
+        """List of n finite numbers in field ``key``; None if the field is absent."""
         if self.raw.get(key) is None:
             return None
         values = self.stated_numbers(key, n, rule)
@@ -211,8 +211,8 @@ class Fields:
     def stated_numbers(
         self, key: str, n: int, rule: str = "", most: float = inf, not_in: str = ""
     ) -> tuple[float, ...]:
-        """List of n finite numbers within ± ``most`` that must be there; a larger one may be
-        ``not_in`` another unit."""
+        """List of n finite numbers within ± ``most`` in field ``key``, which must be present; for
+        larger ones the error asks whether they are in the unit ``not_in``."""
         values: Any = self.raw.get(key)
         rule = rule or f"must be {n} finite numbers"
         count = len(values) if isinstance(values, list | tuple) else 0
@@ -223,7 +223,7 @@ class Fields:
         return tuple(float(x) for x in values)
 
     def square(self, key: str, size: int) -> list[list[float]]:
-        """Matrix (size, size) of finite numbers in a field."""
+        """Matrix (size, size) of finite numbers in field ``key``, as a list of rows."""
         rows: Any = self.raw.get(key)
         right = isinstance(rows, list) and len(rows) == size
         if not right or not all(
@@ -235,7 +235,7 @@ class Fields:
 
     @contextmanager
     def naming(self, key: str) -> Iterator[None]:
-        """Name the field in errors of the library that are raised inside the block."""
+        """In the block, let errors that the library raises name field ``key``."""
         try:
             yield
         except self.kind:
@@ -245,7 +245,7 @@ class Fields:
 
 
 def toml_fields(text: str, where: str, error: type[WrenchbedError]) -> Fields:
-    """Fields of a TOML file's text.
+    """Parse a TOML file's text and return its fields.
 
     Raises:
         error: it is not valid TOML.
@@ -254,11 +254,11 @@ def toml_fields(text: str, where: str, error: type[WrenchbedError]) -> Fields:
 
 
 def quoted(words: str) -> str:
-    """TOML string of one line for some text."""
+    """Quote a text as a TOML string of one line."""
     escaped = words.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
 
 
 def listed(values: Iterable[float]) -> str:
-    """TOML array of numbers, with all their digits."""
+    """TOML array of numbers, written with all their digits."""
     return "[" + ", ".join(repr(float(v)) for v in values) + "]"

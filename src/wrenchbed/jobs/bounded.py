@@ -26,7 +26,7 @@ R = TypeVar("R")
 
 
 def bounded(work: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """Call ``work`` in a child process and return its result; an interrupt here ends it at once.
+    """Call ``work`` in a child with limits of time and memory; an interrupt here ends it at once.
 
     Raises:
         ShortageError: it took too long, too much memory, or crashed; says which.
@@ -59,7 +59,7 @@ def bounded(work: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
 
 
 def _answer(writer: int, work: Callable[[], object]) -> NoReturn:
-    """In the child: write the pickled result or error, and end without the parent's clean-up."""
+    """Run in the child: write the pickled result or error of ``work`` and exit without clean-up."""
     try:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGXCPU):
             signal.signal(number, signal.SIG_DFL)
@@ -87,7 +87,7 @@ def _limit() -> None:
 
 
 def _received(reader: int) -> bytes:
-    """All bytes that the child writes; empty if it ends without writing."""
+    """Read all bytes that the child writes; empty if it ends without writing."""
     end, content = time.monotonic() + _WALL_S, b""
     while select.select([reader], [], [], max(end - time.monotonic(), 0.0))[0]:
         chunk = os.read(reader, _CHUNK)
@@ -98,7 +98,7 @@ def _received(reader: int) -> bytes:
 
 
 def _how(code: int) -> str:
-    """Text on why a child ended without a result, from its exit code."""
+    """Describe why a child ended without a result, from its exit code."""
     if code in (-signal.SIGXCPU, -signal.SIGKILL):
         return f"takes more than {_CPU_S} s of processor time"
     return f"takes more than {_MEMORY >> 30} GiB of memory, or is nested without an end"

@@ -32,7 +32,7 @@ _START = (
 
 
 def end_with(parent: int) -> None:
-    """Watch the parent, a process id, from now on, and end this process within a second of its end.
+    """Start to watch a parent process by its id, and end this process within a second of its end.
 
     Its standard output becomes the null device, so that a reader of the parent's output sees the
     end of the parent.
@@ -46,13 +46,13 @@ def end_with(parent: int) -> None:
 
 
 def end_by_kernel() -> None:
-    """Have the kernel kill this process at the end of the thread that started it, on Linux."""
+    """Make the kernel kill this process when the thread that started it ends (Linux only)."""
     _kernel_kills(signal.SIGKILL)
 
 
 @contextmanager
 def with_group(group: int) -> Iterator[None]:
-    """End a process group that this worker started if the worker ends during the block."""
+    """While the block runs, kill a process group that this worker started if the worker ends."""
     _GROUPS.add(group)
     before = signal.signal(signal.SIGTERM, _end_with_groups)
     _kernel_kills(0)  # the thread must kill the group before this process ends
@@ -67,7 +67,7 @@ def with_group(group: int) -> Iterator[None]:
 
 @contextmanager
 def without_orphans() -> Iterator[None]:
-    """Kill, at the block's end, what was started in it and still runs, daemons too, on Linux."""
+    """At the block's end kill all processes started in it that still run, daemons too (Linux)."""
     if not sys.platform.startswith("linux"):
         yield
         return
@@ -84,13 +84,13 @@ def without_orphans() -> Iterator[None]:
 
 
 def _children() -> set[int]:
-    """Ids of the processes whose parent is this one, by /proc."""
+    """Process ids of all children of this process, read from /proc."""
     lists = Path("/proc/self/task").glob("*/children")
     return {int(child) for one in lists for child in one.read_text().split()}
 
 
 def bound(command: Sequence[str]) -> list[str]:
-    """Command that starts a program, given by its path, such that it ends with this process."""
+    """Return a command line that starts a program, given by its path, to end with this process."""
     if not sys.platform.startswith("linux"):
         return list(command)
     return [sys.executable, "-I", "-S", "-c", _START, str(os.getpid()), *command]
@@ -110,6 +110,6 @@ def _end_with_groups(*_: object) -> None:
 
 
 def _kernel_kills(number: int) -> None:
-    """Have the kernel send this process a signal at its parent's end; 0: none."""
+    """Make the kernel send signal ``number`` to this process when its parent ends; 0: none."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)

@@ -28,7 +28,7 @@ _SHARED: list[Any] = []
 
 
 def key(*things: object) -> str:
-    """Short name that changes with what determines results: these things, this package's code."""
+    """Short hash of all that determines results: these things and the source of this package."""
     return hashlib.sha256(repr((things, _code())).encode()).hexdigest()[:10]
 
 
@@ -40,23 +40,23 @@ def _code() -> str:
 
 
 def read_table(path: Path, schema: pa.Schema | None = None) -> pa.Table:
-    """Read a Parquet file, whose name need not be UTF-8."""
+    """Read a Parquet file into an Arrow table; its name need not be UTF-8."""
     return pq.read_table(pa.OSFile(os.fsencode(path), "rb"), schema=schema)
 
 
 def write_table(path: Path, table: pa.Table) -> None:
-    """Write a Parquet file atomically."""
+    """Write an Arrow table to a Parquet file atomically."""
     with atomic_write(path) as file:
         pq.write_table(table, file)
 
 
 class Parts:
-    """Numbered Parquet files of rows in a folder.
+    """Results of long work as numbered Parquet files in a folder.
 
     Args:
         folder: is made if it is missing.
-        prefix: of the files' names; must change with all that determines the rows (`key`).
-        schema: of the rows; inferred if None.
+        prefix: begin of the files' names; must change with all that determines the rows (`key`).
+        schema: columns of the rows; inferred if None.
     """
 
     def __init__(self, folder: Path, prefix: str = "", schema: pa.Schema | None = None) -> None:
@@ -64,17 +64,17 @@ class Parts:
         self.folder, self.prefix, self.schema = folder, prefix, schema
 
     def path(self, number: int) -> Path:
-        """File of a part."""
+        """Path of the file of part ``number``."""
         return self.folder / f"{self.prefix}{number:06d}.parquet"
 
     def numbers(self) -> list[int]:
-        """Numbers of all parts on disk, in order."""
+        """Numbers of all parts on disk, in ascending order."""
         stems = (path.stem for path in self.folder.glob("*.parquet"))
         names = (s.removeprefix(self.prefix) for s in stems if s.startswith(self.prefix))
         return sorted(int(n) for n in names if n.isdecimal())
 
     def readable(self, number: int) -> bool:
-        """Whether a part is on disk and can be read."""
+        """Whether the file of this part exists and can be read."""
         try:
             read_table(self.path(number))
         except (OSError, pa.ArrowException) as cause:
@@ -83,18 +83,18 @@ class Parts:
         return True
 
     def write(self, number: int, rows: Iterable[Row]) -> None:
-        """Write a part atomically."""
+        """Write the rows of a part to its file atomically."""
         write_table(self.path(number), pa.Table.from_pylist(list(rows), schema=self.schema))
 
     def table(self, numbers: Sequence[int] | None = None) -> pa.Table:
-        """Rows of these parts, or of all, in this order."""
+        """Rows of the given parts, in this order, or of all parts, as one table."""
         chosen = self.numbers() if numbers is None else numbers
         tables = [] if self.schema is None else [self.schema.empty_table()]
         tables += [read_table(self.path(n), self.schema) for n in chosen]
         return pa.concat_tables(tables)
 
     def remove(self) -> None:
-        """Delete all parts."""
+        """Delete the files of all parts."""
         for number in self.numbers():
             self.path(number).unlink()
 
@@ -142,7 +142,7 @@ def check_folders(
     folders: Sequence[Path],
     error: type[WrenchbedError],
 ) -> None:
-    """Make the folders of a run, or check that they belong to a run with the same settings.
+    """Make the folders of a run, or check that they belong to one with equal settings, else raise.
 
     The run keeps its settings in ``settings_file``, JSON in one of the folders.
     """

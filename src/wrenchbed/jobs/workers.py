@@ -32,14 +32,14 @@ R = TypeVar("R")
 
 
 class Progress(Protocol):
-    """A function that is called when further steps are done."""
+    """Type of a function that long work calls whenever further steps are done."""
 
     def __call__(self, count: int, label: str = "", /) -> None:
         """Report ``count`` further steps; ``label`` names the last one."""
 
 
 def silent(count: int, label: str = "", /) -> None:
-    """Report nothing."""
+    """Progress function that reports nothing."""
 
 
 def in_workers(
@@ -50,7 +50,7 @@ def in_workers(
     setup: Callable[..., None] | None = None,
     *shared: Any,
 ) -> None:
-    """Call ``work`` on items in worker processes; an error or an interrupt here ends them.
+    """Call ``work`` on each item in ``count`` processes; an error or an interrupt here ends them.
 
     Args:
         work: a module-level function of one item.
@@ -72,8 +72,8 @@ def in_workers(
 def workers(
     count: int, setup: Callable[..., None] | None = None, *shared: Any
 ) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of processes that end on an error or an interrupt; ``setup`` is called once in
-    each of them with ``shared``.
+    """Yield a pool of ``count`` worker processes, ended on an error or an interrupt; ``setup`` is
+    called once in each of them with ``shared``.
 
     Raises:
         ShortageError: this process may open too few files, or share no memory.
@@ -115,7 +115,7 @@ def workers(
 
 
 def _check_files(count: int) -> None:
-    """Refuse a limit of open files with which workers would hang."""
+    """Raise `ShortageError` for a limit of open files with which ``count`` workers would hang."""
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     need = _LEAST_FILES + _FILES_A_WORKER * count
     if limit != resource.RLIM_INFINITY and limit < need:
@@ -135,7 +135,7 @@ def _initialise(parent: int, setup: Callable[..., None] | None, shared: tuple[An
 
 
 def _how(processes: Sequence[BaseProcess]) -> str:
-    """Text on how the first worker died, not those that the pool itself ended afterwards."""
+    """Describe how the first worker died, not those that the pool itself ended afterwards."""
     codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
     code = codes[0] if codes else None
     if code == -signal.SIGKILL:
@@ -150,7 +150,7 @@ def _how(processes: Sequence[BaseProcess]) -> str:
 
 
 def one_thread(work: Callable[P, R]) -> Callable[P, R]:
-    """Wrap ``work`` so that its linear algebra uses one thread."""
+    """Return ``work`` wrapped so that its linear algebra uses one thread."""
 
     @wraps(work)
     def limited(*args: P.args, **options: P.kwargs) -> R:

@@ -50,14 +50,14 @@ _POSES, _POOL = 12, 2000
 
 @dataclass(frozen=True)
 class Judgement:
-    """Judgement of a history's last check.
+    """Result of judging the last check of a robot's history.
 
     Attributes:
         verdict: `HEALTHY`, `CHANGED` or `CANNOT_TELL`.
         comparison: of the checks after a change with those before it; of the last check with all
             before it where nothing changed. Its first sentence is what a person should know first.
         history: checks since the last baseline.
-        checks: all, each with its verdict and its numbers.
+        checks: all checks, each with its verdict and its numbers.
         begin: the first check after the change, or the last check.
         alarms: names of numbers, or `MISFIT`, that the last check showed to have changed.
     """
@@ -70,7 +70,7 @@ class Judgement:
     alarms: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """Judgement as a JSON object: the comparison's, and what the check adds."""
+        """Convert to a JSON object: the comparison's fields, and verdict, alarms and numbers."""
         checks = self.history.checks
         return {
             "format": 2,
@@ -88,9 +88,9 @@ class Judgement:
 
 
 def plan_of(robot: Robot, folder: str | Path) -> Plan:
-    """Read the plan of a history; choose and write one where there is none. Raises a `PlanError` if
-    the robot has no model, or the plan is damaged, a `HistoryError` if the plan is of another
-    robot."""
+    """Read the plan of checks in a history's folder; without one choose poses and write it. Raises
+    a `PlanError` if the robot has no model, or the plan is damaged, a `HistoryError` if the plan is
+    of another robot."""
     path = Path(folder) / PLAN
     if not path.exists():
         choose(robot).write(path)
@@ -104,7 +104,7 @@ def plan_of(robot: Robot, folder: str | Path) -> Plan:
 
 
 def choose(robot: Robot) -> Plan:
-    """Choose a robot's poses of checks: informative ones that touch nothing, near home.
+    """Choose the poses at which a robot is checked: informative, free of contact, near home.
 
     The information on the typical changes of numbers and joints, beside their sizes as a prior, is
     largest (Bayesian D-optimality: Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939).
@@ -133,8 +133,8 @@ def choose(robot: Robot) -> Plan:
 
 
 def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
-    """Judge the last check of a history; a `CalibrationError` if the load of the first check since
-    the baseline cannot be identified."""
+    """Judge the last check against the earlier ones; a `CalibrationError` if the load of the first
+    check since the baseline cannot be identified."""
     judged = _judged(robot, checks)
     start = max(k for k, c in enumerate(checks) if k == 0 or c.baseline)
     series, n = History(robot, checks[start:]), len(checks) - start
@@ -161,8 +161,7 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
 
 
 def _judged(robot: Robot, checks: Sequence[Check]) -> list[Check]:
-    """Give each check a verdict and numbers by those before it; what changed stays so until a new
-    baseline."""
+    """Return the checks with numbers and verdicts; a change stays until a new baseline."""
     result, start, changed = list[Check](), 0, False
     for k, check in enumerate(checks):
         if check.baseline:
@@ -178,18 +177,18 @@ def _judged(robot: Robot, checks: Sequence[Check]) -> list[Check]:
 
 
 def _budget(series: History) -> float:
-    """Probability of a false alarm that is allowed to the last check."""
+    """Probability of a false alarm that the last check may spend, by the time since the last."""
     years = series.years
     return 0.0 if len(years) < 2 else ALARMS_A_YEAR * float(min(years[-1] - years[-2], 1.0))
 
 
 def _level(series: History, count: int) -> float:
-    """Share of the false-alarm budget for changes ``count`` checks ago, one of `SINCE`."""
+    """Fraction of the false-alarm budget for a change that began ``count`` checks ago (`SINCE`)."""
     return (1.0 - _OF_MISFIT) * SINCE[count] * _budget(series)
 
 
 def _alarms(series: History) -> tuple[str, ...]:
-    """Names of the quantities that the last check shows to have changed."""
+    """Names of the numbers that have changed according to the last check."""
     n, names = len(series.checks), list[str]()
     for count, fraction in SINCE.items():
         if count < n:
@@ -201,14 +200,14 @@ def _alarms(series: History) -> tuple[str, ...]:
 
 
 def _changes(series: History, begin: int, level: float) -> tuple[Change, ...]:
-    """Numbers before and after a check, by the rules of `compare` at a level."""
+    """Changes of the numbers from the checks before ``begin`` to those since, by `compare`."""
     step, before = series.step(begin), series.values[:begin].mean(axis=0)
     after = before + step.size
     return changes_of(NUMBERS, before, after, step.std, level=level, freedom=step.freedom)
 
 
 def _what_changed(series: History, begin: int, changes: Sequence[Change]) -> str:
-    """Sentence on the time of a change, its quantities, and further ones."""
+    """Sentence on when a change began and which numbers changed."""
     moved = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
     texts, p = [c.sentence for c in moved], series.step(begin).misfit
     if p < LEVEL or not moved:
@@ -229,10 +228,10 @@ def check(
     temperature: float | None = None,
     baseline: str | None = None,
 ) -> Judgement:
-    """Check a recording of a robot's plan against its history, which then holds it.
+    """Judge a recording of a robot's plan against its history, and add it to the history.
 
     Args:
-        folder: of the history; see `plan_of` for the plan in it.
+        folder: folder of the history; see `plan_of` for the plan in it.
         time: when the recording was made; what it states if None.
         temperature: of sensor or room [°C], where the recording has no column of it.
         baseline: why the robot differs from here on.

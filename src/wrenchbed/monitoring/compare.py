@@ -48,7 +48,7 @@ class Change:
 
     @property
     def sentence(self) -> str:
-        """Text of the change: ``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
+        """Text such as ``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
         step = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
         text = quantity(self.name, step, signed=True)
         return f"{self.name}: {text} ({abs(self.sigmas):.1f} σ)"
@@ -56,7 +56,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Common numbers of two results and their differences.
+    """Result of comparing two fits, recordings or diagnoses.
 
     Attributes:
         kind: ``fits``, ``recordings`` or ``diagnoses``.
@@ -78,7 +78,7 @@ class Comparison:
     changed: bool
 
     def to_json(self) -> dict[str, Any]:
-        """Comparison as a JSON object."""
+        """Convert to a JSON object, as `wrenchbed compare --json` prints it."""
         return asdict(self)
 
 
@@ -103,7 +103,7 @@ def compare(a: str | Path, b: str | Path) -> Comparison:
 
 
 def _read(path: Path) -> tuple[str, checked.Fields]:
-    """Kind of a file, and its fields; of a recording the fields of the fit to it."""
+    """Read a file; return its kind and its fields, of a recording those of a calibration to it."""
     path = path / "diagnosis.json" if (path / "diagnosis.json").is_file() else path
     if not path.is_file():
         raise ParameterError(f"{path}: there is no such file")
@@ -121,7 +121,7 @@ def _read(path: Path) -> tuple[str, checked.Fields]:
 
 
 def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) -> Comparison:
-    """Change of each parameter between two fits, in σ of both; ``names`` are their files."""
+    """Compare the parameters of two fits in units of their uncertainty; ``names``: the files."""
     entries = [{n: f.part("parameters").part(n) for n in f.part("parameters").raw} for f in fits]
     stated = ("value", "std")
     known = [
@@ -161,10 +161,10 @@ def changes_of(
     level: float = LEVEL,
     freedom: float = np.inf,
 ) -> tuple[Change, ...]:
-    """Changes of numbers (K,), and which are significant by the standard uncertainties of their
-    differences (Student's t with ``freedom``).
+    """Changes between numbers ``before`` and ``after`` (K,), each called significant or not.
 
-    ``level`` is the probability that any is called changed where none did.
+    That is by their standard uncertainties ``std`` (K,) and Student's t with ``freedom``; ``level``
+    is the probability that any is called changed where none did.
     """
     difference = after - before
     sigmas = np.divide(difference, std, out=np.zeros(len(std)), where=std > 0)
@@ -178,14 +178,14 @@ def changes_of(
 
 
 def _covariance(fields: checked.Fields, names: Sequence[str]) -> np.ndarray:
-    """Covariance (K, K) of some parameters, in the order of the names."""
+    """Covariance (K, K) of the named parameters, from a fit's fields."""
     known = list(fields.raw["parameters"])
     at = [known.index(n) for n in names]
     return np.array(fields.square("covariance", len(known)))[np.ix_(at, at)]
 
 
 def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
-    """χ², degrees of freedom and p of a difference (K,), over combinations that both determine."""
+    """χ², degrees of freedom and p of a difference (K,), over what both fits determine."""
     scale = np.sqrt(np.diagonal(covariance))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -196,7 +196,7 @@ def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float
 
 
 def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
-    """Which p values (K,) are significant at a level over all of them (Holm), boolean."""
+    """Booleans (K,): which of K p values are significant at a level over all of them (Holm)."""
     order = np.argsort(p)
     steps = p[order] <= level / np.arange(len(p), 0, -1)
     passed = np.zeros(len(p), dtype=bool)
@@ -220,7 +220,7 @@ def _p(together: Mapping[str, float]) -> str:
 
 
 def _of_diagnoses(fields: Sequence[checked.Fields], names: tuple[str, str]) -> Comparison:
-    """Comparison of two diagnoses by verdict, causes, gap and numbers."""
+    """Compare two diagnoses by verdict, causes, gap and numbers."""
     verdicts = [str(f.raw["verdict"]) for f in fields]
     causes = [{str(w.raw.get("effect")): w for w in f.parts("which")} for f in fields]
     sentences = [] if verdicts[0] == verdicts[1] else [f"verdict: {' → '.join(verdicts)}"]

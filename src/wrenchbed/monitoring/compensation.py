@@ -42,13 +42,13 @@ _CAUSES = "a push, another load or a shifted zero"
 
 @dataclass(frozen=True, eq=False)
 class External:
-    """Wrench of the surroundings from one compensated reading.
+    """Wrench of the surroundings on the tool, from one compensated reading.
 
     Attributes:
-        t: of the reading [s].
-        wrench: of the surroundings (6,) [N, N·m], in the axes that were asked for.
-        std: of its noise (6,) [N, N·m].
-        at_rest: no joint moves.
+        t: time of the reading [s].
+        wrench: wrench of the surroundings (6,) [N, N·m], in the axes that were asked for.
+        std: standard deviation of its noise (6,) [N, N·m].
+        at_rest: whether no joint moves.
         zero: drift of the sensor's zero since the calibration (6,), sensor axes.
         alarm: why the mean at rest is no noise; empty where it is.
     """
@@ -61,7 +61,7 @@ class External:
     alarm: str
 
     def to_json(self) -> dict[str, object]:
-        """Reading as a JSON object."""
+        """Convert to a JSON object, one line of what `live` publishes."""
         return {
             "t": self.t, "wrench": self.wrench.tolist(), "std": self.std.tolist(),
             "at_rest": self.at_rest, "zero": self.zero.tolist(), "alarm": self.alarm,
@@ -107,7 +107,7 @@ class Compensator:
         self._expected, self._turn = self._evaluated(self.q)
 
     def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray, at_rest: bool) -> External:
-        """Compensate a reading (6,) [N, N·m] at joint values (J,), at a time [s]."""
+        """Compensate a reading wrench (6,) [N, N·m] at joint values q (J,), at a time t [s]."""
         if not np.array_equal(q, self.q):  # sensors are faster than joints
             self.q, (self._expected, self._turn) = q.copy(), self._evaluated(q)
         residual = self._mixing @ (wrench - self._expected)
@@ -121,8 +121,8 @@ class Compensator:
         return External(t, external, self._noise, at_rest, self._zero.copy(), self._alarm)
 
     def _evaluated(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Reading (6,) that the calibrated sensor has at joint values (J,) without an external
-        wrench, and the matrix (6, 6) that brings a wrench from its axes to those of the result."""
+        """Reading (6,) of the calibrated sensor at q (J,) without external wrench, and the matrix
+        (6, 6) that transforms a wrench from its axes to those of the result."""
         twin, row = self._twin, q[None]
         if self._plain:
             expected = np.asarray(twin.model.predict(row, twin.theta)[0])
@@ -137,7 +137,7 @@ class Compensator:
         return expected, _transform(flange.T @ turn, flange.T @ (at - origin))
 
     def _judge(self, t: float, residual: np.ndarray) -> None:
-        """Move the zero towards a small residual (6,) at rest; raise the alarm for a large one."""
+        """At rest, adjust the zero by a small residual (6,), or raise the alarm for a large one."""
         self._recent.append((t, residual))
         self._sum = self._sum + residual
         while t - self._recent[0][0] > WINDOW_S:
@@ -157,14 +157,13 @@ class Compensator:
 
 
 def _transform(turn: np.ndarray, lever: np.ndarray) -> np.ndarray:
-    """Matrix (6, 6) that turns a wrench by (3, 3) whose old origin lies at a lever (3,) [m]."""
+    """Matrix (6, 6) that rotates a wrench by turn (3, 3) and moves its origin by lever (3,) [m]."""
     about = np.cross(lever, turn, axisb=0, axisc=0)
     return np.block([[turn, np.zeros((3, 3))], [about, turn]])
 
 
 def _undone(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether an effect can be compensated: readings at successive poses are those of each pose
-    alone, and an effect in the sensor is linear in the load."""
+    """Whether an effect can be compensated: without memory and, in the sensor, linear in load."""
     if a.effect.modes == ("dynamic",):
         return False
     one = Twin(twin.model, twin.model.parameters.nominal, (a,))
@@ -179,18 +178,18 @@ def _undone(a: ActiveEffect, twin: Twin) -> bool:
 
 
 def _scene(twin: Twin, q: np.ndarray, t: np.ndarray) -> Scene:
-    """Scene of a robot at rest at joint values (N, J) at times (N,) [s]."""
+    """Input of effects for a robot at rest at joint values q (N, J) at times t (N,) [s]."""
     gravity, held = np.asarray(twin.model.gravity), np.ones(len(q), dtype=bool)
     return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held)
 
 
 def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
-    """Readings of loads (M, 6) at the home pose."""
+    """Sensor readings (M, 6) of loads (M, 6) [N, N·m] at the home pose."""
     robot, n = twin.model.robot, len(loads)
     assert isinstance(robot, SimulatedRobot)
     return twin.reading(_scene(twin, np.tile(robot.home, (n, 1)), np.arange(n) / 100.0), loads)
 
 
 def _slope(twin: Twin) -> np.ndarray:
-    """Change of the readings by unit loads, a row each (6, 6)."""
+    """Matrix (6, 6) whose row k is the change of the readings by a unit load in channel k."""
     return _read(twin, np.eye(6)) - _read(twin, np.zeros((6, 6)))

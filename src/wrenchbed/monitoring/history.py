@@ -44,7 +44,7 @@ orientation is corrected at the joint values that were measured."""
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """Check of a robot in a history.
+    """One check of a robot, as its history stores it.
 
     Attributes:
         time: when it was recorded.
@@ -56,9 +56,9 @@ class Check:
         q: joint values of the holds (P, J) [rad or m].
         wrench: mean readings (P, 6) [N, N·m].
         count: rows of each hold (P,).
-        covariance: of one row (6, 6).
+        covariance: covariance of one row (6, 6).
         baseline: why history begins anew with this check; empty if it does not.
-        verdict: what was answered.
+        verdict: verdict that was given at the time.
         values: numbers fitted to it, with ``.std`` [SI]; ``misfit``.
     """
 
@@ -80,13 +80,12 @@ class Check:
 
     @property
     def day(self) -> str:
-        """Date of the check for people."""
+        """Date of the check as text for people."""
         return _day(self.time)
 
 
 def read(folder: Path, robot: Robot, plan: Plan) -> list[Check]:
-    """Read all checks of a folder, the oldest first; warn of each recording that is no check of the
-    plan."""
+    """Read all checks of a folder, oldest first; warn of recordings that do not follow the plan."""
     every, checks = list[Check](), list[Check]()
     for path in sorted((folder / RECORDINGS).glob("*.parquet")):
         try:
@@ -110,15 +109,15 @@ def _left_out(path: Path, error: WrenchbedError) -> None:
 
 
 def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
-    """Add what a check states of itself (time, temperature, baseline) to its recording."""
+    """Add a check's statements (time, temperature, baseline) to its recording's metadata."""
     known = dict(recording.metadata.extra.get(_STATED) or {})
     extra = {**recording.metadata.extra, _STATED: {**known, **given}}
     return replace(recording, metadata=replace(recording.metadata, extra=extra))
 
 
 def time_of(recording: Recording) -> datetime:
-    """Time that a recording states for itself; a `HistoryError` if it states no time of ISO 8601
-    with a zone."""
+    """Time at which a recording was made by its metadata; a `HistoryError` if that is no ISO 8601
+    time with a zone."""
     extra = recording.metadata.extra
     text = (extra.get(_STATED) or {}).get("time") or extra.get("started")
     if text is None:
@@ -127,7 +126,7 @@ def time_of(recording: Recording) -> datetime:
 
 
 def parse_time(text: str, where: str) -> datetime:
-    """Parse a time of ISO 8601 to UTC; a `HistoryError` if it is none, or has no zone."""
+    """Parse an ISO 8601 time and convert it to UTC; a `HistoryError` if it lacks a zone."""
     try:
         time = datetime.fromisoformat(text)
     except ValueError:
@@ -140,12 +139,12 @@ def parse_time(text: str, where: str) -> datetime:
 
 
 def file_of(time: datetime) -> str:
-    """Path of a check's recording in its history's folder, made of its time."""
+    """Path of a check's recording in the history's folder, named after its time."""
     return f"{RECORDINGS}/{time:%Y%m%dT%H%M%SZ}.parquet"
 
 
 def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
-    """Make a check of a recording that states its time.
+    """Make a check from a recording that states its time.
 
     Raises:
         HistoryError: it states no time.
@@ -184,7 +183,7 @@ def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
 
 
 def _digest(*parts: bytes) -> str:
-    """16 digits of the SHA-256 of some bytes."""
+    """First 16 hexadecimal digits of the SHA-256 of all bytes together."""
     sha = hashlib.sha256()
     for part in parts:
         sha.update(part)
@@ -192,8 +191,8 @@ def _digest(*parts: bytes) -> str:
 
 
 def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
-    """Refuse a new check whose time contradicts this machine's clock or the last check; a
-    `HistoryError` names the recording and the remedy."""
+    """Check that a new check is later than the last and not in the future; a `HistoryError` names
+    the recording and the remedy."""
     clock, last = f"this machine's clock shows {_day(now)}", checks[-1] if checks else None
     if last is not None and last.time > now:
         remedy = "it was set back. Set it right and check again"
@@ -205,8 +204,7 @@ def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
 
 
 def continues(before: Sequence[Check], check: Check) -> None:
-    """Refuse a check that does not continue those before it; a `HistoryError` for the same readings
-    again, or another sensor."""
+    """Raise `HistoryError` for a check with the last one's readings or another sensor."""
     for old in before:
         if old.recording_digest == check.recording_digest:
             raise HistoryError(f"holds the readings of {old.recording}: it was checked already")
@@ -218,13 +216,12 @@ def continues(before: Sequence[Check], check: Check) -> None:
 
 
 def _day(time: datetime) -> str:
-    """Date and time for people."""
+    """Date and time as text for people."""
     return f"{time:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def write(folder: Path, checks: Sequence[Check]) -> None:
-    """Write the table of all checks atomically; an old one that names other recordings is kept with
-    ``~``."""
+    """Write the table of all checks; one that names other recordings is kept as NAME~."""
     rows, path = [_columns(c) for c in checks], folder / FILE
     if path.exists() and not _recordings(path) <= {c.recording for c in checks}:
         kept = set_aside(path)
@@ -236,7 +233,7 @@ def write(folder: Path, checks: Sequence[Check]) -> None:
 
 
 def _recordings(path: Path) -> set[str]:
-    """Paths of the recordings that a table names; its own path if it cannot be read."""
+    """Paths of the recordings that a table names; a set of its own path if it cannot be read."""
     try:
         columns, raw = parquet.read(path, HistoryError)
     except HistoryError:
@@ -246,7 +243,7 @@ def _recordings(path: Path) -> set[str]:
 
 
 def _columns(check: Check) -> dict[str, Any]:
-    """Row of the table for a check."""
+    """Column → value of a check's row in the table."""
     row: dict[str, Any] = {name: getattr(check, name) for name in _TEXTS}
     row["time"] = check.time.isoformat(timespec="milliseconds")
     row["temperature"] = check.temperature

@@ -28,10 +28,10 @@ Sink = Callable[[External], None]
 
 @dataclass(frozen=True)
 class LiveSummary:
-    """Summary of a live run.
+    """Statistics of a run of `live`.
 
     Attributes:
-        readings, seconds: how many, in what time [s].
+        readings, seconds: number of readings, and duration [s].
         lost: readings that the sensor or the link lost.
         skipped: readings that came between two published ones and were left out.
         p50, p99: time from a reading's arrival to its publication [s].
@@ -58,10 +58,10 @@ def live(
     seconds: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> LiveSummary:
-    """Publish the compensated readings of a connected driver, which is only read, at most ``rate``
-    of them a second [Hz], for some seconds or until ``stopped``.
+    """Publish the compensated readings of a driver that is only read, and return a summary.
 
-    Sinks are called with each result in this thread; they must not block.
+    At most ``rate`` readings a second are published, for ``seconds`` or until ``stopped``. Sinks
+    are called with each result in this thread; they must not block.
 
     Raises:
         DriverError: the controller subtracts a payload from the wrench, which would be subtracted
@@ -102,12 +102,12 @@ def live(
 
 
 def _received(driver: LiveDriver) -> int:
-    """Number of readings that a driver's sensor has received."""
+    """Number of readings that the driver's sensor has received since it was connected."""
     return int(driver.health().counters["wrench readings"])
 
 
 def _check_whole(driver: LiveDriver) -> None:
-    """Refuse a driver whose wrench lacks the weight of a payload."""
+    """Raise `DriverError` if a driver's wrench lacks the weight of a payload."""
     stated = driver.metadata("static", 1.0).extra.get("wrench") or {}
     payload = (stated.get("payload") or {}).get("mass")
     if stated.get("compensated") and payload != 0.0:
@@ -119,8 +119,8 @@ def _check_whole(driver: LiveDriver) -> None:
 
 
 class Datagrams(AbstractContextManager["Datagrams"]):
-    """Sends each reading as a datagram of JSON to HOST:PORT; a context manager and a sink. Raises a
-    `ParameterError` if the address is no HOST:PORT, or there is no such host."""
+    """Sink that sends each reading as JSON in a UDP datagram to HOST:PORT; a context manager.
+    Raises a `ParameterError` if the address is no HOST:PORT, or there is no such host."""
 
     def __init__(self, address: str) -> None:
         self._target = _address(address)

@@ -84,8 +84,8 @@ joints."""
 
 
 class Step(NamedTuple):
-    """A step of all numbers from a check on: sizes and standard errors (K,), degrees of freedom, p
-    value of the residual, and the step's log evidence."""
+    """A change of K numbers at some check: sizes and standard errors (K,), degrees of freedom, p
+    value of the residual, and the log evidence for the change."""
 
     size: np.ndarray
     std: np.ndarray
@@ -95,8 +95,9 @@ class Step(NamedTuple):
 
 
 class _Reference(NamedTuple):
-    """First check of a history: parameters (P,), scene, readings (P, 6, K) per unit of each number,
-    and the numbers themselves (K,), of which spans, tilt and mount count from 0."""
+    """First check of a history, to which later ones are compared: parameters (P,), scene, readings
+    (P, 6, K) per unit of each number, and the numbers (K,), of which spans, tilt and mount count
+    from 0."""
 
     theta: np.ndarray
     scene: Scene
@@ -106,7 +107,7 @@ class _Reference(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _reference(robot: Robot, first: Check) -> _Reference:
-    """Compute the reference of a history; its derivatives cost more than all else.
+    """Make the reference of a history from its first check; slow, as it needs derivatives.
 
     Raises:
         CalibrationError: the load of the check cannot be identified.
@@ -127,7 +128,7 @@ def _reference(robot: Robot, first: Check) -> _Reference:
 
 
 def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of readings (P, 6, K) by parameters of typical size, and those sizes (K,)."""
+    """Derivatives (P, 6, K) of readings by K parameters, per typical size, and these sizes (K,)."""
     response, known, columns, typical = Response(scene, (WRENCH,)), effects(), [], []
     for name, wanted in fitted.items():
         parameters = known[name].parameters(scene.robot)
@@ -158,19 +159,19 @@ class History:
 
     @cached_property
     def _slow(self) -> np.ndarray:
-        """Standard deviation (6,) of a zero by 1/f noise and by the end of warm-up [N, N·m]."""
+        """Standard deviation (6,) [N, N·m] of a zero's drift by 1/f noise and warm-up."""
         noise = self._sensor.noise
         return np.hypot(_SLOW * noise.flicker, _LEFT_OF_WARM_UP * np.abs(noise.warmup_drift))
 
     @cached_property
     def _row_std(self) -> np.ndarray:
-        """Standard deviation (6,) of a row: the median over checks."""
+        """Standard deviation (6,) [N, N·m] of one row: the median over checks."""
         variances = np.median([np.diagonal(c.covariance) for c in self.checks], axis=0)
         return np.sqrt(np.maximum(variances, 1e-6 * self._sensor.noise.row_std**2))
 
     @cached_property
     def _turn(self) -> np.ndarray:
-        """Inverse square root (6 P, 6 P) of the covariance of the holds' means: rows and 1/f."""
+        """Whitening matrix (6 P, 6 P) of the P holds' means, with row noise and 1/f noise."""
         first, noise = self.checks[0], self._sensor.noise
         flicker = noise.correlation * np.outer(noise.flicker, noise.flicker)
         rows = np.kron(np.eye(len(first.t)), np.diag(self._row_std**2 / np.median(first.count)))
@@ -178,8 +179,9 @@ class History:
 
     @cached_property
     def _fit(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Numbers and moving zeros of all checks (n, K + 6) as differences from the first check's
-        model, the covariance of one check's (K + 6, K + 6), and the whitened residual (n, 6 P)."""
+        """Numbers and drifts of zeros in all checks (n, K + 6), as differences from the first
+        check's model, their covariance in one check (K + 6, K + 6), and the whitened residual (n, 6
+        P)."""
         scene, tangents = self._first.scene, self._first.tangents
         moving = (scene.age / scene.span - 0.5)[:, None, None] * np.eye(6)
         both = np.concatenate([tangents, moving], axis=-1)
@@ -195,12 +197,12 @@ class History:
 
     @property
     def values(self) -> np.ndarray:
-        """Numbers of all checks (n, K) [SI]."""
+        """Fitted numbers of all checks (n, K) [SI]."""
         return self._fit[0][:, : len(NUMBERS)] + self._first.origin
 
     @property
     def std(self) -> np.ndarray:
-        """Standard uncertainty of the numbers of one check by the noise within it (K,)."""
+        """Standard uncertainty (K,) [SI] of one check's numbers by the noise within it."""
         return np.sqrt(np.diagonal(self._fit[1]))[: len(NUMBERS)]
 
     @property
@@ -217,7 +219,7 @@ class History:
 
     @cached_property
     def _nuisance(self) -> np.ndarray:
-        """Columns (n, k) of temperature, or of the season, in kelvin."""
+        """Columns (n, k) by which numbers vary harmlessly: temperature or season [K]."""
         degrees = np.array([c.temperature for c in self.checks])
         if np.isfinite(degrees).all():
             return (degrees - degrees[0])[:, None]
@@ -226,8 +228,7 @@ class History:
 
     @cached_property
     def _expected(self) -> tuple[np.ndarray, np.ndarray]:
-        """Prior scatter of each number from check to check (K,), and its change by a kelvin
-        relative to that."""
+        """Prior scatter (K,) of the numbers between checks; change by a kelvin relative to it."""
         full, mass = self._sensor.calibration().range, self._first.origin[6]
         spans = [_SPAN_PER_K] * 2
         by_kelvin = np.concatenate([_ZERO_PER_K * full, [_SPAN_PER_K * mass], np.zeros(8), spans])
@@ -239,13 +240,13 @@ class History:
 
     @cached_property
     def _root(self) -> np.ndarray:
-        """Inverse square root (n, n) of the covariance of white scatter and a random walk."""
+        """Whitening matrix (n, n) of the scatter over n checks: white noise and a random walk."""
         months = 12.0 * self.years
         covariance = np.eye(len(months)) + _WALK * np.minimum(months[:, None], months)
         return np.linalg.inv(np.linalg.cholesky(covariance))
 
     def step(self, begin: int) -> Step:
-        """The step that begins with check ``begin``, at least 1."""
+        """Estimate a step of the numbers that begins with check ``begin``, at least 1."""
         n, (expected, by_kelvin) = len(self.checks), self._expected
         flat = np.column_stack([np.arange(n) >= begin, np.ones(n)]).astype(float)
         x = self._root @ np.column_stack([flat, self._nuisance])
@@ -263,7 +264,7 @@ class History:
         return Step(expected * beta[0], expected * std, freedom, misfit, evidence)
 
     def _misfit_of(self, x: np.ndarray) -> tuple[float, float]:
-        """p value and log evidence of a step in the residual, by columns (n, 2)."""
+        """p value and log evidence of a step in the residual, for columns x (n, 2)."""
         residual = self._fit[2]
         each, inverse = residual.shape[1] - len(self._fit[1]), np.linalg.inv(x.T @ x)
         beta = inverse @ (x.T @ residual)

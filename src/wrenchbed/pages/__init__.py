@@ -32,12 +32,12 @@ SOLIDS = ("assets/three.min.js", "assets/scene.js")
 
 @dataclass(frozen=True)
 class ReportPage:
-    """A page, ready to be written.
+    """An HTML page with its data, ready to be written.
 
     Attributes:
         context: values that the template shows, by name; ``verdict``, if any, chooses its colour.
         template: which kind of page it is.
-        figures: interactive ones; libraries that none of them needs are left out.
+        figures: interactive figures; libraries that none of them needs are left out.
     """
 
     context: Mapping[str, Any]
@@ -45,7 +45,7 @@ class ReportPage:
     figures: Sequence[Drawn] = ()
 
     def html(self) -> str:
-        """HTML of the self-contained page; the browser runs its own scripts and no other.
+        """Return the HTML of the self-contained page; a browser runs its own scripts and no other.
 
         Raises:
             MissingExtraError: jinja2 is not installed.
@@ -70,20 +70,20 @@ class ReportPage:
         return str(template.render({**self.context, **assets}))
 
     def write(self, path: str | Path) -> None:
-        """Write the page, atomically."""
+        """Write the page to an HTML file, atomically."""
         write_text(path, self.html())
 
 
 @cache
 def _script(name: str) -> tuple[str, str]:
-    """Text of a script, and the source expression by which a Content-Security-Policy allows it."""
+    """Text of a script file, and the source expression by which a page's policy allows it."""
     text = "\n" + _text(name).rstrip() + "\n"
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return text, f"'sha256-{digest}'"
 
 
 def _code(text: str) -> Any:
-    """HTML of a text in which what is between backticks is code."""
+    """HTML of a text in which words between backticks are marked as code."""
     html = registry.require("markupsafe", "report")
     parts = [html.escape(printable(part)) for part in str(text).split("`")]
     if len(parts) % 2 == 0:  # one that is alone is a character like others
@@ -96,7 +96,7 @@ def _code(text: str) -> Any:
 
 
 def _cleaned(value: Any) -> Any:
-    """Spell out control characters of texts, unless they are HTML, for a template."""
+    """Escape control characters in texts for a template; HTML is left as it is."""
     return printable(value) if type(value) is str else value
 
 

@@ -25,10 +25,10 @@ _MAPS = {False: "cividis", True: "RdBu_r"}
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis of a panel.
+    """One axis of a chart's panel.
 
     Attributes:
-        label, unit: what it shows.
+        label, unit: quantity that it shows.
         scale: ``log`` is in decades.
         names: categories of a y axis, whose values are 0, 1 … from the top down.
         ticks: where it is marked; chosen by whoever draws it if empty.
@@ -51,16 +51,16 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Points, lines or bars of N values.
+    """N points, lines or bars of a chart's panel.
 
     Attributes:
         name: for legend and table; one that is empty has none.
         kind: ``bars`` are horizontal, y has names.
         x, y: (N,) in the axes' units.
         std: standard uncertainty of y (N,), None where it is not known.
-        role: its colour.
-        mark: of points.
-        dashed: of lines.
+        role: meaning that decides its colour.
+        mark: shape of points.
+        dashed: whether a line is dashed.
         ids: number of the observation behind each point (N,): figures share their cursor by it.
     """
 
@@ -80,7 +80,7 @@ class Series:
             raise ValueError(f"series {self.name!r}: arrays of different lengths")
 
     def at(self, keep: np.ndarray) -> "Series":
-        """The series with its points of these indices (K,) only."""
+        """Return a series with the points of these indices (K,) only."""
 
         def of(v: np.ndarray | None) -> np.ndarray | None:
             return None if v is None else v[keep]
@@ -90,7 +90,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Scale:
-    """Colours of a matrix's values, the same on every page.
+    """Colour scale for a matrix's values, the same on every page.
 
     Attributes:
         label: with unit.
@@ -108,20 +108,20 @@ class Scale:
     diverging: bool = False
 
     def share(self, value: float) -> float:
-        """Position of a value between the ends, 0 … 1."""
+        """Position of a value between the ends of the scale, 0 … 1."""
         value = min(max(value, self.low), self.high)
         if self.log:
             return float(np.log(value / self.low) / np.log(self.high / self.low))
         return (value - self.low) / (self.high - self.low)
 
     def colour(self, value: float) -> str:
-        """Colour of a value, as ``#rrggbb``."""
+        """Colour of a value as ``#rrggbb``."""
         from matplotlib import colormaps, colors  # slow to load, and missing without [report]
 
         return str(colors.to_hex(colormaps[_MAPS[self.diverging]](self.share(value))))
 
     def bar(self, steps: int = 40) -> dict[str, Any]:
-        """The scale's bar: colours of equal steps, and its marks as (share, text)."""
+        """Legend of the scale: colours of equal steps, and its marks as (position, text)."""
         ends = self.low, self.high
         values = np.geomspace(*ends, steps) if self.log else np.linspace(*ends, steps)
         return {
@@ -137,13 +137,13 @@ NOISE = Scale("residual, rms [noise of a row]", 0.1, 100.0, (0.1, 1.0, 10.0, 100
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """Numbers (R, C) as colours, each printed in its cell.
+    """A panel of numbers (R, C) shown as colours, each printed in its cell.
 
     Attributes:
-        rows, columns: names.
+        rows, columns: names of rows and columns.
         values: NaN where there is none.
-        scale: of the colours.
-        texts: as printed, row by row.
+        scale: colour scale.
+        texts: values as printed, row by row.
         printed: whether they stand in the cells; at the cursor they always do.
         ids: number of the observation that each cell is worst at (R, C), if it is of some.
         spans: first and last observation of each column (C, 2), likewise.
@@ -160,17 +160,17 @@ class Matrix:
 
     @property
     def colours(self) -> list[list[str | None]]:
-        """Colours of the cells; None of one without a value, which has the page's own."""
+        """Colour of each cell; None for one without a value, which has the page's own."""
         return [[self.scale.colour(float(v)) if np.isfinite(v) else None for v in row]
                 for row in self.values]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One pair of axes with its series, or a matrix.
+    """One pair of axes of a chart with its series, or a matrix.
 
     Attributes:
-        title: above it, empty if none.
+        title: text above the panel, may be empty.
         height: in units of a usual panel's.
         zero: whether a line marks y = 0.
     """
@@ -186,15 +186,15 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A figure of one or more panels.
+    """Data of a figure with one or more panels.
 
     Attributes:
         name: unique on its page, of letters, digits and hyphens.
-        title: above it.
+        title: text above the figure.
         panels: row by row.
         columns: panels beside each other where there is room.
         shared: whether all panels have the same x.
-        caption: beneath it.
+        caption: text beneath the figure.
         note: on data that are not drawn.
     """
 
@@ -207,7 +207,7 @@ class Chart:
     note: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """What the page's script draws and writes as CSV."""
+        """Convert to a JSON object, which the page's script draws and writes as CSV."""
         return {
             "title": self.title,
             "columns": self.columns,
@@ -217,7 +217,7 @@ class Chart:
 
 
 def extremes(y: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
-    """Indices of at most ``most`` points of y (N,): least and largest of each of equal stretches.
+    """Indices of at most ``most`` points of y (N,): minimum and maximum of each of equal stretches.
 
     First and last are among them; NaN are not drawn.
     """
@@ -235,7 +235,7 @@ def extremes(y: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
 def thinned(
     series: Sequence[Series], most: int = MOST_POINTS, what: str = "rows"
 ) -> tuple[tuple[Series, ...], str]:
-    """Thin series to at most ``most`` points each; also return a note if points were left out."""
+    """Reduce series to at most ``most`` points each, and return a note if points were left out."""
     longest = max((len(s.x) for s in series), default=0)
     if longest <= most:
         return tuple(series), ""
@@ -245,8 +245,7 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Indices of drawn points: extremes, and even ones, for extremes alone look like two
-    branches."""
+    """Indices of the points to draw: extremes and even ones, or a line would look like two."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)
     even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)
@@ -254,13 +253,13 @@ def _kept(s: Series, most: int) -> np.ndarray:
 
 
 def readable(colour: str) -> str:
-    """Black or white, whichever has the larger contrast on a colour: at least 4.5 on any."""
+    """Text colour, black or white, with the larger contrast on ``colour``: at least 4.5 on any."""
     light = luminance(colour)
     return "#000000" if (light + 0.05) / 0.05 >= 1.05 / (light + 0.05) else "#ffffff"
 
 
 def luminance(colour: str) -> float:
-    """Relative luminance of ``#rrggbb``, WCAG 2.2."""
+    """Relative luminance of a colour ``#rrggbb``, 0 … 1, after WCAG 2.2."""
     parts = (int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5))
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -27,7 +27,7 @@ Facts = Sequence[tuple[str, str]]
 def provenance(
     files: Sequence[str | Path], command: str = "", seed: int | None = None
 ) -> list[tuple[str, str]]:
-    """Label and text of each fact on the origin of a page.
+    """Facts on the origin of a page, as (label, text).
 
     Args:
         files: paths of what was read; of a name without a file it is said that there is none.
@@ -41,7 +41,7 @@ def provenance(
 
 
 def sha256(path: str | Path) -> str:
-    """SHA-256 of a file's bytes, empty if there is no such file."""
+    """SHA-256 of a file's bytes as hexadecimal text; empty if there is no such file."""
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -50,19 +50,19 @@ def sha256(path: str | Path) -> str:
 
 
 def markdown(lines: Facts) -> list[str]:
-    """The facts as lines of Markdown."""
+    """Markdown lines of facts, one for each (label, text)."""
     return ["", "**Data and command**", "", *(f"- {label}: {text}" for label, text in lines)]
 
 
 def _now() -> datetime:
-    """Present time, or SOURCE_DATE_EPOCH [s since 1970] for repeatable builds."""
+    """Present time, or the time that SOURCE_DATE_EPOCH states, for repeatable builds."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts; cells that are numbers are right-aligned.
+    """A table of texts on a page; columns of numbers are right-aligned.
 
     Attributes:
         title: with its number in the paper, if it has one.
@@ -78,7 +78,7 @@ class Table:
     def of(
         cls, title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], note: str = ""
     ) -> "Table":
-        """Make a table of texts and of numbers, which are shown with four significant digits."""
+        """Make a table from texts and numbers; numbers are shown with four significant digits."""
         cells = tuple(tuple(render(x) for x in row) for row in rows)
         if any(len(row) != len(columns) for row in cells):
             raise ValueError(f"table {title!r}: rows must have {len(columns)} cells")
@@ -86,14 +86,14 @@ class Table:
 
     @property
     def numeric(self) -> tuple[bool, ...]:
-        """Which columns hold numbers only, and are right-aligned."""
+        """For each column, whether all its cells are numbers, so that it is right-aligned."""
         return tuple(
             k > 0 and all(re.match(r"$|[+–−-]?[<>≥≤]?\s?[\d.]|–$", row[k]) for row in self.rows)
             for k in range(len(self.columns))
         )
 
     def markdown(self) -> str:
-        """The table in Markdown (with pipes); a sentence where it has no rows."""
+        """The table in Markdown (with pipes); a sentence if it has no rows."""
         if not self.rows:
             return f"**{self.title}**\n\nNone."
         line = "| " + " | ".join(["---"] + ["---:"] * (len(self.columns) - 1)) + " |"
@@ -105,7 +105,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A chart, which is also kept beside the page as ``name``.svg."""
+    """A chart on a page, which is also written beside the page as ``name``.svg."""
 
     name: str
     title: str
@@ -114,12 +114,12 @@ class Figure:
 
     @cached_property
     def drawn(self) -> Drawn:
-        """The figure as HTML of a page."""
+        """The chart with its SVG, as a page shows it."""
         return draw(self._named)
 
     @property
     def svg(self) -> str:
-        """The figure as SVG for white paper."""
+        """SVG text of the chart, coloured for white paper."""
         return svg(self._named, themed=False)
 
     @property
@@ -128,7 +128,7 @@ class Figure:
         return replace(self.chart, name=self.name, title=self.title, caption=caption)
 
     def markdown(self) -> str:
-        """Markdown link to the figure's file."""
+        """Markdown link to the figure's SVG file."""
         text = f"![{self.title}]({self.name}.svg)\n\n*{self.title}*"
         return f"{text}. {self.note}" if self.note else text
 
@@ -148,13 +148,13 @@ class Card:
     text: str
 
     def markdown(self) -> str:
-        """The card as an item of a Markdown list."""
+        """This answer as an item of a Markdown list."""
         return f"- {self.label}: **{self.figure}**. {self.text}"
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, a paragraph, tables and figures."""
+    """A section of a page: heading, paragraph, tables and figures."""
 
     title: str
     text: str
@@ -163,7 +163,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """A whole page: summary, cards and sections.
+    """Content of a whole page: summary, cards and sections.
 
     Attributes:
         made: how it was made, as a sentence.
@@ -181,7 +181,7 @@ class Document:
     cards: tuple[Card, ...] = ()
 
     def markdown(self) -> str:
-        """The page as Markdown; figures are links."""
+        """The page as Markdown text; figures are links to files."""
         blocks = [f"# {self.title}", self.lead, "\n".join(c.markdown() for c in self.cards)]
         for section in self.sections:
             blocks += [f"## {section.title}", section.text]
@@ -191,12 +191,12 @@ class Document:
 
     @property
     def figures(self) -> list[Figure]:
-        """All figures, in their order."""
+        """All figures of the page, in their order."""
         parts = (part for section in self.sections for part in section.parts)
         return [part for part in parts if isinstance(part, Figure)]
 
     def html(self) -> str:
-        """One self-contained page with the figures inside.
+        """Return the page as one self-contained HTML text, figures included.
 
         Raises:
             MissingExtraError: jinja2 is not installed.
@@ -205,7 +205,7 @@ class Document:
         return ReportPage(context, "study", [figure.drawn for figure in self.figures]).html()
 
     def write(self, folder: Path, name: str, numbers: Any = None) -> None:
-        """Write ``name``.md, .html and the figures to a folder; .json if there are numbers."""
+        """Write ``name``.md, .html and the figures to a folder; ``numbers``, if any, as .json."""
         texts = {f"{figure.name}.svg": figure.svg for figure in self.figures}
         texts |= {f"{name}.html": self.html(), f"{name}.md": self.markdown()}
         with atomic_folder(folder) as new:
@@ -216,7 +216,7 @@ class Document:
 
 
 def render(x: object) -> str:
-    """Text of a cell: texts as they are, numbers with four significant digits, NaN as a dash."""
+    """Text of a table cell: texts unchanged, numbers with four significant digits, NaN a dash."""
     if isinstance(x, str):
         return x
     if isinstance(x, int) and not isinstance(x, bool):

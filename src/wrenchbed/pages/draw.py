@@ -43,14 +43,14 @@ _MARKS = {"dot": "o", "ring": "o", "diamond": "D"}
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A figure with its still SVG."""
+    """A chart or scene together with its SVG text."""
 
     chart: Chart | Scene
     svg: str
 
 
 def draw(chart: Chart | Scene) -> Drawn:
-    """Draw a figure as SVG.
+    """Draw a chart or a scene as SVG.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -59,10 +59,10 @@ def draw(chart: Chart | Scene) -> Drawn:
 
 
 def svg(chart: Chart, *, themed: bool = True) -> str:
-    """A chart as one SVG element with its title.
+    """Draw a chart as one SVG element with its title.
 
     Args:
-        chart: what to draw.
+        chart: data of the figure.
         themed: whether colours follow the page, in light and in dark; else they are for white.
 
     Raises:
@@ -211,7 +211,7 @@ def _legend(figure: Any, axes: list[Any]) -> None:
 
 
 def _own(text: str, name: str, *, themed: bool) -> str:
-    """Give an SVG ids of its own, no addresses, and the page's colours if ``themed``."""
+    """Make an SVG's ids unique, remove addresses and, if ``themed``, use the page's colours."""
     if not themed:
         return text
     for colour, variable in _THEME.items():

@@ -26,7 +26,7 @@ POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def gap(value: float) -> str:
-    """Text of a gap with up to three figures; 0 if it is below half a hundredth."""
+    """Text of a gap (multiples of a row's noise) with three figures; 0 below half a hundredth."""
     size = abs(value)
     if size < 0.005:
         return "0.00"
@@ -35,7 +35,7 @@ def gap(value: float) -> str:
 
 
 def percent(x: float) -> str:
-    """Text of a share in %: one decimal, none from 1,000 % on, more just below 100 %."""
+    """Text of a fraction as %: one decimal, none from 1,000 % on, more just below 100 %."""
     rest = 1.0 - x
     if 0.0 < rest < 1e-3:
         digits = min(MOST_NINES, -math.floor(math.log10(rest)) - 2)
@@ -45,17 +45,17 @@ def percent(x: float) -> str:
 
 
 def chance(p: float) -> str:
-    """Text of a probability, never 0 or 1."""
+    """Text of a probability in %, never 0 % or 100 %."""
     return ">\u00a00.99" if p > 0.994 else "<\u00a00.01" if p < 0.006 else f"{p:.2f}"
 
 
 def p_value(p: float) -> str:
-    """Text of a p-value with one or two figures."""
+    """Text of a p-value with one or two significant figures."""
     return "< 0.001" if p < 0.001 else f"{p:.3f}" if p < 0.0995 else f"{p:.2f}"
 
 
 def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> str:
-    """Text of a parameter's value ± standard uncertainty with its unit."""
+    """Text of a parameter's value ± standard uncertainty, with the unit for people."""
     value, std = entry.get("value"), entry.get("std")
     if not _is_number(value) or "unit" not in entry:
         shown = f"{value:g}" if _is_number(value) else str(value)
@@ -67,13 +67,13 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
 
 
 def rough(name: str, value: float, unit: str) -> str:
-    """Text of a parameter's size with two figures."""
+    """Text of a parameter's size with two significant figures and its unit."""
     factor, shown = _unit(name, {"value": value, "unit": unit})
     return minus(_with(f"{factor * value:.2g}", shown))
 
 
 def measured(value: float, std: float | None, *, signed: bool = False) -> str:
-    """Text of a number with the digits that its uncertainty allows: ``(1.40 ± 0.05)·10⁴``."""
+    """Text of a value with the digits that its uncertainty allows: ``(1.40 ± 0.05)·10⁴``."""
     if not math.isfinite(value):
         return "–"
     plus = "+" if signed and value > 0 else ""
@@ -89,23 +89,23 @@ def measured(value: float, std: float | None, *, signed: bool = False) -> str:
 
 
 def decimals(std: float) -> int:
-    """Decimals of a value that leave its uncertainty two figures."""
+    """Number of decimals with which a standard uncertainty keeps two figures."""
     return int(min(9, max(0, 1 - math.floor(math.log10(std))))) if std > 0 else 9
 
 
 def round_down(x: float) -> float:
-    """The largest of 1, 2 or 5 times a power of ten that is not above a positive number."""
+    """Largest number of the form 1, 2 or 5 times a power of ten that is not above x > 0."""
     power = 10.0 ** math.floor(math.log10(x))
     return float(f"{max(s for s in (1.0, 2.0, 5.0) if s * power <= x * (1 + 1e-9)) * power:.3g}")
 
 
 def minus(text: str) -> str:
-    """Replace the hyphen of a negative number by a minus sign; a plain zero has none."""
+    """Replace the hyphen of a negative number by a minus sign; a plain zero loses it."""
     return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")
 
 
 def _unit(name: str, entry: Mapping[str, Any]) -> tuple[float, str]:
-    """Factor from SI to the unit in which people read a parameter, and that unit."""
+    """Factor from SI to the unit in which people read this parameter, and that unit."""
     unit, value = str(entry.get("unit", "")), entry.get("value") or 0.0
     if unit == "1":
         return (100.0, "%") if name.split(".")[0] in _SHARES else (1.0, "")
@@ -116,12 +116,12 @@ def _unit(name: str, entry: Mapping[str, Any]) -> tuple[float, str]:
 
 
 def _with(number: str, unit: str) -> str:
-    """Text of a number and its unit; the degree sign alone needs no space."""
+    """Join number and unit to a text; only the degree sign follows without a space."""
     return number + unit if unit == "°" else f"{number} {unit}".rstrip()
 
 
 def _power(size: float) -> int:
-    """Power of ten that is written apart: 0 where a plain number reads well."""
+    """Power of ten to write as a factor; 0 where a plain number reads well."""
     return 0 if size == 0.0 or 1e-2 <= size < 1e4 else math.floor(math.log10(size))
 
 
@@ -130,7 +130,7 @@ def _times(power: int) -> str:
 
 
 def _digits(std: float) -> int:
-    """Decimals that an uncertainty leaves: two figures while it begins with 1 or 2, else one."""
+    """Number of decimals for an uncertainty: two figures if it begins with 1 or 2, else one."""
     lead = math.floor(math.log10(std))
     return min(6, max(0, -lead + (std / 10.0**lead < 2.95)))
 

@@ -15,7 +15,7 @@ MOST_PLACES = 1200
 
 
 def course(values: np.ndarray, x: str, y: str) -> Chart:
-    """Chart of values (N,) over their number, from 0."""
+    """Chart of values (N,) over their index 0 … N − 1."""
     numbers = np.arange(len(values), dtype=float)
     series = Series("", "line", numbers, values)
     return Chart("", "", (Panel(Axis(x), Axis(y), (series,), height=1.6),))
@@ -29,13 +29,13 @@ def histograms(
     log: bool = False,
     bins: int = 50,
 ) -> Chart:
-    """Chart of panels side by side, each with histograms of one or more samples (N,) by name.
+    """Chart with panels side by side, each with histograms of one or more samples (N,).
 
     Args:
-        panels: values by name, by the panel's title.
-        x, y: what the axes show.
-        log: x in decades; of positive numbers only.
-        bins: of each distribution at most; fewer of few values.
+        panels: panel title → name → sample (N,).
+        x, y: labels of the axes.
+        log: whether x is in decades; for positive numbers only.
+        bins: largest number of bins; fewer for few values.
     """
     roles: tuple[Role, ...] = ("measured", "before")
     drawn = []
@@ -59,13 +59,12 @@ def histograms(
 
 
 def _steps(edges: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outline of a histogram: x and y (2 B + 2,)."""
+    """Outline of a histogram as x and y (2 B + 2,), from edges (B + 1,) and counts (B,)."""
     return np.repeat(edges, 2), np.concatenate([[0], np.repeat(counts, 2), [0]]).astype(float)
 
 
 def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> Chart:
-    """Chart of positions (N, 3) [m] from above and from the front; ``targets`` in another
-    colour."""
+    """Chart of positions (N, 3) [m] from above and from the front; ``targets`` differ in colour."""
     named: tuple[tuple[Role, Mapping[str, np.ndarray]], ...] = (
         ("measured", sets), ("before", targets)
     )  # fmt: skip
@@ -84,7 +83,7 @@ def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]
 
 
 def decades(values: np.ndarray) -> tuple[float, ...]:
-    """Marks of a logarithmic axis over values (N,), few enough to be read beside each other."""
+    """Marks of a logarithmic axis for values (N,), few enough that their texts do not overlap."""
     known = values[np.isfinite(values) & (values > 0.0)]
     if not len(known):
         return ()
@@ -101,7 +100,7 @@ def decades(values: np.ndarray) -> tuple[float, ...]:
 def groups(
     panels: Mapping[str, tuple[str, Mapping[str, Sequence[float]]]], labels: Sequence[str]
 ) -> Chart:
-    """Chart of panels by title, each with its unit and a horizontal bar for each label and name."""
+    """Chart of horizontal bars: panel title → (unit, name → one value for each of ``labels``)."""
     roles: tuple[Role, ...] = ("measured", "before", "after", "box")
     drawn = []
     for title, (x, data) in panels.items():
@@ -117,7 +116,7 @@ def groups(
 
 
 def components(left: Mapping[str, np.ndarray]) -> Chart:
-    """Chart of residual wrenches (N, 6): force above, torque below, one column a method."""
+    """Chart of residual wrenches, method → (N, 6): force above torque, one column a method."""
     roles: tuple[Role, ...] = ("measured", "before", "after")
     panels = []
     for first, label, unit in ((0, "force", "N"), (3, "torque", "N·m")):

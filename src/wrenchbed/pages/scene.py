@@ -26,7 +26,7 @@ _VARIABLES = {"measured": "--real", "before": "--sim", "after": "--after", "box"
 
 
 def heat(share: np.ndarray | float) -> np.ndarray:
-    """Colours (…, 3) of 0 … 255 for shares (…,) of 0 … 1."""
+    """RGB colours (…, 3), 0 … 255, for shares of blame (…,), 0 … 1."""
     at = np.clip(np.asarray(share, dtype=float), 0.0, 1.0) * (len(_RAMP) - 1)
     low = np.minimum(at.astype(int), len(_RAMP) - 2)
     part = (at - low)[..., None]
@@ -36,12 +36,12 @@ def heat(share: np.ndarray | float) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A rigid part of one colour.
+    """A rigid part of the drawn robot, in one colour.
 
     Attributes:
-        name: of what it stands for.
+        name: what the part stands for.
         body: number of the frame that moves it.
-        share: of the blame, 0 … 1.
+        share: share of the blame, 0 … 1.
         places: corners of its surface in that frame (V, 3) [m].
         faces: its triangles (T, 3), anticlockwise from outside.
     """
@@ -55,8 +55,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Arrows:
-    """Vectors at the sensor (K, 3) in its own axes [m], as long as they are drawn; torques have two
-    heads."""
+    """Vectors (K, 3) at the sensor in its axes, as long as drawn [m]; torques have two heads."""
 
     name: str
     role: Role
@@ -66,14 +65,14 @@ class Arrows:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A robot at K moments.
+    """A robot at K moments, which a page shows in 3D.
 
     Attributes:
         name, title, caption, note, columns: as of a `Chart`.
-        parts: of it.
+        parts: rigid parts of the robot.
         frames: of its bodies in the world, the sensor's the last (K, B, 3, 4): axes and place [m].
-        arrows: that begin at the sensor.
-        labels: of the moments, for people.
+        arrows: arrows that begin at the sensor.
+        labels: texts of the moments.
         ids: numbers of their observations (K,): figures share their cursor by it.
         first: the moment that is shown first, and in the still picture.
         eye: direction (3,) from the robot to who looks at it.
@@ -93,7 +92,7 @@ class Scene:
     columns: int = 1
 
     def to_json(self) -> dict[str, Any]:
-        """JSON object of the scene, which the page's script draws and turns."""
+        """Convert to a JSON object, which the page's script draws and rotates."""
         return dict(to_json(self)) | {"ramp": [_colour(s) for s in np.linspace(0.0, 1.0, 5)]}
 
     @property
@@ -122,12 +121,12 @@ class Scene:
 
 
 def _colour(share: float, light: float = 1.0) -> str:
-    """Colour of a share of blame as ``#rrggbb``, under some light."""
+    """Colour ``#rrggbb`` for a share of blame, 0 … 1, under a brightness ``light``."""
     return "#" + "".join(f"{int(light * c):02x}" for c in heat(share))
 
 
 def _looking(eye: np.ndarray) -> np.ndarray:
-    """Axes of a camera (3, 3) as rows: right, up, towards it."""
+    """Rotation (3, 3) of a camera that looks from eye (3,): rows right, up, towards the camera."""
     back = eye / np.linalg.norm(eye)
     right = np.cross([0.0, 0.0, 1.0], back) / np.hypot(back[0], back[1])
     return np.stack([right, np.cross(back, right), back])
@@ -136,7 +135,7 @@ def _looking(eye: np.ndarray) -> np.ndarray:
 def _surfaces(
     corners: np.ndarray, shares: np.ndarray, paper: np.ndarray, look: np.ndarray
 ) -> list[str]:
-    """Polygons of those triangles (T, 3, 3) in the camera's axes that face it, from far to near."""
+    """SVG polygons of triangles (T, 3, 3), in the camera's axes, that face it, far ones first."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
     bright = np.clip(normal @ look @ _LIGHT / length, 0.0, 1.0)
@@ -153,7 +152,7 @@ def _points(places: np.ndarray) -> str:
 
 
 def _arrow(begin: np.ndarray, end: np.ndarray, colour: str) -> list[str]:
-    """An arrow with its head, which is the whole of one that is short."""
+    """SVG elements of an arrow from ``begin`` to ``end``; a short one is only its head."""
     length = float(np.linalg.norm(end - begin))
     along = (end - begin) / max(length, 1e-9)
     neck, side = end - min(_HEAD, length) * along, 0.5 * min(_HEAD, length) * along[::-1]
@@ -163,7 +162,7 @@ def _arrow(begin: np.ndarray, end: np.ndarray, colour: str) -> list[str]:
 
 
 def _bar(name: str) -> str:
-    """The colour bar of blame, whose gradient has a name of its own on the page."""
+    """SVG of the colour bar of blame, whose gradient has an id made of ``name``."""
     stops = "".join(f'<stop offset="{s}" stop-color="{_colour(s)}"/>'
                     for s in np.linspace(0.0, 1.0, len(_RAMP)))  # fmt: skip
     y, text = _HEIGHT - 14, '<text font-size="11" style="fill: var(--ink)"'

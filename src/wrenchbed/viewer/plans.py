@@ -28,7 +28,7 @@ _DOT_M, _LINE_M = 0.008, 0.0015
 
 
 def plan_view(plan: Plan, path: str | Path) -> None:
-    """Write the view of a plan to an ``.rrd``.
+    """Write the rerun picture of a plan to an ``.rrd`` file.
 
     Poses are reached from home as a campaign would reach them; a plan that cannot be run is shown
     pose by pose, and why it cannot.
@@ -67,8 +67,7 @@ def plan_view(plan: Plan, path: str | Path) -> None:
 
 
 def _course(robot: SimulatedRobot, plan: Plan) -> tuple[str, np.ndarray, np.ndarray, str]:
-    """Timeline, joint values (K, J), times [s] or rows (K,), and why the plan cannot be run or
-    ""."""
+    """Timeline, joint values (K, J), times [s] or rows (K,) of a plan; why it cannot run, or ""."""
     if plan.mode == "dynamic":
         assert plan.rate_hz is not None  # `Plan` holds it
         return TIME, plan.q, np.arange(len(plan)) / plan.rate_hz, ""
@@ -83,8 +82,8 @@ def _course(robot: SimulatedRobot, plan: Plan) -> tuple[str, np.ndarray, np.ndar
 def along(
     robot: SimulatedRobot, legs: Sequence[Leg], dwell: np.ndarray, speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (K, J) and times (K,) [s] of a campaign from home: moves at a share ``speed`` of
-    the joints' top speed, a stay at each pose (by row of the plan [s]; `STAY_S` where it is 0)."""
+    """Joint values (K, J) and times (K,) [s] of a campaign from home: moves at a fraction ``speed``
+    of top speed, a stay at each pose (``dwell`` by row of the plan [s]; `STAY_S` where it is 0)."""
     here, now = np.asarray(robot.home, dtype=float), 0.0
     q, at = [here], [now]
     for leg in legs:

@@ -28,8 +28,8 @@ from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 def recording_view(
     recording: Recording, path: str | Path, files: Sequence[str | Path] = ()
 ) -> None:
-    """Write the view of a recording to an ``.rrd``; the readings that at most three files, fit.json
-    or twin.json, predict stand beside it, the residual of the last.
+    """Write the rerun picture of a recording to an ``.rrd`` file, beside it the readings that at
+    most three files, fit.json or twin.json, predict, and the residual of the last.
 
     Raises:
         ParameterError: a file is no fit or twin of this robot.
@@ -70,7 +70,7 @@ def recording_view(
 
 
 def _over(recording: Recording) -> tuple[np.ndarray, str]:
-    """Values of the axis for all rows (their numbers at rest, else time [s]), and its timeline."""
+    """Values (N,) of the time axis, row numbers at rest or seconds, and its timeline's name."""
     if recording.metadata.mode == "static":
         return np.arange(float(len(recording))), ROW
     return recording.t.astype(float), TIME

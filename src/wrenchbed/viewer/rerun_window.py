@@ -29,12 +29,12 @@ PICTURE = "diagnosis.rrd"
 
 
 def command(file: str | Path, *, port: int = PORT) -> list[str]:
-    """Command line of rerun's viewer for a file."""
+    """Command line that starts rerun's viewer for a file, with its data on a port."""
     return [str(_binary()), "--bind", HOST, "--port", str(port), str(file)]
 
 
 def show(file: str | Path, *, port: int = PORT) -> None:
-    """Show a file in a viewer, with its data on a port, until its window is closed.
+    """Show a file in rerun's viewer, with its data on a port, until its window is closed.
 
     Raises:
         ParameterError: there is no screen for a window.
@@ -53,7 +53,7 @@ def show(file: str | Path, *, port: int = PORT) -> None:
 
 @contextmanager
 def quiet() -> Iterator[dict[str, str]]:
-    """Yield an environment in which rerun contacts nobody; the user's settings stay as they are.
+    """Yield an environment for a process in which rerun contacts nobody.
 
     Telemetry is off, and its question for newer versions goes to a proxy that is not there.
     """
@@ -69,7 +69,7 @@ def quiet() -> Iterator[dict[str, str]]:
 
 
 def _binary() -> Path:
-    """Path of rerun's viewer itself: killing the Python script around it would leave it running."""
+    """Path of rerun's viewer program; killing the Python script around it would not end it."""
     return Path(str(registry.require("rerun_cli", "view").__file__)).parent / "rerun"
 
 
@@ -80,8 +80,8 @@ def view(
     rrd: str | Path | None = None,
     port: int = PORT,
 ) -> None:
-    """Show the picture of a recording or plan in Parquet, of the folder of a diagnosis, or in an
-    ``.rrd`` file until its window is closed; or write it to ``rrd`` and open nothing.
+    """Show a recording or plan, a diagnosis's folder or an ``.rrd`` file until its window is
+    closed; with ``rrd``, write the picture there and open nothing.
 
     With a recording the simulators of ``against``, fit.json and twin.json files, are compared.
 
@@ -97,7 +97,7 @@ def view(
 
 
 def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder: Path) -> Path:
-    """Path of the picture of a file: an ``.rrd`` itself, else drawn at ``rrd`` or in the folder."""
+    """Path of a file's picture: an ``.rrd`` itself; others are drawn to ``rrd`` or the folder."""
     made = file / PICTURE if file.is_dir() else file
     if made.suffix == ".rrd":
         if against or rrd is not None:
