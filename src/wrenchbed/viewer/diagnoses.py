@@ -19,7 +19,7 @@ from wrenchbed.viewer.stream import ROW, log_words, to_file
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
-    """Write the view of a diagnosis that a command made; a `MissingExtraError` without rerun."""
+    """Write a diagnosis's rerun picture, with its command; a `MissingExtraError` without rerun."""
     evidence, view, axis = Evidence(findings), None, None
     scene, shares = wrench_scene(evidence), dict[str, float]()
     if scene is not None:
@@ -37,7 +37,7 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
 
 
 def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
-    """The three answers in Markdown, in the words of the page, which has the tables."""
+    """Markdown of a diagnosis's three answers, in the words of its page, which has the tables."""
     d, words = findings.diagnosis, WrenchAnswer(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {sentence}" for sentence in words.aside]
@@ -60,6 +60,6 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
 
 
 def _claimed(c: Claim) -> str:
-    """Markdown of a cause: its probability and all its parameters."""
+    """Markdown of one claimed cause: its probability and all its parameters."""
     sizes = (f"{size.name} {size.value}" for size in c.sizes)
     return f"- {c.names} {c.probability}: {', '.join([text for _, text in c.choices] + [*sizes])}"

@@ -40,19 +40,19 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Scale:
-    """Length of the arrows [m] of 1 N and 1 N·m."""
+    """Scale of drawn wrenches: length of the arrow [m] of 1 N and of 1 N·m."""
 
     force: float
     torque: float
 
     @property
     def sentence(self) -> str:
-        """Sentence on the scale of the arrows."""
+        """Sentence for people on the lengths of the arrows."""
         return f"1 N is {1e3 * self.force:g} mm long, 1 N·m {1e3 * self.torque:g} mm"
 
 
 def scale_for(wrench: np.ndarray) -> Scale:
-    """Round lengths by which the longest arrow of wrenches (N, 6) [N, N·m] fits the scene."""
+    """Choose round lengths so that the largest of wrenches (N, 6) [N, N·m] fits the scene."""
     finite = wrench[np.isfinite(wrench).all(axis=1)]
     if not len(finite):
         return Scale(0.01, 0.1)
@@ -70,8 +70,8 @@ def log_arrows(
     colour: Colour,
     side: float = 0.0,
 ) -> None:
-    """Log wrenches on the sensor (K, 6) in its axes [N, N·m] over the canvas's axis at (K,); by
-    ``side`` −1 … 1 two arrows that are alike are seen side by side."""
+    """Draw wrenches (K, 6) [N, N·m], in sensor axes, as arrows at the sensor, over times or rows
+    ``at`` (K,); ``side`` −1 … 1 shifts one of two similar arrows sideways."""
     faint = tuple(round(0.5 * c + 0.5 * 255) for c in colour)
     start = motion.sensor + side * _BESIDE_M * motion.rotation[:, :, 0]
     parts = {"force": (0, scale.force, colour), "torque": (3, scale.torque, faint)}
@@ -90,8 +90,9 @@ def log_curves(
     names: Sequence[str],
     colours: Sequence[Colour],
 ) -> None:
-    """Log curves (N, K) over the canvas's axis at (N,) as one entity, that of the measurement wide,
-    beneath the others."""
+    """Draw curves (N, K) over times or rows ``at`` (N,), as one entity; that of the measurement is
+    wide, beneath the others.
+    """
     shown, known = list(colours[: len(names)]), [printable(name) for name in names]
     widths = [_BENEATH if c == MEASURED else _WIDTH for c in shown]
     canvas.once(path, rr.SeriesLines(names=known, colors=shown, widths=widths))
@@ -105,14 +106,14 @@ def log_channels(
     wrenches: Mapping[str, np.ndarray],
     colours: Sequence[Colour] = (MEASURED, SIMULATED, *OTHERS),
 ) -> None:
-    """Log wrenches (N, 6) by name over the canvas's axis at (N,), one entity a channel."""
+    """Draw wrenches, name → (N, 6), over times or rows ``at`` (N,), one entity for each channel."""
     for k, channel in enumerate(CHANNELS):
         values = np.stack([w[:, k] for w in wrenches.values()], axis=1)
         log_curves(canvas, f"{root}/{channel}", at, values, list(wrenches), colours)
 
 
 def log_joints(canvas: Canvas, at: np.ndarray, q: np.ndarray, joints: Sequence[Joint]) -> None:
-    """Log joint values (N, J) [SI] in ° and mm under ``joints``."""
+    """Draw joint values (N, J) [SI] in ° and mm over times or rows (N,), under ``joints``."""
     shown = [HUMAN[j.unit] for j in joints]
     names = [f"{j.name} [{unit}]" for j, (unit, _) in zip(joints, shown, strict=True)]
     colours = [JOINTS[k % len(JOINTS)] for k in range(len(names))]

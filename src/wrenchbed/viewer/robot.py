@@ -22,7 +22,7 @@ FRAMES_HZ = 30.0
 
 
 def shape(model: mujoco.MjModel, body: int) -> Any:
-    """A body's geoms in its own frame; a `NotFoundError` if one is of a kind that is not drawn."""
+    """Mesh of a body's geoms in its own frame; a `NotFoundError` for a kind that is not drawn."""
     geoms = [int(g) for g in geoms_of(model, body)]
     surfaces = [triangles(model, g) for g in geoms]
     rgba = np.rint(255 * colours(model)[geoms]).astype(np.uint8)
@@ -30,8 +30,7 @@ def shape(model: mujoco.MjModel, body: int) -> Any:
 
 
 def mesh(corners: np.ndarray, rgba: np.ndarray) -> Any:
-    """Triangles (T, 3, 3) [m] with a colour each (T, 3 or 4); each has corners of its own, so that
-    edges are sharp."""
+    """Mesh of triangles (T, 3, 3) [m] with colours (T, 3 or 4); separate corners, sharp edges."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(across, axis=1, keepdims=True), _NO_AREA)
     return rr.Mesh3D(
@@ -42,8 +41,8 @@ def mesh(corners: np.ndarray, rgba: np.ndarray) -> Any:
 
 
 def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-    """Numbers (K,) of rows of joint values (N, J) to show: where they differ, and the end; of a
-    motion with times (N,) [s] at most `FRAMES_HZ` rows a second."""
+    """Row numbers (K,) of joint values q (N, J) to show: where the pose changes, and the last row;
+    of a motion with times t (N,) [s] at most `FRAMES_HZ` a second."""
     if t is None:
         first = np.arange(len(q))
     else:
@@ -55,7 +54,7 @@ def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
 
 
 def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyMotion) -> None:
-    """Log the robot in its own colours over the canvas's axis at (K,)."""
+    """Draw the robot in its own colours, moving over times or rows ``at`` (K,)."""
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     model = Simulation(robot, robot.parameters.nominal).model
     for name, body in bodies(model).items():
@@ -68,8 +67,8 @@ def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyM
 
 
 def log_scene(canvas: Canvas, scene: Scene) -> None:
-    """Log the robot of a page at its moments, parts coloured by their shares, with its colour bar;
-    at the sensor axes and arrows."""
+    """Draw the robot of a page's scene at its moments: parts coloured by their share of the blame,
+    colour bar, sensor axes and arrows."""
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     canvas.once("blame", rr.Image(heat(np.tile(np.linspace(0.0, 1.0, 256), (12, 1)))))
     for k, frames in enumerate(np.moveaxis(scene.frames, 1, 0)):

@@ -28,17 +28,17 @@ Window = tuple[str, np.ndarray]
 
 
 class Canvas:
-    """A stream of rerun to log data: once, or as columns over one timeline, its ``axis``."""
+    """Writes objects to a rerun stream: for all times, or as columns over a timeline, ``axis``."""
 
     def __init__(self, stream: Any, axis: str = TIME) -> None:
         self.stream, self.axis = stream, axis
 
     def once(self, path: str, shown: Any) -> None:
-        """Log an object of rerun that holds at all times."""
+        """Add an object of rerun that holds at all times."""
         self.stream.log(path, shown, static=True)
 
     def columns(self, path: str, at: np.ndarray, data: Any) -> None:
-        """Log rerun's columns of N values at times or rows ``at`` (N,) of the axis [s or rows]."""
+        """Add rerun columns of N values at times [s] or rows ``at`` (N,) of the axis."""
         row = self.axis == ROW
         when = {"sequence": at.astype(np.int64)} if row else {"duration": at}
         self.stream.send_columns(path, [rr.TimeColumn(self.axis, **when)], data)
@@ -46,8 +46,7 @@ class Canvas:
 
 @contextmanager
 def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canvas]:
-    """Yield a canvas, and write its file to ``path`` once the block has ended well; a
-    `MissingExtraError` if rerun is not installed."""
+    """Yield a canvas, then write its picture to ``path``; a `MissingExtraError` without rerun."""
     stream = rr.RecordingStream(APP, recording_id=uuid.uuid4())
     written = stream.binary_stream()  # rerun itself reports no disk that is full
     try:
@@ -60,13 +59,12 @@ def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canv
 
 
 def log_words(canvas: Canvas, path: str, text: str) -> None:
-    """Log Markdown for all times."""
+    """Add a Markdown text that holds at all times."""
     canvas.once(path, rr.TextDocument(printable(text), media_type=rr.MediaType.MARKDOWN))
 
 
 def scene(robot: str, name: str = "robot", places: np.ndarray | None = None) -> Any:
-    """View of the robot from where its arm and sensor are seen best; if given, so near that its
-    bodies, at ``places`` (N, 3) [m], fill it."""
+    """Make a 3D view of the robot, from where its arm and sensor are seen best."""
     shown = registry.load("robots", robot)
     assert isinstance(shown, SimulatedRobot)  # only such have a scene
     (position, target), up = np.array(shown.eye), (0.0, 0.0, 1.0)
@@ -81,7 +79,7 @@ def scene(robot: str, name: str = "robot", places: np.ndarray | None = None) -> 
 
 
 def channels(name: str, window: Window, *, residual: bool = False) -> Any:
-    """View of the curves of six channels, each over its residual if asked for."""
+    """Make a view of the curves of six channels, each above its ``residual`` if asked for."""
     views = []
     for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
         view = curves(f"/wrench/{c}", f"{c} [{u}]", window, legend=k == 0)
@@ -94,7 +92,7 @@ def channels(name: str, window: Window, *, residual: bool = False) -> Any:
 
 
 def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> Any:
-    """View of an entity's curves, which opens zoomed to the whole of a time window."""
+    """Make a view of an entity's curves, zoomed to the whole of a time window at first."""
     b = rr.blueprint
     timeline, at = window
     unit = "seq" if timeline == ROW else "seconds"
@@ -108,12 +106,12 @@ def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> An
 
 
 def document(origin: str, name: str) -> Any:
-    """View of Markdown."""
+    """Make a view that shows the Markdown text at ``origin``."""
     return rr.blueprint.TextDocumentView(origin=origin, name=name)
 
 
 def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
-    """View of the robot over its colour bar, and over the residual of rows ``at`` (N,)."""
+    """Make a view of the robot, its colour bar of blame, and the residual of rows ``at`` (N,)."""
     title = "probability that the cause is there: 0 (grey) … 1 (dark red)"
     bar = rr.blueprint.Spatial2DView(origin="/blame", name=title)
     residual = curves("/residual", "residual of all channels, rms [noise of a row]", (ROW, at))
@@ -122,8 +120,10 @@ def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
 
 
 def page(left: Any | None, right: Sequence[Any], timeline: str | None = TIME) -> Any:
-    """Layout of a picture: one view left, if any, and tabs right, of which a single one, of words,
-    needs less room; without a timeline there is no slider."""
+    """Make the layout of a picture: one view on the left, if any, and tabs on the right.
+
+    Without a timeline nothing changes over time, and there is no slider.
+    """
     b = rr.blueprint
     time = b.TimePanel(state="hidden")
     if timeline is not None:
