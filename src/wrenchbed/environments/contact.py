@@ -212,7 +212,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         return Limb(self.hand.tip - [0.0, 0.0, radius + above], axis, radius, stiffness)
 
     def _reading(self) -> np.ndarray:
-        """The sensor's reading now (6,) [N, N·m]."""
+        """Present reading (6,) [N, N·m] of the sensor."""
         return np.asarray(self.body.readings(np.array([self.body.time]))[0][0])
 
     def _observation(self) -> np.ndarray:

@@ -18,7 +18,7 @@ class GreedyInformation:
         self._env: CalibrationEnv = _unwrapped(env, CalibrationEnv, words)
 
     def __call__(self, observation: np.ndarray) -> int:
-        """Number of the pose to visit next."""
+        """Action: number of the pool's pose to visit next; the observation is not used."""
         env = self._env
         seconds = np.array([env.seconds(k) for k in range(len(env.pool))])
         return int(np.argmax(env.knowledge.gains() / seconds))

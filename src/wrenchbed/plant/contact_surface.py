@@ -43,12 +43,12 @@ class Limb:
     """A compliant cylinder: Hunt and Crossley's contact (1975) with friction.
 
     Attributes:
-        point: on its axis (3,) [m].
+        point: a point on its axis (3,) [m].
         axis: unit vector (3,).
         radius: [m].
         stiffness: [N/m].
         damping: relative rise of the spring's force per unit of speed [s/m].
-        friction: coefficient of Coulomb.
+        friction: coefficient of Coulomb friction.
     """
 
     point: np.ndarray
@@ -84,7 +84,7 @@ def tip_in(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def tip_of(robot: Robot, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Orientations of the tool (N, 3, 3), positions of its tip (N, 3) [m] in the world, at q."""
+    """Orientation of the tool (N, 3, 3), position of its tip (N, 3) [m], world, at q (N, J)."""
     if type(robot).tool_pose is Robot.tool_pose:
         rotation, origin = robot.sensor_pose(q, theta)
         return rotation, origin + rotation @ _TIP

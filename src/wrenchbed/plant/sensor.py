@@ -89,7 +89,7 @@ class BufferedNoise:
 
 
 class SensorRow(NamedTuple):
-    """State of one control cycle: time [s], joint values and speeds (J,), load on the sensor."""
+    """State of a robot in one control cycle: time [s], joint values, speeds (J,), sensor load."""
 
     t: float
     q: np.ndarray
@@ -179,7 +179,7 @@ class SensorWithEffects:
 
 
 class ArmSensor:
-    """The arm's own wrench sensor, read once a control cycle.
+    """Wrench sensor that is built into the arm, read once a control cycle.
 
     Args:
         model, theta: of the robot, with all its parameters (P,).
@@ -229,7 +229,7 @@ class ArmSensor:
 
 
 def noise_of(error: tuple[float, float]) -> NoiseModel:
-    """Noise whose three standard deviations are the given force [N] and torque [N·m]."""
+    """Noise model with three standard deviations equal to a given force [N] and torque [N·m]."""
     half = np.repeat(error, 3) / 3.0 / np.sqrt(2.0)
     flicker = half / np.sqrt(np.log(_HIGH_HZ / _LOW_HZ))
     return NoiseModel(white=half, flicker=flicker, f_low=_LOW_HZ, f_high=_HIGH_HZ)

@@ -100,7 +100,7 @@ def drive_ripple(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_hysteresis(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a strain wave gear's loop by Bouc–Wen, wide in position."""
+    """Draw a fault: a strain wave gear's hysteresis of torque over position (Bouc–Wen)."""
     size, width = log_uniform(rng, 0.02, 0.12) * setting.rated[joint], log_uniform(rng, 0.03, 0.2)
     loop = rng.uniform(0.4, 0.7)
     return EffortFault(
@@ -120,7 +120,7 @@ def drive_delay(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_bandwidth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a current loop as damped oscillator of second order."""
+    """Draw a fault: a current loop that responds as a damped oscillator of second order."""
     corner, damping = 1.0 / log_uniform(rng, 0.12, 1.2), rng.uniform(0.7, 1.0)
 
     def reading(state: State, effort: np.ndarray) -> np.ndarray:
@@ -143,7 +143,7 @@ def drive_asymmetry(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault
 
 
 def drive_stiction(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: breakaway after each reversal that fades with the way since."""
+    """Draw a fault: breakaway friction after each reversal, which fades with the distance since."""
     size = log_uniform(rng, 0.5, 3.0) * setting.drives.coulomb[joint]
     way = log_uniform(rng, 0.01, 0.08)
     return EffortFault(

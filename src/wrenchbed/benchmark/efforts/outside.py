@@ -134,7 +134,7 @@ def thermal_derating(setting: EffortSetting, joint: int, rng: Rng) -> EffortFaul
 
 
 def encoder_eccentricity(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: the joint is not where its encoder says, by a wave of its angle."""
+    """Draw a fault: an encoder whose error is a wave of the joint's angle."""
     size, order = np.radians(log_uniform(rng, 0.5, 4.0)), int(rng.integers(3, 9))
     phase = rng.uniform(0.0, 2.0 * np.pi)
 

@@ -48,7 +48,7 @@ def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def joint_offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: zeros of joints are wrong by about 0.2°, the rail's by 1 mm."""
+    """Draw a fault: zeros of joints are wrong by about 0.2°, of a rail by 1 mm."""
     true: dict[str, float] = {}
     dq = np.zeros_like(design.q)
     for j in _joints(design, rng):
@@ -80,7 +80,7 @@ def joint_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfe
 
 
 def joint_backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: backlash of a joint; the load holds one side until it pulls to the other."""
+    """Draw a fault: backlash of a joint, which lies on one side until the load pulls it over."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
     width = np.deg2rad(0.1) * size * spread(rng)
     torque = design.path.torque[:, j]

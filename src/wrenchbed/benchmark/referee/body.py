@@ -79,7 +79,7 @@ def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 def joint_gear_error(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """Draw a fault: a gear error of about 4′ with an overtone; lowest order 1 to 4 a turn."""
+    """Draw a fault: a periodic gear error of about 4′, 1 to 4 periods a turn, with an overtone."""
     k = _rotating(setting, rng) if j is None else j
     order = int(rng.choice([1, 2, 3, 4], p=[0.4, 0.4, 0.1, 0.1]))
     wave = machine.about(rng, np.deg2rad(4.0 / 60.0) * size)
@@ -135,7 +135,7 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
 
 
 def base_vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a machine nearby: a varying tone of 7 to 40 Hz with overtone, or a rumble."""
+    """Draw a fault: a nearby machine shakes the base by a tone of 7 to 40 Hz, or broadband."""
     level = machine.about(rng, 1.3 * float(setting.noise[:3].min()) / setting.mass * size)
     axis = direction(rng) * [1.0, 1.0, 0.7]
     axis /= np.linalg.norm(axis)
