@@ -105,9 +105,11 @@ def test_probabilities_and_targets_stand_on_the_first_screen(family, tmp_path):
     assert "<p>None.</p>" in text and "<tbody>\n</tbody>" not in text
     (targets,) = found.cards
     marks = [row[1] for row in tables[0].rows]
-    met = sum("✓" in m for m in marks)
-    assert targets.figure == f"{met} of {met + sum('✗' in m for m in marks)} met"
-    assert f"For {sum('(' in m for m in marks)} of them" in targets.text
+    met, marked = sum(m.endswith(" ✓") for m in marks), sum("✓" in m or "✗" in m for m in marks)
+    assert targets.figure == f"{met} of {marked} met" and 0 < met < marked
+    assert f"{sum('(' in m for m in marks)} are open" in targets.text
+    missed = any(m.endswith(" ✗") for m in marks)
+    assert f'class="badge">{"✗ targets missed" if missed else "◔ targets open"}<' in text
 
 
 def test_a_score_names_the_commitments_but_not_the_seed(family, tmp_path, monkeypatch):

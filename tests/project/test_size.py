@@ -22,7 +22,7 @@ WRENCHBED = {
     "hardware": 6687,
     "jobs": 555,
     "monitoring": 1395,
-    "pages": 1297,
+    "pages": 1296,
     "physics": 1030,
     "planning": 1036,
     "plant": 763,

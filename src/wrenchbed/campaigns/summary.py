@@ -36,12 +36,12 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
     sections = [_calibration(table)]
     if "parameters" in fleet.vary:
         sections.append(_coverage(fleet, table))
-    if failed:
-        sections.append(_failed(table))
+    sections += [_failed(table)] if failed else []
     made = f"Row k of `{ALL}` follows from `{SETTING}` and k alone, but for its times."
     origin = provenance([folder / ALL, folder / SETTING], command, fleet.seed)
-    title = f"Campaign of {fleet.robot}"
-    return Document(title, lead, tuple(sections), made, figures(table), origin, _cards(table))
+    title, cards = f"Campaign of {fleet.robot}", _cards(table)
+    badge = ("partial", f"◔ {failed:,} failed") if failed else ("none", "✓ complete")
+    return Document(title, lead, tuple(sections), made, figures(table), origin, cards, badge)
 
 
 def figures(table: pa.Table) -> dict[str, float | None]:

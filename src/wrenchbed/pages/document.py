@@ -35,7 +35,9 @@ def provenance(
         seed: of all random choices; left out if there were none.
     """
     lines = [(f"SHA-256 of {Path(r).name}", sha256(r) or NO_FILE) for r in files]
-    lines += [("made", f"{_now():%Y-%m-%d %H:%M} UTC by wrenchbed {version('wrenchbed')}")]
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")  # seconds since 1970, for repeatable builds
+    now = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
+    lines += [("made", f"{now:%Y-%m-%d %H:%M} UTC by wrenchbed {version('wrenchbed')}")]
     lines += [("seed", str(seed))] if seed is not None else []
     return lines + ([("command", command)] if command else [])
 
@@ -52,12 +54,6 @@ def sha256(path: str | Path) -> str:
 def markdown(lines: Facts) -> list[str]:
     """Markdown lines of facts, one for each (label, text)."""
     return ["", "**Data and command**", "", *(f"- {label}: {text}" for label, text in lines)]
-
-
-def _now() -> datetime:
-    """Present time, or the time that SOURCE_DATE_EPOCH states, for repeatable builds."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    return datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
 
 
 @dataclass(frozen=True)
@@ -170,6 +166,7 @@ class Document:
         summary: key results, for programs.
         data: where it comes from, see `provenance`.
         cards: the answers of the first screen.
+        badge: key of its colour, as of a verdict, and the badge itself.
     """
 
     title: str
@@ -179,6 +176,7 @@ class Document:
     summary: Mapping[str, object] = field(default_factory=dict)
     data: Facts = ()
     cards: tuple[Card, ...] = ()
+    badge: tuple[str, str] = ("identified", "")
 
     def markdown(self) -> str:
         """The page as Markdown text; figures are links to files."""
@@ -202,6 +200,7 @@ class Document:
             MissingExtraError: jinja2 is not installed.
         """
         context = {"page": self, "is_table": lambda part: isinstance(part, Table)}
+        context["verdict"] = self.badge[0]
         return ReportPage(context, "study", [figure.drawn for figure in self.figures]).html()
 
     def write(self, folder: Path, name: str, numbers: Any = None) -> None:

@@ -86,21 +86,21 @@ def page(score: Score, command: str = "") -> Document:
         Section("Wrong answers", "Every case whose first answer is wrong.", (_wrong(rows),)),
     )
     data = [("SHA-256 of the commitments", score.root), *provenance([], command)]
-    card = _targets(marks)
-    return Document(title, lead, sections, "", summary(score, figures), data, (card,))
+    card, badge = _targets(marks)
+    return Document(title, lead, sections, "", summary(score, figures), data, (card,), badge)
 
 
-def _targets(marks: Mapping[str, str]) -> Card:
-    """Card with the number of targets that are met, from the mark of each metric."""
-    total, open_ = sum(map(bool, marks.values())), sum("(" in mark for mark in marks.values())
+def _targets(marks: Mapping[str, str]) -> tuple[Card, tuple[str, str]]:
+    """Card with the number of targets that are met beyond their intervals, from the mark of each
+    metric, and the badge of the page."""
     missed = [METRICS[key].title for key, mark in marks.items() if mark == "✗"]
-    remark = f"For {open_} of them the cases are too few: the interval allows met and missed."
-    if not open_:
-        remark = "Every one of them beyond its 95 % interval."
+    met, open_ = list(marks.values()).count("✓"), sum("(" in mark for mark in marks.values())
+    remark = f"{open_} are open: too few cases, so that the interval allows met and missed."
+    badge = ("partial", "◔ targets open") if open_ else ("none", "✓ targets met")
     if missed:
-        remark += f" Missed for sure: {'; '.join(missed)}."
-    met = sum("✓" in mark for mark in marks.values())
-    return Card("Targets", f"{met} of {total} met", remark)
+        remark += f" Missed: {'; '.join(missed)}."
+        badge = "unknown", "✗ targets missed"
+    return Card("Targets", f"{met} of {met + open_ + len(missed)} met", remark), badge
 
 
 def marked(metric: metrics.Metric, scored: metrics.ScoredMetric) -> str:
