@@ -136,7 +136,7 @@ def between(name: str) -> bool:
 
 
 def possible(shown: Iterable[str]) -> list[str]:
-    """Names of the effects that can be causes in a recording that meets ``shown`` needs."""
+    """Names of the effects that can be causes where a recording meets the needs in ``shown``."""
     met = set(shown)
     return [name for name, effect in EFFECTS.items() if met.issuperset(effect.needs)]
 

@@ -43,7 +43,7 @@ class Accelerometer(Channel):
     zero: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
-        gravity = seen(scene, pose or Pose(*scene.pose))[scene.held]
+        gravity = gravity_read(scene, pose or Pose(*scene.pose))[scene.held]
         design = np.column_stack([gravity, np.ones(len(read))])
         scales = np.linalg.svd(design, compute_uv=False)
         if scales[-1] < _RANK * scales[0]:
@@ -52,21 +52,21 @@ class Accelerometer(Channel):
         return replace(self, gain=np.array(gain), zero=zero)
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-        return np.asarray(seen(scene, pose) @ self.gain + self.zero)
+        return np.asarray(gravity_read(scene, pose) @ self.gain + self.zero)
 
     def nuisance(self, scene: Scene) -> np.ndarray:
-        gravity = seen(scene, Pose(*scene.pose))
+        gravity = gravity_read(scene, Pose(*scene.pose))
         shared = np.column_stack([gravity, np.ones(len(gravity))])
         return np.concatenate([shared[:, None, :] * axis[:, None] for axis in np.eye(3)], axis=2)
 
     def imperfections(self, scene: Scene) -> np.ndarray:
         size = float(np.linalg.norm(scene.gravity))
-        read = seen(scene, Pose(*scene.pose)) @ self.gain / size
+        read = gravity_read(scene, Pose(*scene.pose)) @ self.gain / size
         curves = np.stack([read**2, read**3], axis=2) * (NONLINEARITY * size)  # (M, 3, 2)
         return np.concatenate([curves * axis[:, None] for axis in np.eye(3)], axis=2)
 
 
-def seen(scene: Scene, pose: Pose) -> np.ndarray:
+def gravity_read(scene: Scene, pose: Pose) -> np.ndarray:
     """Gravity in the axes of a sensor with a given pose (M, 3) [m/s²]."""
     return np.asarray(scene.gravity @ value(pose.rotation))
 

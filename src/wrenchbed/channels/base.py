@@ -54,7 +54,7 @@ class Channel(ABC):
     @property
     @abstractmethod
     def columns(self) -> Mapping[str, str]:
-        """Units by column name, k of them."""
+        """Units of the channel's k columns, by column name."""
 
     def of(self, recording: Recording) -> Self:
         """Copy for the number of joints of a recording to which it applies."""
@@ -115,5 +115,5 @@ class Channel(ABC):
         return [self.imperfections(scene)], []
 
     def with_sizes(self, sizes: np.ndarray) -> Self:
-        """Copy in which the second group of `kinds` has ``sizes`` times its usual sizes."""
+        """Copy with ``sizes`` times the usual errors of the second of `kinds`, as friction."""
         return self

@@ -63,7 +63,7 @@ class EffortAtRest(Channel):
         return self if isinstance(scene.robot, SimulatedRobot) else None
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-        """Torque readings (M, J) at poses; 0 on the ways between them."""
+        """Torque readings (M, J) at measured poses, with effects; 0 at rows between poses."""
         return chain.sensed(held_torques(chain, scene, pose, load))
 
     def imperfections(self, scene: Scene) -> np.ndarray:

@@ -21,7 +21,7 @@ _SCENES = 4
 
 
 @lru_cache(_SCENES)
-def nominal(scene: Scene) -> np.ndarray:
+def nominal_torques(scene: Scene) -> np.ndarray:
     """Torques (H, J) that hold the configured arm at the scene's measured poses; cached."""
     return held_weight(scene.robot, scene.joints[scene.held], scene.theta, scene.gravity[None])
 
@@ -55,7 +55,7 @@ def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndar
 
 
 def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-    """Torques (M, J) that hold arm and load with effects; 0 on the ways between poses.
+    """Torques (M, J) that hold arm and load at poses, with effects; 0 at rows between poses.
 
     Args:
         pose: of the sensor, with the effects.
@@ -67,7 +67,7 @@ def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray)
     q = (scene.joints + value(shift))[at]
     gravity = scene.gravity[None] if turn is None else (scene.gravity @ turn)[at]
     result = np.zeros(scene.joints.shape)
-    result[at] = held_weight(robot, q, theta, gravity) if moved else nominal(scene)
+    result[at] = held_weight(robot, q, theta, gravity) if moved else nominal_torques(scene)
     if not {"pose", "load"}.isdisjoint(chain.stages):
         rotation, _ = robot.sensor_pose(q, theta)
         unmoved = weight((gravity[:, None] @ rotation)[:, 0], robot.tool(theta))

@@ -495,12 +495,12 @@ def joint_parameters(
 
 
 def per_channel(stem: str) -> tuple[str, ...]:
-    """Names ``stem.fx`` … ``stem.tz``, one for each channel."""
+    """Parameter names ``stem.fx`` … ``stem.tz``, one for each channel."""
     return tuple(f"{stem}.{c}" for c in CHANNELS)
 
 
 def each_joint(stem: str, robot: Robot) -> tuple[str, ...]:
-    """Names ``stem.q1`` …, one for each joint."""
+    """Parameter names ``stem.q1`` …, one for each joint of a robot."""
     return tuple(f"{stem}.q{k + 1}" for k in range(len(robot.joints)))
 
 

@@ -67,7 +67,7 @@ class Knowledge:
 
     @cached_property
     def error(self) -> float:
-        """Expected rms error of what the robot is calibrated for [unit]."""
+        """Expected rms error [unit], of positions or of readings, after calibration."""
         return float(self.criterion.values(self.information)) ** -0.5
 
     @property

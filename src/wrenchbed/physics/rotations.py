@@ -84,7 +84,7 @@ def apply(matrix: Value, vector: Value) -> Value:
 
 
 def quaternion(matrix: np.ndarray) -> np.ndarray:
-    """Rotation matrix (3, 3) → quaternion w, x, y, z (4,) with w ≥ 0.
+    """Quaternion w, x, y, z (4,), w ≥ 0, of a rotation matrix (3, 3).
 
     By the largest of four expressions (Shepperd 1978, doi 10.2514/3.55767b); the same to the last
     bit as scipy's `Rotation`, which takes twenty times as long.
@@ -104,7 +104,7 @@ def quaternion(matrix: np.ndarray) -> np.ndarray:
 
 
 def matrix(quaternion_wxyz: np.ndarray) -> np.ndarray:
-    """Quaternions w, x, y, z (…, 4) → rotation matrices (…, 3, 3)."""
+    """Rotation matrices (…, 3, 3) of quaternions w, x, y, z (…, 4)."""
     q = np.asarray(quaternion_wxyz, dtype=float)
     w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
     columns = [

@@ -95,8 +95,8 @@ class RealTimeDrives:
         return self._past[0]
 
     def step(self, plant: ServoDrivenRobot, q: np.ndarray, qd: np.ndarray) -> None:
-        """Evaluate torques and currents from the plant after a control cycle, and from joint values
-        and speeds (J,) before it."""
+        """Compute torques and currents of one control cycle, from joint values and speeds (J,)
+        before it and the simulated robot after it."""
         train, model, data = self.train, plant.model, plant.data
         constant, spring, damper = model.actuator_biasprm[:, :3].T
         given = model.actuator_gainprm[:, 0] * data.ctrl + constant

@@ -143,7 +143,7 @@ class SensorWithEffects:
         return np.stack(columns, axis=-1)
 
     def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Add the effects' random parts to rows (n, 6) at t (n,)."""
+        """Readings (n, 6) with the effects' random parts added to ``rows`` (n, 6) at t (n,)."""
         if len(self._times) > _EPOCH:
             self._since, self._times = np.empty((0, 6)), np.empty(0)
             self._epoch += 1

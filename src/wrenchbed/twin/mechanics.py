@@ -56,7 +56,7 @@ class SensorOnly:
         self.name, self.parameters = robot.name, robot.parameters
 
     def values(self, theta: np.ndarray) -> Named:
-        """Parameter values by name."""
+        """Values of the parameters (P,) by name."""
         return self._robot.values(theta)
 
     def tool(self, theta: np.ndarray) -> Tool:

@@ -182,7 +182,7 @@ class RefereeSetting:
 
     @cached_property
     def noise(self) -> np.ndarray:
-        """Stated standard deviation of one row (6,) [N, N·m]."""
+        """Stated standard deviation (6,) [N, N·m] of one row's noise."""
         return np.array(self.metadata.sensor.noise_std)
 
     @cached_property

@@ -57,7 +57,7 @@ class ScoredMetric:
 
     @property
     def counted(self) -> str:
-        """Count as text: ``58 of 61``, or the number of cases alone."""
+        """Text of the count for tables: ``58 of 61``, or the number of cases alone."""
         return str(self.count) if self.hits is None else f"{self.hits} of {self.count}"
 
 

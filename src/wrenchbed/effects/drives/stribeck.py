@@ -16,7 +16,7 @@ it a healthy arm whose friction falls by a tenth has a cause."""
 class DriveStribeck(DriveEffect):
     """τ → τ + Σ a sign q̇ exp((u − |q̇|)/v): Stribeck's curve over several speeds v.
 
-    The rise is that at u, the slowest speed of the rows used: of slower ones nothing is known.
+    The size is the rise at u, the slowest speed of the rows used: the data show no slower one.
 
     Seen in: slow motion at several speeds.
     """
