@@ -59,7 +59,7 @@ class Efforts(NamedTuple):
 
 @dataclass(frozen=True)
 class PlantRequest:
-    """What an emulator needs of the plant behind it.
+    """What an emulator asks of the plant (robot model) that it is to be given.
 
     Attributes:
         robot: name, for instance ``ur5`` or ``medrue``.
@@ -94,11 +94,11 @@ class Plant(Protocol):
 
     @property
     def q(self) -> np.ndarray:
-        """Joint values (J,) [rad or m] of the reported state."""
+        """Joint values (J,) [rad or m] of the newest state that the robot reports."""
 
     @property
     def qd(self) -> np.ndarray:
-        """Joint speeds (J,) [rad/s or m/s] of the reported state."""
+        """Joint speeds (J,) [rad/s or m/s] of the newest state that the robot reports."""
 
     @property
     def time(self) -> float:

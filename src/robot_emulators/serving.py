@@ -102,7 +102,7 @@ class Device(str):
 def device(
     kind: str, plant: Plant | PlantMaker | None = None, host: str = "", **setting: str
 ) -> Iterator[Device]:
-    """Serve an emulator while the block runs.
+    """Serve an emulator while the block runs; yield its address, with its faults as methods.
 
     Args:
         kind: a name of `EMULATORS`.

@@ -11,7 +11,7 @@ from robot_emulators.errors import SettingError
 
 @dataclass(frozen=True)
 class Argument:
-    """Rule for the value of one argument or setting.
+    """Rule for the value of one named argument or setting.
 
     Attributes:
         check: whether a value is allowed.

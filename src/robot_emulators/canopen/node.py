@@ -98,12 +98,12 @@ class Node:
             self.send(0x700 + self.node, bytes([BOOT]))
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Put a frame on the bus, unless the node is mute."""
+        """Put a frame on the CAN bus, unless the fault ``mute`` silences this node."""
         if not self.fails("mute"):
             self._send(Frame(can_id, data))
 
     def hear(self, t: float, frame: Frame) -> None:
-        """Handle a frame from the bus at a time [s]."""
+        """Handle a CAN frame from the bus that arrives at time t [s]."""
         if frame.can_id not in self._ids or frame.extended or self.fails("mute"):
             return
         with self.lock:
@@ -134,7 +134,7 @@ class Node:
             self._emergency(0)
 
     def change(self, state: int) -> None:
-        """Enter an NMT state, such as OPERATIONAL."""
+        """Enter an NMT state (CiA 301), such as OPERATIONAL."""
         if state == self.state:
             return
         if self.state == OPERATIONAL:

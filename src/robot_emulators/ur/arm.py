@@ -223,7 +223,7 @@ class ControlledArm:
         return None
 
     def _emergency_step(self, dt: float) -> np.ndarray:
-        """Start braking; return the joint values (6,) after the first cycle of it."""
+        """Start an emergency braking; return the joint values (6,) after its first cycle."""
         self.freeze()
         assert self.motion is not None
         self._next_plain = self.motion.step(self._plain, dt)

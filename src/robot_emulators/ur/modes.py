@@ -61,7 +61,7 @@ class Modes:
 
     @property
     def protective(self) -> bool:
-        """Whether the arm is in a protective stop."""
+        """Whether the arm stands in a protective stop of the safety system."""
         return self.safety is SafetyMode.PROTECTIVE_STOP
 
     @property
@@ -89,7 +89,7 @@ class Modes:
         self.robot, self._next = RobotMode.POWER_OFF, None
 
     def release_brakes(self) -> None:
-        """Release the brakes, from off or idle; the arm is running some time later."""
+        """Begin to release the brakes, from off or idle; the arm is running after a delay."""
         if self.safety is SafetyMode.NORMAL and self.robot is not RobotMode.RUNNING:
             steps = 2 if self.robot is RobotMode.POWER_OFF else 1
             self.robot = RobotMode.POWER_ON if steps == 2 else self.robot

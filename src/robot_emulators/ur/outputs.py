@@ -66,7 +66,7 @@ class Outputs:
         values.update({name: value for name, value in outputs.items() if name in controller.fields})
 
     def _raw(self) -> Values:
-        """Reading of the sensor, or if a box has that one, the wrench that the arm measures."""
+        """Field ft_raw_wrench (6,): the flange sensor's reading, or the arm's if a box has it."""
         plant = self._controller.arm.plant
         if not self._shared:
             return tuple(self._controller.arm.load.tolist())

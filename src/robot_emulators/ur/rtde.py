@@ -64,7 +64,7 @@ class Inputs:
 
 
 class Terminals:
-    """States of the control box's outputs.
+    """States of the digital and analog outputs of the control box.
 
     Attributes:
         bits: digital outputs: 8 standard, 8 configurable, 2 of the tool.

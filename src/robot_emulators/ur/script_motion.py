@@ -75,7 +75,7 @@ def movel(
 def movep(
     program: ScriptProgram, pose: Any, a: float = 1.2, v: float = 0.25, r: float = 0.0
 ) -> Steps:
-    """Move the TCP to a pose (6,); the emulator does it as `movel`, without blends."""
+    """Move the TCP on a straight line to a pose (6,), as `movel`: there is no blending."""
     yield from movel(program, pose, a, v)
 
 
@@ -105,7 +105,7 @@ def _check_fractions(a: float, v: float, r: float) -> None:
 def optimovej(
     program: ScriptProgram, q: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """Move as `movej`; a and v are fractions of the top acceleration and speed."""
+    """Move on a line in joint space; a and v are fractions of the top acceleration and speed."""
     _check_fractions(a, v, r)
     yield from movej(program, q, a * _OPTIMO, v * _OPTIMO)
 
@@ -114,7 +114,7 @@ def optimovej(
 def optimovel(
     program: ScriptProgram, pose: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """Move as `movel`; a and v are fractions of the top acceleration and speed."""
+    """Move the TCP on a straight line; a and v are fractions of top acceleration and speed."""
     _check_fractions(a, v, r)
     yield from movel(program, pose, a * _OPTIMO_TOOL, v * _OPTIMO_TOOL)
 

@@ -134,7 +134,7 @@ class ScriptProgram:
         """Trigger a protective stop with a message; the program cannot continue after it.
 
         Raises:
-            ScriptFaultError: someone lets it go on.
+            ScriptFaultError: the stop was unlocked and the program is played on.
         """
         self.controller.protective_stop(error)
         yield

@@ -295,7 +295,7 @@ def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> t
     """Rms distance [m] of held-out poses from fits without them, and its expected value for a
     correct model, from noise and number of poses (Cramér–Rao).
 
-    Each fit is one Gauss–Newton step from that of all poses, x (K,): it is near.
+    Each fit is one Gauss–Newton step from that of all poses, x (K,), which is near.
     """
     order, scale = np.random.default_rng(0).permutation(len(sight.q)), sight.parameters.tolerance
     _, same = np.unique(sight.q.round(4), axis=0, return_inverse=True)

@@ -127,7 +127,7 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
 
 
 def first_rows(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Index of each hold's first row (H,): a segment begins, or the joints moved."""
+    """Index (H,) of each hold's first row, where a segment begins or the joints have moved."""
     names = joint_columns(columns) or QUATERNION
     segment = columns.get("segment")
     limit = MOVING if segment is None else MOVING_WITHIN_SEGMENT

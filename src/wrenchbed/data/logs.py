@@ -234,7 +234,7 @@ def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
 
 
 def _line(error: Exception) -> str:
-    """Text of an exception, in one line."""
+    """Text of an exception, joined to one line."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     if isinstance(error, RecursionError):

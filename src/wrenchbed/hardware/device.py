@@ -41,7 +41,7 @@ class Health:
 
     @property
     def ok(self) -> bool:
-        """Whether the device may be used."""
+        """Whether the device is healthy, so that it may be used."""
         return self.state == "ok"
 
 
@@ -166,7 +166,7 @@ class Device:
         """Open the device; by default there is nothing to open."""
 
     def _close(self) -> None:
-        """Release what is open; the device may be half open."""
+        """Release the device's connections, of which only some may be open."""
 
     def _health(self) -> Health:
         return Health("ok")

@@ -48,7 +48,7 @@ class Change:
 
     @property
     def sentence(self) -> str:
-        """Text such as ``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
+        """Text of the change for people, such as ``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
         step = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
         text = quantity(self.name, step, signed=True)
         return f"{self.name}: {text} ({abs(self.sigmas):.1f} σ)"
@@ -161,10 +161,10 @@ def changes_of(
     level: float = LEVEL,
     freedom: float = np.inf,
 ) -> tuple[Change, ...]:
-    """Changes between numbers ``before`` and ``after`` (K,), each called significant or not.
+    """Changes between numbers ``before`` and ``after`` (K,), each judged significant or not.
 
-    That is by their standard uncertainties ``std`` (K,) and Student's t with ``freedom``; ``level``
-    is the probability that any is called changed where none did.
+    Standard uncertainties ``std`` (K,) of the differences and Student's t with ``freedom`` decide;
+    ``level`` is the probability that any is called changed where none did.
     """
     difference = after - before
     sigmas = np.divide(difference, std, out=np.zeros(len(std)), where=std > 0)

@@ -144,7 +144,7 @@ def file_of(time: datetime) -> str:
 
 
 def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
-    """Make a check from a recording that states its time.
+    """Make a check (its hold means and their covariance) from a recording that states its time.
 
     Raises:
         HistoryError: it states no time.

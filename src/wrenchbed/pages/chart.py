@@ -245,7 +245,8 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Indices of the points to draw: extremes and even ones, or a line would look like two."""
+    """Indices of the points of a series to draw: extremes, and evenly spaced ones, since extremes
+    alone look like two curves."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)
     even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)

@@ -131,7 +131,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Card:
-    """One answer at the top of a page.
+    """One of the answers at the top of a page, as a card.
 
     Attributes:
         label: the question, in a word or two.

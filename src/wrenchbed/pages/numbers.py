@@ -26,7 +26,7 @@ POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def gap(value: float) -> str:
-    """Text of a gap (multiples of a row's noise) with three figures; 0 below half a hundredth."""
+    """Text of a gap (in units of a row's noise variance) with two decimals, fewer if large."""
     size = abs(value)
     if size < 0.005:
         return "0.00"
@@ -45,7 +45,7 @@ def percent(x: float) -> str:
 
 
 def chance(p: float) -> str:
-    """Text of a probability in %, never 0 % or 100 %."""
+    """Text of a probability with two decimals, ``> 0.99`` and ``< 0.01`` at the ends."""
     return ">\u00a00.99" if p > 0.994 else "<\u00a00.01" if p < 0.006 else f"{p:.2f}"
 
 

@@ -69,7 +69,7 @@ class Link:
 
 @dataclass(frozen=True)
 class ArmData:
-    """Data of a serial arm.
+    """Data from which a serial arm is made.
 
     Attributes:
         name, title, sensor: of the robot; the sensor's registry name.
@@ -227,7 +227,7 @@ class SerialArm(SerialChain):
 
 
 def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:
-    """Positions (N, 3) [m] in the world of a point given along the axes of one of the frames."""
+    """Positions (N, 3) [m] in the world of a point at offsets along x and z of a link's frame."""
     k, along_x, along_z = spot
     x, _, z, origin = frames[k]
     return np.asarray(origin + along_x * x + along_z * z)

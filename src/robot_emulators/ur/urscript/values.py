@@ -35,7 +35,7 @@ class ScriptFaultError(Exception):
 
 
 class ProgramEndsError(Exception):
-    """Raised where a program ends itself by ``halt``."""
+    """Raised where a URScript program ends itself by ``halt``."""
 
 
 class Pose(list[Any]):

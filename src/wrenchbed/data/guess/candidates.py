@@ -165,7 +165,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
-    """Yield the fitted conventions of a pair: each direction, wrench axes and mount."""
+    """Yield a fitted convention of a pair for each direction, wrench axes and mount."""
     poses = pairing.poses(reading)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:

@@ -125,7 +125,7 @@ def fits(
 
 
 def in_body(turn: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """Rotate a wrench (N, 6) from the base's axes into those of a body at turn (N, 3, 3)."""
+    """Rotate a wrench (N, 6) from the base's axes into a body's, with rotations turn (N, 3, 3)."""
     return np.einsum("nji,nkj->nki", turn, wrench.reshape(-1, 2, 3)).reshape(-1, 6)
 
 
@@ -266,7 +266,7 @@ class Convention:
 
     @property
     def quality(self) -> str:
-        """Sentence on the fitted load and its residual."""
+        """Sentence for people on the fitted load (mass, CoG) and the residual that it leaves."""
         force, torque = self.fit.force_rms, self.fit.torque_rms
         cog = ", ".join(f"{1e3 * x:.1f}" for x in self.cog)
         return (

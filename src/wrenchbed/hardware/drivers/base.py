@@ -277,10 +277,10 @@ class Driver(Device, ABC):
         """Metadata of a recording by this driver in a mode (rest or motion) at ``rate`` [Hz]."""
 
     def _activate(self) -> None:
-        """Switch the robot on; by default do nothing."""
+        """Hook of `activate`: switch the robot on; by default do nothing."""
 
     def _deactivate(self) -> None:
-        """Switch the robot off; by default do nothing."""
+        """Hook of `deactivate`: switch the robot off; by default do nothing."""
 
     @abstractmethod
     def _read(self) -> ArmSample: ...
@@ -301,7 +301,7 @@ class Driver(Device, ABC):
     def _stop(self, kind: str) -> None: ...
 
     def _recover(self, unlock: bool) -> None:
-        """Clear stops and faults; by default do nothing."""
+        """Hook of `recover`: clear stops and faults of the device; by default do nothing."""
 
     def _settle(self) -> float:
         return 0.0

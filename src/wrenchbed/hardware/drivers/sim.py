@@ -212,7 +212,7 @@ class SimDriver(Driver):
         self, options: SimOptions, active: tuple[ActiveEffect, ...], drives: Mapping[str, float],
         faults: tuple[str, ...],
     ) -> ReportedEfforts | None:  # fmt: skip
-        """Make the model of the efforts that simulated drives report; None if they are off."""
+        """Make the model of the efforts that simulated drives report; None for ``effort`` off."""
         if options.effort not in ("torque", "current", "off"):
             raise ParameterError(f"effort {options.effort!r}: give torque, current or off")
         if options.effort == "off":

@@ -212,7 +212,7 @@ class Drives:
         return None
 
     def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
-        """Write a number of ``size`` bytes to an object of a drive; raises as `read` does."""
+        """Write a number of ``size`` bytes to an object of a drive; errors as of `read`."""
         self._transfer(node, index, sub, struct.pack("<Q", value)[:size])
 
     def _transfer(self, node: int, index: int, sub: int, raw: bytes | None) -> bytes:

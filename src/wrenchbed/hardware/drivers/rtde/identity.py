@@ -76,8 +76,7 @@ def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
 
 
 def stated(host: str) -> dict[str, str]:
-    """Ask the dashboard for model, serial number and software version; what it does not answer is
-    left out, without a dashboard all."""
+    """Name → answer of the dashboard to questions for model, serial and software, if it answers."""
     answers = {}
     for name, command in _ASKED.items():
         try:

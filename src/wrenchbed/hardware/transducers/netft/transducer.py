@@ -102,7 +102,7 @@ def get(host: str, port: int, target: str) -> bytes:
 
 
 def get_any(host: str, ports: Sequence[int], target: str) -> tuple[int, bytes]:
-    """Fetch a page from the first port that connects; return port and page. Raises as `get`."""
+    """Fetch a page from the first port that connects; return port and page; errors as of `get`."""
     for port in ports[:-1]:
         try:
             return port, get(host, port, target)
