@@ -94,7 +94,7 @@ def posterior(
 
 
 def _determined(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (p, r) that columns (n, p) determine; whether they do each amplitude (p,)."""
+    """Directions (p, r) of amplitudes that columns (n, p) determine; if each amplitude is (p,)."""
     norm = np.linalg.norm(free, axis=0)
     norm = np.where(norm > 0.0, norm, 1.0)
     _, scale, vt = np.linalg.svd(free / norm, full_matrices=True)

@@ -64,7 +64,7 @@ _DRAWS, _DRAWS_OUTSIDE, _PAIRS = 40, 160, 4
 
 
 def possible(setting: RefereeSetting) -> list[str]:
-    """Names of the effects that can be causes on a robot in its mode."""
+    """Names of the effects that can be causes in a setting: on its robot, at rest or in motion."""
     shown = ["joints", "repeats"]
     shown += ["loops"] if setting.loops else []
     shown += ["motion"] if setting.mode == "dynamic" else []
@@ -201,8 +201,8 @@ class FaultyRobot:
         return replace(self, around=around)
 
     def measured(self, fault: RefereeFault, together: "FaultyRobot | None" = None) -> TrueCause:
-        """Add a fault: change of readings and gap by it; ``together`` is the robot with it, if it
-        was made before. A `ParameterError` if the simulation diverged."""
+        """Measure the change of readings and the gap that a fault adds to this robot; ``together``
+        is the robot with it, if already made. A `ParameterError` if the simulation diverged."""
         other = together or self.with_(fault)
         if common.between(fault.name) and fault.rows is not None:
             t, rows = self.setting.path.t, self.setting.path.rows

@@ -227,8 +227,8 @@ class RefereeSetting:
         return self.stated(self.theta)
 
     def stated(self, theta: np.ndarray, dq: np.ndarray | None = None, every: int = 1) -> np.ndarray:
-        """Readings (H or N, 6), by `mj_inverse`, of a rigid robot with these parameters and joints
-        off by ``dq``, at every ``every``-th pose or row."""
+        """Readings (H or N, 6) by `mj_inverse` of a rigid robot with parameters ``theta`` (P,) and
+        joint values off by ``dq``, at every ``every``-th pose or row."""
         bodies = self._bodies if theta is self.theta else RigidBodies(self.robot, theta)
         q, qd, qdd = (self.mean(x)[::every] for x in (self.path.q, self.path.qd, self.path.qdd))
         coordinates = _coordinates(self.robot, theta, q if dq is None else q + dq, qd, qdd)
