@@ -66,7 +66,7 @@ class PlantRequest:
         cycle: its control cycle [s].
         sensor: name of the sensor on its flange; empty: the one that the robot has.
         drives: whether `Plant.efforts` and `Plant.model_torques` are needed.
-        wrench_error: of `Plant.wrench`, three standard deviations of force [N] and torque [N·m];
+        wrench_error: three standard deviations of `Plant.wrench`, force [N] and torque [N·m];
             None: `Plant.wrench` is not needed.
     """
 
@@ -83,7 +83,7 @@ class Plant(Protocol):
     Attributes:
         arm: its nominal numbers.
         cycle: control cycle [s].
-        sensor_range: of the sensor on the flange (6,) [N, N·m].
+        sensor_range: measuring range of the sensor on the flange (6,) [N, N·m].
         gauges: matrix (6, 6) from that sensor's gauges [V] to wrenches; None: it has none.
     """
 

@@ -25,7 +25,7 @@ class Pdo:
 
     Args:
         objects: the node's object dictionary.
-        index: of its communication parameters: an RPDO, which writes what it carries, from 0x1400
+        index: object of its communication parameters: of an RPDO, which is received, from 0x1400
             on, a TPDO from 0x1800 on. Its mapping is 0x200 further.
     """
 

@@ -69,7 +69,7 @@ class Pages:
         """Reply to a GET or POST of a target such as ``/comm.cgi?comrdtrate=500``.
 
         Args:
-            target: with its query.
+            target: path of the request with its query.
             body: what a POST carries.
             missing: an element that netftapi2.xml leaves out.
         """

@@ -61,7 +61,7 @@ class WrenchEstimate:
 
         Args:
             load: measured on the flange, in its axes (6,) [N, N·m].
-            rotation: of the flange in axes of the base (3, 3).
+            rotation: rotation of the flange in axes of the base (3, 3).
             tcp: pose of the TCP in flange axes (6,); its position [m] is used.
         """
         weight = self.payload.mass * self.gravity

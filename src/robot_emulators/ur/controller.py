@@ -51,7 +51,7 @@ class Controller:
 
     Attributes:
         announce: called with each message for clients of the primary interface.
-        address: from which programs open connections; empty: from any.
+        address: local address from which programs open connections; empty: any.
         popup: whether a popup waits for someone to close it.
         freedrive: whether the arm may be pushed by hand.
     """

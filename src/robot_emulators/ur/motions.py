@@ -95,7 +95,7 @@ class Braking(ArmMotion):
     """Motion that brings all joints to rest at the same moment.
 
     Args:
-        deceleration: of the fastest joint [rad/s²].
+        deceleration: that of the fastest joint [rad/s²].
         seconds: time to rest, which replaces the deceleration.
     """
 

@@ -75,7 +75,8 @@ class _Whitened:
 
 
 def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | None]:
-    """Fit with uncertainties widened by what suspects may move; a clearly present fault or None."""
+    """Fit with uncertainties widened by what suspected faults may move, and the fault that is
+    clearly present, else None."""
     some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
     fit = _Rows(problem, outcome, some, list(suspects(problem, outcome.solution.x, some)))
     if _explained(fit):
@@ -143,7 +144,7 @@ class _Rows:
 
     @cached_property
     def others(self) -> np.ndarray:
-        """Rows of the touches and the prior (R, K + C + 1), in units of their noise."""
+        """Rows of the touches' residuals and the prior (R, K + C + 1), in units of their noise."""
         problem, x, count = self.problem, self.outcome.solution.x, len(self.problem.free)
         blocks, columns = [], self.wrenches.shape[2] - count - 1
         touches, robot, theta = problem.touches, problem.model.robot, problem.at(x)
@@ -173,7 +174,7 @@ class _Rows:
 
 
 def _explained(fit: _Rows) -> bool:
-    """Whether the noise known before the fit explains the residual, also along each suspect."""
+    """Whether noise known before the fit explains the residual, also along each suspected fault."""
     noise = fit.outcome.noise
     if noise.source == "residual" or noise.inflated:
         return False
@@ -184,7 +185,8 @@ def _explained(fit: _Rows) -> bool:
 
 
 def _whitened(fit: _Rows) -> _Whitened | None:
-    """Divide a fit's rows by the noise that parameters and suspects leave; None if too few."""
+    """Divide a fit's rows by the noise that remains after parameters and suspected faults are
+    fitted; None with too few readings."""
     least, motion = fit.least, isinstance(fit.problem.data.q, Jet)
     noise, count = np.maximum(fit.outcome.noise.scatter, least), 6 * len(fit.some)
     for _ in range(2):  # the second time by the noise that suspects leave
@@ -216,7 +218,7 @@ def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -> bool:
-    """Whether suspects explain significantly more of the residual than noise would let them."""
+    """Whether suspected faults explain significantly more of the residual than of mere noise."""
     if _clear(seen.S, alone, residual) > CLEAR:
         return True
     rest, rank = _rest(np.column_stack([alone, residual]))
@@ -234,9 +236,9 @@ def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
 
 
 def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.ndarray:
-    """Standard deviation (C,) of each suspect's family at maximum marginal likelihood (MacKay's
-    updates), from changes (n, C) and residual (n,) without what parameters explain, in units of
-    noise."""
+    """Standard deviation (C,) of each suspected fault's family at maximum marginal likelihood
+    (MacKay's updates), from changes (n, C) and residual (n,) without what parameters explain
+    [noise]."""
     R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
     _, family = np.unique([f for s in every for f in s.families], return_inverse=True)
@@ -251,8 +253,8 @@ def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.
 
 
 def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shift (K,) and standard deviation (K,) of the parameters, in tolerances, when suspects with
-    standard deviations ``size`` (C,) are fitted, too."""
+    """Shift (K,) and standard deviation (K,) of the parameters, in tolerances, when suspected
+    faults of standard deviations ``size`` (C,) are fitted, too."""
     both = np.column_stack([seen.A, seen.S])
     k = seen.A.shape[1]
     precision = np.concatenate([np.full(k, 1e-12), 1.0 / size**2])
@@ -264,8 +266,8 @@ def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _likeliest(
     every: list[Suspect], seen: _Whitened, alone: np.ndarray, residual: np.ndarray
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Names of the suspects that best explain the residual, each alone, the sizes of the first
-    one's shapes, and the changes (n, L) by all that explain it nearly as well.
+    """Names of the suspected faults that best explain the residual, each alone, the sizes of the
+    first one's shapes, and the changes (n, L) by all that explain it nearly as well.
 
     k shapes cost k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of suspects that explain it
     alike, those with the fewest shapes are named.

@@ -47,7 +47,7 @@ class Suspect(NamedTuple):
 
 
 def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Yield all possible faults of a fit at x (K,), for the observations at indices ``some``."""
+    """Yield all faults that a fit at x (K,) may suffer from, for the observations ``some``."""
     read = problem.data.wrench - problem.residual(x)
     yield from _of_channels(read[some])
     yield from _of_frames(problem, x, some)
@@ -59,7 +59,7 @@ def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Susp
 
 
 def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Yield general suspects: slow functions of time, and smooth nonlinear functions of gravity's
+    """Yield general faults: slow functions of time, and smooth nonlinear functions of gravity's
     direction (linear ones are gains and crosstalk)."""
     t = problem.data.t[some]
     along = np.pi * (t - t.min()) / max(float(np.ptp(t)), 1e-9)
@@ -77,7 +77,7 @@ def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 
 
 def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Suspect:
-    """Make a suspect of shapes (M, k) in any channel, scaled by the swing of forces or torques."""
+    """Make a fault that adds shapes (M, k) to any channel, scaled by forces' or torques' swing."""
     size = np.sqrt(problem.data.wrench.var(axis=0).reshape(2, 3).mean(axis=1)).repeat(3) * PART
     unit = shapes / np.maximum(np.sqrt((shapes**2).mean(axis=0)), 1e-3)
     each = np.einsum("mk,cd->mcdk", unit, np.diag(size))
@@ -86,7 +86,7 @@ def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Sus
 
 
 def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
-    """Yield suspects in the sensor's channels for readings (M, 6): gains and crosstalk."""
+    """Yield faults of the sensor's channels for readings (M, 6): gains and crosstalk."""
     for i, to in enumerate(CHANNELS):
         for j, of in enumerate(CHANNELS):
             change = np.zeros((*read.shape, 1))
@@ -97,7 +97,7 @@ def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
 
 
 def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Yield suspects in frames: a tilt of gravity, and zero offsets of joints."""
+    """Yield faults of frames: a tilt of gravity, and zero offsets of joints."""
     model, theta, q = problem.model, problem.at(x), problem.data.q[some]
     read, gravity = model.predict(q, theta), np.asarray(model.gravity)
     tilted = [
@@ -125,7 +125,7 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 def _of_time(
     problem: Problem, x: np.ndarray, some: np.ndarray, read: np.ndarray
 ) -> Iterator[Suspect]:
-    """Yield suspects in time: a delay of the wrench; in motion also a clock of another rate."""
+    """Yield faults of time: a delay of the wrench; in motion also a clock of another rate."""
     model, theta, q = problem.model, problem.at(x), problem.data.q
     if not isinstance(q, Jet):
         for name, others in (

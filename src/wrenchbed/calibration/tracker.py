@@ -321,7 +321,8 @@ def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> t
 def _identified(
     sight: Sight, solution: Solution, dof: float, tolerances: float
 ) -> tuple[IdentifiedValue, ...]:
-    """Fitted parameters with uncertainties; without if the data add nothing to the prior."""
+    """Geometry and compliances with their uncertainties; no uncertainty where the data add nothing
+    to the prior."""
     std = np.sqrt(np.diagonal(solution.covariance))
     determined = std < _TOLD * tolerances * sight.parameters.tolerance
     names = ((p.name, p.unit) for p in sight.parameters)

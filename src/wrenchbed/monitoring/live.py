@@ -119,8 +119,8 @@ def _check_whole(driver: LiveDriver) -> None:
 
 
 class Datagrams(AbstractContextManager["Datagrams"]):
-    """Sink that sends each reading as JSON in a UDP datagram to HOST:PORT; a context manager.
-    Raises a `ParameterError` if the address is no HOST:PORT, or there is no such host."""
+    """Receiver of `live`'s readings that sends each as JSON in a UDP datagram to HOST:PORT; a
+    context manager. Raises a `ParameterError` if that is no HOST:PORT or there is no such host."""
 
     def __init__(self, address: str) -> None:
         self._target = _address(address)

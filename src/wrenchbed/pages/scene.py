@@ -70,7 +70,7 @@ class Scene:
     Attributes:
         name, title, caption, note, columns: as of a `Chart`.
         parts: rigid parts of the robot.
-        frames: of its bodies in the world, the sensor's the last (K, B, 3, 4): axes and place [m].
+        frames: frames of its bodies in the world, last the sensor's (K, B, 3, 4): axes, place [m].
         arrows: arrows that begin at the sensor.
         labels: texts of the moments.
         ids: numbers of their observations (K,): figures share their cursor by it.

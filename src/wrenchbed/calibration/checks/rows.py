@@ -175,7 +175,8 @@ def _ranges(recording: Recording) -> Iterator[Finding]:
 
 
 def _lost(recording: Recording) -> Iterator[Finding]:
-    """Yield findings on rows without a reading: all channels 0, or one 0 between others far off."""
+    """Yield findings on rows without a reading: all channels 0, or one channel 0 between rows that
+    are far from 0."""
     blank = np.asarray(~recording.wrench.any(axis=1))
     if LEAST_LOST <= blank.sum() < len(recording):
         yield _no_readings("all channels are", blank)
