@@ -285,7 +285,7 @@ def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
     f, of = verdict.explanation.finalist, cause.elements[cause.names[0]]
     if len(of.names) > 1 or of.fits[0] is not f:
         return listed(of.names)
-    return f.parts[cause.part.index].variant.label
+    return f.parts[cause.part.index].variant.label.partition(", fitted start")[0]
 
 
 def scales(*each: Prepared) -> dict[str, Scale]:

@@ -120,7 +120,7 @@ def claim(
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
     choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
                for n, v in values.items() if "unit" not in v}  # fmt: skip
-    said = {"joint"} if wording or of_joint else set()
+    said = {"form", "joint"} if wording or of_joint else {"form"}
     said |= {n for n in choices if any(q.endswith(f".{values[n]['value']}") for q in quantities)}
     choice = ", ".join(text for n, text in choices.items() if n not in said)
     several = list(entry.get("elements", ()))
