@@ -70,7 +70,7 @@ class Modes:
         return self.robot is RobotMode.RUNNING and self.safety is SafetyMode.NORMAL
 
     def tick(self, now: float) -> None:
-        """Complete the changes of mode that are due at a `time.monotonic` time [s]."""
+        """Complete the changes of power, stop and brakes that are due at time ``now`` [s]."""
         self.now = now
         if self._next is not None and now >= self._next[0]:
             self.robot, self._next = self._next[1], None

@@ -83,10 +83,10 @@ class Fit(WrittenFit):
         status: sentence: converged or not, and how far to trust the values.
         identified: the free parameters.
         theta: all parameters by name, fitted or not.
-        gravity: under which they were fitted, world axes (3,) [m/s²].
+        gravity: gravity of the fit, world axes (3,) [m/s²].
         tool: the load in the contract's terms: mass [kg], cog (3,) [m] in sensor axes.
-        covariance: of the free parameters (K, K), minimum-norm where they are redundant.
-        residual_rms: per channel over the holds (6,) [N, N·m].
+        covariance: covariance of the free parameters (K, K), minimum-norm where they are redundant.
+        residual_rms: rms residual over the holds, each channel (6,) [N, N·m].
         observability: rank and null directions of the robot's candidates.
         target_rms: expected position error of the tool in the robot's target workspace [m], rms;
             only with a prior, which bounds what the data cannot tell, and touches that agree.

@@ -75,7 +75,7 @@ def learn_sensor(
 
     Args:
         recording: one pose, an even clock, nothing touches the tool.
-        name: of the sensor; default is the recording's file name.
+        name: name of the new sensor; default is the recording's file name.
         like: registry name or TOML file of the sensor that range, resolution, mass and plate
             offset are taken from; default is what the recording states, else ``generic``.
 

@@ -171,7 +171,7 @@ def calibrate_tracker(
     """Fit a robot's geometry and compliances to positions mx my mz of a target.
 
     Args:
-        recording: at rest, one row or many a pose.
+        recording: recording at rest, one row or many a pose.
         options: ``free``, ``hold``, ``prior`` and ``force`` are used; by default all geometry is
             free, and the compliance of every joint that weight loads.
 

@@ -29,7 +29,7 @@ class TrackerFit(WrittenFit):
         gravity: world axes (3,) [m/s²].
         stand: the tracker's pose, rotation vector [rad] and shift [m] from the world to its axes,
             and the target's position in sensor axes [m], by name.
-        covariance: of the identified parameters (K, K).
+        covariance: covariance of the identified parameters (K, K).
         noise: standard deviation of the fit's residual per axis [m], free parameters counted.
         repeats: noise of a pose's mean by its rows [m]; None without repeats.
         held_out: rms distance of poses from fits without them [m].

@@ -89,7 +89,7 @@ def run() -> None:
 
 
 def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
-    """Hook for exceptions in callbacks of the interpreter, which swallows them: interrupt anew."""
+    """Hook for exceptions in callbacks of the interpreter, which swallows them: interrupt again."""
     if unraisable.exc_type is KeyboardInterrupt:
         threading.Timer(_AGAIN_S, signal.raise_signal, (signal.SIGTERM,)).start()
     else:

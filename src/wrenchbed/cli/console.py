@@ -203,8 +203,8 @@ def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None
     """Make a rich table without ruled lines.
 
     Args:
-        heads: of the columns; after ``>`` of one that is right-aligned, after ``|`` of one that is
-            left-aligned, neither of which breaks its lines. All empty: no line of heads.
+        heads: heads of the columns; after ``>`` of one that is right-aligned, after ``|`` of one
+            that is left-aligned, neither of which breaks its lines. All empty: no line of heads.
         indent: columns to the left of the table.
         space: columns between its columns.
         title: above it, at the left.

@@ -284,7 +284,7 @@ def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[
 
     Args:
         link: driver that is not connected yet.
-        plan: that it will run.
+        plan: plan that it will run.
         recover: somebody has looked at a robot that stopped.
         yes: a person agreed already that a real robot moves.
 

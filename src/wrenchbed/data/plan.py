@@ -23,7 +23,7 @@ class Plan:
     """A plan for a robot: poses to visit, or a motion to follow, as joint values (N, J).
 
     Attributes:
-        robot: whose joints these are.
+        robot: name of the robot whose joints these are.
         q: joint values [rad or m]; in a dynamic plan one row a sample at ``rate_hz``.
         segment: which hold or motion each row belongs to (N,).
         dwell: how long to stay [s] (N,), 0 for the recorder's default.

@@ -115,14 +115,14 @@ class LoadNumbers:
         robot, recording: what was calibrated, and from what.
         frame: in whose axes ``cog``, ``inertia``, ``rotation`` and ``position`` are: the flange's,
             or the sensor's where no flange is known.
-        mass: of all that loads the gauges [kg].
+        mass: mass of all that loads the gauges [kg].
         cog: centre of gravity of that in ``frame`` [m]; ``cog_sensor`` the same in sensor axes.
         inertia: about the CoG, axes of ``frame``, xx yy zz xy xz yz [kg·m²]; ``inertia_sensor``
             the same in sensor axes.
-        rotation: of the sensor in ``frame``, rotation vector [rad].
-        position: of the sensor's origin in ``frame`` [m].
+        rotation: rotation vector of the sensor in ``frame`` [rad].
+        position: position of the sensor's origin in ``frame`` [m].
         bias: zero of the sensor, six channels [N, N·m].
-        gravity: in axes of the robot's base [m/s²].
+        gravity: gravity in axes of the robot's base [m/s²].
         left: what the file knows and no format here carries, a line each.
         twin: the calibrated simulator with these numbers.
     """

@@ -110,7 +110,7 @@ class Fields:
         raw: the object as it was parsed.
         where: file, and the part of it, at the beginning of each message.
         error: class of the errors to raise.
-        name: of this object in its file, with dots; empty for the file itself.
+        name: path of this object in its file, with dots; empty for the file itself.
     """
 
     def __init__(self, raw: Any, where: str, error: type[WrenchbedError], name: str = "") -> None:

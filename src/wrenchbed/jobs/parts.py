@@ -113,7 +113,7 @@ def run(
         work: a module-level function, called in other processes.
         shared: first argument of ``work``, sent once to each process.
         report: called with the number of further parts that are done.
-        processes: as many as cores if None.
+        processes: number of processes; as many as cores if None.
     """
     missing = [n for n in numbers if not parts.readable(n)]
     report(len(numbers) - len(missing))

@@ -233,7 +233,7 @@ def check(
     Args:
         folder: folder of the history; see `plan_of` for the plan in it.
         time: when the recording was made; what it states if None.
-        temperature: of sensor or room [°C], where the recording has no column of it.
+        temperature: that of sensor or room [°C], where the recording has no column of it.
         baseline: why the robot differs from here on.
 
     Raises:

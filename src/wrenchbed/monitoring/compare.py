@@ -31,7 +31,7 @@ class Change:
     """Change of one number between two results.
 
     Attributes:
-        name, unit: as in the files.
+        name, unit: name and unit of the number, as in the files.
         before, after: values [unit].
         std: standard uncertainty of their difference [unit].
         sigmas: difference / std.

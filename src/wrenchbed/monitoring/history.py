@@ -51,7 +51,7 @@ class Check:
         robot, sensor: registry names.
         robot_digest: 16 digits of the SHA-256 of what is known of robot and sensor.
         recording, recording_digest: file in `RECORDINGS`, SHA-256 of what was measured.
-        temperature: of the sensor, else of the room [°C]; NaN if not known.
+        temperature: temperature of the sensor, else of the room [°C]; NaN if not known.
         t: mean times of the holds (P,) [s].
         q: joint values of the holds (P, J) [rad or m].
         wrench: mean readings (P, 6) [N, N·m].

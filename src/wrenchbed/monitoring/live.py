@@ -35,7 +35,7 @@ class LiveSummary:
         lost: readings that the sensor or the link lost.
         skipped: readings that came between two published ones and were left out.
         p50, p99: time from a reading's arrival to its publication [s].
-        rms: of the wrench at rest, per channel (6,) [N, N·m]; NaN where the robot never rested.
+        rms: rms of the wrench at rest, per channel (6,) [N, N·m]; NaN where the robot never rested.
         alarms: how often one was raised.
     """
 

@@ -141,7 +141,7 @@ def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndar
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Checks of one robot since its last baseline, the oldest first, and their numbers."""
+    """Checks of one robot since its last baseline, oldest first, with K numbers fitted to each."""
 
     robot: Robot
     checks: Sequence[Check]

@@ -93,11 +93,11 @@ class Scale:
     """Colour scale for a matrix's values, the same on every page.
 
     Attributes:
-        label: with unit.
+        label: name and unit of the values.
         low, high: ends; values beyond have the colours of the ends.
         ticks: marks on its bar.
-        log: in decades.
-        diverging: two colours away from zero.
+        log: whether it is in decades.
+        diverging: whether it has two colours, one on either side of zero.
     """
 
     label: str
@@ -195,7 +195,7 @@ class Chart:
         columns: panels beside each other where there is room.
         shared: whether all panels have the same x.
         caption: text beneath the figure.
-        note: on data that are not drawn.
+        note: sentence on data that are not drawn.
     """
 
     name: str

@@ -31,8 +31,8 @@ def provenance(
 
     Args:
         files: paths of what was read; of a name without a file it is said that there is none.
-        command: that made it; left out if empty.
-        seed: of all random choices; left out if there were none.
+        command: command line that made it; left out if empty.
+        seed: seed of all random choices; left out if there were none.
     """
     lines = [(f"SHA-256 of {Path(r).name}", sha256(r) or NO_FILE) for r in files]
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")  # seconds since 1970, for repeatable builds
@@ -61,7 +61,7 @@ class Table:
     """A table of texts on a page; columns of numbers are right-aligned.
 
     Attributes:
-        title: with its number in the paper, if it has one.
+        title: title, with its number in the paper if it has one.
         note: how to read it.
     """
 

@@ -105,7 +105,7 @@ class ArmModel:
         links: along the chain.
         end_turn, end_shift: the sensor's frame in the last link's.
         load: behind the sensor, as the file has it; None where that weighs nothing.
-        gravity: in world axes (3,) [m/s²].
+        gravity: gravity in world axes (3,) [m/s²].
         parents: the link before each link; −1 is the base.
         end: the link that carries the sensor.
         driven: links whose joints have actuators, q1 … in this order; all others are passive.

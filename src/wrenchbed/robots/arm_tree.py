@@ -58,7 +58,7 @@ class ArmTree:
     """Reads the arm of a compiled model file, standing in its home pose.
 
     Args:
-        model: with the site `SITE`, where the sensor is.
+        model: compiled model with the site `SITE`, where the sensor is.
         source: the file as XML, for names and messages.
         frame: the user's name of that site.
         key: coordinates (nq,) of the keyframe, if there is one.

@@ -66,7 +66,7 @@ class GoalSets(NamedTuple):
         gravity: poses at which the sensor may read the tool's weight (N, J).
         touch: poses at which the tip, by the nominal model, is at ``points`` (T, J).
         points: known positions in the world (T, 3) [m].
-        target: where the position error counts (G, J).
+        target: poses at which the position error counts (G, J).
     """
 
     gravity: np.ndarray

@@ -55,7 +55,7 @@ class ClosedLoops:
     them or complex steps, and values of joints to which their zeros are added.
 
     Args:
-        arm: with ``loops``; its home is where Newton begins.
+        arm: nominal arm with closures; its home is where Newton begins.
 
     Raises:
         ParameterError: the loops do not close at home, or leave a joint free; says which.

@@ -104,7 +104,7 @@ def describe(
     Args:
         file: MJCF or URDF, or the name of a robot of MuJoCo Menagerie.
         frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
-        out: of the TOML; a file of this name is replaced.
+        out: path of the TOML file; an existing file is replaced.
         sensor: registry name, or the path of a user's TOML file.
         tool_mass, tool_cog: of the tool [kg], (3,) [m] in sensor axes; they replace what the file
             has behind the frame.

@@ -72,8 +72,8 @@ class ArmData:
     """Data from which a serial arm is made.
 
     Attributes:
-        name, title, sensor: of the robot; the sensor's registry name.
-        links: from the base to the flange.
+        name, title, sensor: robot's name and title; the sensor's registry name.
+        links: joints and links from the base to the flange.
         flange: the body between the last link and the sensor.
         home: joint values at which the MJCF opens.
         tool_mass, tool_cog, tool_inertia: of the example tool [kg, m, kg·m²], sensor axes.

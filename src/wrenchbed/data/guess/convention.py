@@ -215,7 +215,7 @@ class Convention:
         poses: the rows that were fitted.
         turn: rotation of the body in the base at these poses (G, 3, 3).
         sign: sign of the wrench, for ``gravity`` along ±axis.
-        gravity: in the base (3,) [m/s²].
+        gravity: gravity in base axes (3,) [m/s²].
         units: units of force and torque.
         more: penalty for sign and units.
     """

@@ -39,7 +39,7 @@ class Reading:
         targets: target name of a column map → column.
         unit: unit of angles; none of numbers.
         cost: how unusual it is; of readings that fit alike the least costly is taken.
-        robot: whose joints these are; none of an orientation.
+        robot: robot whose joints these are; None for an orientation.
         named: whether the columns' names say so.
     """
 

@@ -242,7 +242,8 @@ class GaugeBoard(Transducer):
         self._suspect.set()
 
     def _check(self) -> None:
-        """Select the calibration anew after a restart, and detect restarts without silence."""
+        """Run in a thread: select the calibration anew after a restart of the board, and read its
+        matrix again and again to detect restarts without silence."""
         axis = 0
         while self._running:
             doubted, known = self._suspect.wait(CHECK_S), self._calibration

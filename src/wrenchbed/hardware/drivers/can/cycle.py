@@ -109,8 +109,8 @@ class Rest:
 
     Args:
         speed: top speed of each joint (J,).
-        counts: per unit of each joint (J,).
-        period: of the cycles [s].
+        counts: encoder counts per unit of each joint (J,).
+        period: duration of a cycle [s].
         watchdog: silence after which drives stop [s].
     """
 

@@ -54,11 +54,11 @@ def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
     They stand in the order in which a recording run would fail.
 
     Args:
-        robot: that recordings will be made with.
-        host: of the controller; it is left out if empty.
+        robot: robot with which recordings will be made.
+        host: address of the controller; it is left out if empty.
         sensor: address of the sensor, for instance ``netft://HOST``, or the HOST of a Net F/T; left
             out if empty.
-        seconds: for which each stream is watched [s].
+        seconds: time for which each stream is watched [s].
 
     Raises:
         ParameterError: nothing to look at, no such sensor, or no time.

@@ -207,8 +207,8 @@ class Snapshot(NamedTuple):
         q, qd, current: angles, speeds and motor currents of the joints [rad, rad/s, A].
         target_q, target_qd, target_moment: joint angles, speeds and torques that the controller
             commands [rad, rad/s, N·m].
-        temperatures: of the joints [°C].
-        pose: of the TCP in the base, x y z [m] and rotation vector [rad].
+        temperatures: temperatures of the joints [°C].
+        pose: pose of the TCP in the base, x y z [m] and rotation vector [rad].
         force: ``actual_TCP_force`` [N, N·m], as the controller gives it.
         raw: ``ft_raw_wrench`` [N, N·m], NaN where the controller has none.
         scaling: speed scaling 0 … 1.

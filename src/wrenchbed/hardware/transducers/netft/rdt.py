@@ -207,7 +207,7 @@ class Receiver:
 
     Args:
         box: host and UDP port of its RDT.
-        rate, internal_rate: of its records and of its samples [Hz].
+        rate, internal_rate: rates of its records and of its samples [Hz].
         keep: called in its thread with times (n,) [s] at which records would have arrived without
             delay, and the records (n,).
 

@@ -118,7 +118,7 @@ class Configuration:
 
     Attributes:
         per_si: (6,) counts per newton and newton metre.
-        rate, internal_rate: of RDT and of ft_sequence [Hz].
+        rate, internal_rate: rates of RDT records and of ft_sequence [Hz].
         enabled: whether RDT is on.
         bias: the software bias as written; empty where it is not shown.
         rating: (6,) full scale [N, N·m], None where it is not shown.
