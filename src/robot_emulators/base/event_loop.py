@@ -143,7 +143,7 @@ class Listener(Generic[C]):
         self.hang_up()
 
     def unlisten(self, until: float) -> None:
-        """Stop accepting until a `time.monotonic` time [s]; call it in the loop's thread."""
+        """Refuse new clients until a `time.monotonic` time [s]; call it in the loop's thread."""
         if self._reopen is not None:
             self._reopen.cancel()
         if self._socket is not None:

@@ -230,7 +230,7 @@ def calibrate(
 def _checked(
     recording: Recording, options: CalibrationOptions, touches: Touches | None
 ) -> tuple[Problem, Finding | None]:
-    """Set up the fit problem of a recording; also return a finding that does not block it."""
+    """Set up the fit problem of a recording, and return a finding that does not forbid the fit."""
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
     if POINT[0] in recording.columns:

@@ -48,14 +48,14 @@ class Clock:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Autocovariance (N,) of the 1/f part with a level of 1."""
+        """Autocovariance (N,) at lags of 0 … N − 1 rows of 1/f noise with a level of 1."""
         lag = 2.0 * np.pi * np.arange(1, self.rows) / self.rate
         rest = exp1(self.f_low * lag) - exp1(self.f_high * lag)
         return np.concatenate([[np.log(self.f_high / self.f_low)], rest])
 
     @cached_property
     def flicker(self) -> np.ndarray:
-        """Expected periodogram (K,) of the 1/f part with a level of 1 [1/Hz]."""
+        """Expected periodogram (K,) [1/Hz] of 1/f noise with a level of 1."""
         n = self.rows
         weighted = (1.0 - np.arange(n) / n) * self.covariance
         spectrum = 2.0 * np.fft.rfft(weighted).real - weighted[0]
@@ -63,7 +63,7 @@ class Clock:
 
     @property
     def white(self) -> np.ndarray:
-        """Expected periodogram (K,) of white noise with a deviation of 1 [1/Hz]."""
+        """Expected periodogram (K,) [1/Hz] of white noise with a standard deviation of 1."""
         return np.full(len(self.frequency), 2.0 / self.rate)
 
     def periodogram(self, rows: np.ndarray) -> np.ndarray:

@@ -187,8 +187,8 @@ def _diagnose_wrench(
 
 
 def material_of(text: str) -> Material:
-    """Parse the residuals that count as material, such as ``0.2N,0.01N·m,0.1mm``; a
-    `ParameterError` unless they are a force, a torque and a length above 0, each once."""
+    """Parse the residual that counts as a gap of 1, such as ``0.2N,0.01N·m,0.1mm``; a
+    `ParameterError` unless these are a force, a torque and a length above 0, each once."""
     from wrenchbed.diagnosis.prepare.prepared import Material
 
     parts = text.replace(" ", "").split(",")

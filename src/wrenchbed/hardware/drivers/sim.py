@@ -105,7 +105,7 @@ class SimOptions:
         seed: seed of the noise.
         gravity: (3,) [m/s²], the robot's default if None.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
-        limits: of its motion; half of top speed anywhere if None.
+        limits: limits of its motion; half of top speed anywhere if None.
         effort: ``torque`` or ``current``: recordings have it as tau1… [N·m or N] or i1… [A], with
             the controller's targets and the drives' temperatures; ``off``: they do not.
         tracker: standard deviation of a tracker's readings [m]: recordings at rest have the place

@@ -77,27 +77,27 @@ def check(base: int, nodes: Sequence[int]) -> None:
 
 @dataclass(frozen=True)
 class CanOptions:
-    """Bus, drives and sensor. Ids, slot, rate and counts per unit are assumptions: set those of
-    your robot.
+    """Options of bus, drives and sensor. Ids, slot, rate and counts per unit are assumptions: set
+    those of your robot.
 
     Attributes:
         robot: registry name; only MedRUE has these drives.
         channel: name of the bus.
-        interface: of python-can; SocketCAN, or socketcand where a host is given, if empty.
-        host: of a socketcand server.
-        port: of a socketcand server.
-        bitrate: of the bus [bit/s].
+        interface: python-can's name of it; if empty SocketCAN, or socketcand where a host is given.
+        host: address of a socketcand server.
+        port: TCP port of a socketcand server.
+        bitrate: bit rate of the bus [bit/s].
         nodes: CANopen ids of the drives, in the order of the joints.
         base: upper seven bits of the sensor board's ids. The maker's 0x20 collides with CANopen.
-        slot: of the sensor's calibration on its board, 0 … 15.
-        rate: of the cyclic exchange [Hz].
-        counts_per_unit: of each drive per m or rad, negative where it counts the other way;
+        slot: place of the sensor's calibration on its board, 0 … 15.
+        rate: rate of the cyclic exchange [Hz].
+        counts_per_unit: counts of each drive per m or rad, negative if it counts the other way;
             1 µm and 2²⁰ per turn unless given.
         effort: ``torque``: drives report it (0x6077, 0x6076) and recordings keep it as tau1…
             [N·m or N]; ``current``: they report current (0x6078, 0x6075), kept as i1… [A];
             ``off``: neither.
         watchdog: time without targets after which a drive stops [s].
-        limits: of its motion; a quarter of top speed anywhere if None.
+        limits: limits of its motion; a quarter of top speed anywhere if None.
     """
 
     robot: str = ROBOT

@@ -64,10 +64,10 @@ class RtdeOptions:
         host: address of the robot's controller; its ports are fixed (30004, 30003, 29999).
         sensor: empty or ``netft`` for a Net F/T at the robot's host,
             ``netft://HOST[:PORT][?http=PORT]`` elsewhere, ``rtde`` for the robot's own wrench.
-        frequency: of states and of streamed targets [Hz]; None: the controller's own, 125 Hz on a
+        frequency: rate of states and streamed targets [Hz]; None: the controller's own, 125 Hz on a
             CB3 and 500 Hz on an e-Series.
         watchdog_hz: the robot stops its program when it hears nothing for 1/watchdog_hz [Hz].
-        limits: of its motion; a quarter of top speed anywhere if None.
+        limits: limits of its motion; a quarter of top speed anywhere if None.
         power_on: whether `activate` may switch the robot on and release its brakes.
         connect_s: deadline of `connect` and of each reconnection [s].
         effort: ``current``: recordings keep motor currents i1… [A], and what the controller wants
