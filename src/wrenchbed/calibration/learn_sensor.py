@@ -247,7 +247,7 @@ class RestNoise:
 
 
 def _slope_std(fits: list[Spectrum], clock: Clock) -> np.ndarray:
-    """Standard uncertainty of the drifts (6,), with insignificant 1/f noise at its upper limit."""
+    """Standard uncertainty (6,) of the channels' drifts; unseen 1/f noise is at its upper limit."""
     return np.array([clock.slope_std(s.white, s.flicker or s.flicker_most) for s in fits])
 
 

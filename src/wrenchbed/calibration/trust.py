@@ -22,7 +22,7 @@ _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"}
 def observed(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Observed:
-    """Observations in the form for `checks`, at stated theta (P,); a fit will find ``free``."""
+    """Observations as `checks` take them, at stated theta (P,); ``free``: what a fit will find."""
     robot, robot_theta = model.robot, model.robot.robot_theta(theta)
     tool, stated = robot.tool(robot_theta), recording.metadata.tool
     row = np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1)

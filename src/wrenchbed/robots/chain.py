@@ -117,7 +117,7 @@ class SerialChain(MountedArm):
         """Constants for `compiled.statics`: column, zero, cosine and sine of the twist of each
         hinge.
 
-        The twist behind the last hinge is zero: the last turn holds it.
+        The twist behind the last hinge counts as zero: the last rotation contains it.
         """
         hinges, turns = self._hinges, np.stack(self._mounted(theta)[0])
         groups = np.split(turns, hinges + 1)  # the turns between two hinges are one
