@@ -135,3 +135,4 @@ def test_the_terminal_and_json_say_the_same(fits, capsys):
     assert told["sentences"][0].split(" (")[0] in " ".join(shown.split())
     mass = next(c for c in told["changes"] if c["changed"])
     assert f"{mass['sigmas']:+.1f}" in shown and told["changed"] is True
+    assert "…" not in shown and " -" not in shown  # nothing is cut at 80 columns

@@ -14,7 +14,7 @@ from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.errors import MissingExtraError
-from wrenchbed.pages.numbers import quantity
+from wrenchbed.pages.numbers import minus, quantity
 
 Kinds = Literal[
     "robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects", "exports",
@@ -88,17 +88,17 @@ def compare(
 
 def compared(result: wb.Comparison) -> Group:
     """Displays of a comparison: its sentences, then a table of all numbers."""
-    table = console.table("|", ">A", ">B", ">B − A", ">σ")
+    table = console.table("|", ">A", ">B", ">B − A", ">σ", space=1)
     for c in result.changes:
         style = "bold" if c.changed else ""
         values = [quantity(c.name, {"value": v, "unit": c.unit}) for v in (c.before, c.after)]
         change = {"value": c.after - c.before, "std": c.std, "unit": c.unit}
-        table.add_row(
-            c.name, *values, quantity(c.name, change, signed=True), f"{c.sigmas:+.1f}", style=style
-        )
+        more = quantity(c.name, change, signed=True), minus(f"{c.sigmas:+.1f}")
+        table.add_row(c.name, *values, *more, style=style)
     parts = [Text(s, style="bold" if k == 0 else "") for k, s in enumerate(result.sentences)]
     unlike = [Text(f"not compared  {x}", style="dim") for x in result.left]
-    return Group(*parts, "", table, *([""] if unlike else []), *unlike)
+    numbers = Group("", table) if result.changes else ""
+    return Group(*parts, numbers, *([""] if unlike else []), *unlike)
 
 
 @dataclass(frozen=True)
