@@ -13,9 +13,9 @@ WRENCHBED = {
     "channels": 939,
     "cli": 2676,
     "data": 5391,
-    "diagnosis": 13007,
+    "diagnosis": 12991,
     "drives": 1669,
-    "effects": 4974,
+    "effects": 4968,
     "environments": 589,
     "exports": 830,
     "files": 578,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78885,
-    "src/wrenchbed": 69398,
+    "src": 78863,
+    "src/wrenchbed": 69376,
     "src/robot_emulators": 9487,
     "tests": 39628,
     "scripts": 3476,

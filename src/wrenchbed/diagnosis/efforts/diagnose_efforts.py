@@ -34,7 +34,7 @@ from wrenchbed.twin.twin import Twin
 
 Progress = Callable[[str], None]
 STEPS = 4
-"""Largest number of next steps that are reported."""
+"""Number of steps that are reported as they begin."""
 
 
 @dataclass(frozen=True, eq=False)

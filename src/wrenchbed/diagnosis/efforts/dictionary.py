@@ -51,11 +51,6 @@ class Channel:
     noise: RowNoise
     counts: float
 
-    @property
-    def noise_counts(self) -> float:
-        """Variance of a row's noise over the square of the residual that counts as a gap of 1."""
-        return float((self.noise.std / self.counts) ** 2)
-
     @cached_property
     def gram(self) -> np.ndarray:
         """Mean products (K, K) of the K columns over the rows ``moving``; unit of y: a gap of 1."""

@@ -133,7 +133,7 @@ class Simulators:
             if d.blocks[k].effect.startswith("tool."):
                 each[label] = fit.each.copy()
                 each[label][:, d.at[k]] = 0.0
-        counts = use * np.array([c.noise_counts for c in d.channels])
+        counts = use * np.square([c.noise.std / c.counts for c in d.channels])
         every = {name: (remaining(d, x) ** 2 - 1.0) * counts for name, x in each.items()}
         rows = {name: x.sum(axis=1) * len(x) / use.sum() for name, x in every.items()}
         rows["floor"] = np.zeros(len(use))

@@ -20,7 +20,6 @@ class Carried(NamedTuple):
     title: str
     size: Size
     remedy: str = ""
-    one_way: bool = False
 
 
 OTHERS: Mapping[str, Carried] = {

@@ -54,14 +54,10 @@ def _part(
     return Part(d.blocks[block].effect, gap, index=block, joint=b.joint)
 
 
-def _named(part: Part) -> bool:
-    """Whether a cause has a name in the library of effects (names contain a dot)."""
-    return "." in part.name
-
-
 def outside(s: Simulators, best: Option[Structure]) -> str:
-    """Name and channel of the unnamed cause with the largest gap; empty if there is none."""
-    unnamed = (p for p in best.parts if not _named(p) and p.share >= CLAIMABLE)
+    """Name, without a dot, and channel of the unnamed cause with the largest gap; empty if there is
+    none."""
+    unnamed = (p for p in best.parts if "." not in p.name and p.share >= CLAIMABLE)
     each = (f"{p.name} of {s.d.scene.channels[(p.joint or 1) - 1][0]}" for p in unnamed)
     return next(each, "")
 
@@ -80,12 +76,11 @@ def facts_of(
     """
     some, unknown = list[Option[Structure]](), 0.0
     for o in every:
-        large = [p for p in o.parts if p.share >= CLAIMABLE]
-        named = sum(p.share for p in large if _named(p) and p.share >= least)
-        if sum(p.share for p in large) > (1.0 + _BESIDE) * named:
+        parts = tuple(p for p in o.parts if "." in p.name and p.share >= least)
+        large = sum(p.share for p in o.parts if p.share >= CLAIMABLE)
+        if large > (1.0 + _BESIDE) * sum(p.share for p in parts if p.share >= CLAIMABLE):
             unknown += o.probability
         else:
-            parts = tuple(p for p in o.parts if _named(p) and p.share >= least)
             some.append(replace(o, parts=parts))
 
     @cache

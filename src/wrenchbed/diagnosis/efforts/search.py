@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import softmax
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.names import all_effects
+from wrenchbed.diagnosis.efforts.names import drive_effects
 from wrenchbed.diagnosis.evidence.likelihood import Products
 from wrenchbed.diagnosis.evidence.search import (
     MORE,
@@ -66,32 +66,29 @@ class Evidence(Candidates):
             (k, at, np.sqrt(self._more[at]), np.ones(1), self.prior[k]) for k, at in shown
         )
 
-    def _freed(self, blocks: Structure) -> np.ndarray:
-        """Indices of the columns (K,) that these causes use."""
-        return np.unique(np.concatenate([np.zeros(0, int), *(self.d.at[b] for b in blocks)]))
-
-    def beside(self, blocks: Structure, log_posterior: float) -> dict[Structure, float]:
-        """Log posterior of a set of causes with each further one that they do not exclude."""
-        at, of = self._freed(blocks), [b.slot for b in self.d.blocks]
-        at = at[self._more[at] > 0.0]
+    def _given(self, blocks: Structure) -> tuple[np.ndarray, np.ndarray]:
+        """Score of all columns (P,) beside a set of causes; H (k, P), of which HᵀH is the
+        information that their k columns take."""
+        freed = np.concatenate([np.zeros(0, int), *(self.d.at[b] for b in blocks)])
+        at = np.unique(freed[self._more[freed] > 0.0])
         side, normal = self.information[:, at], self.information[np.ix_(at, at)]
         normal = normal + np.diag(1.0 / self._more[at])
         score = self.score - side @ np.linalg.solve(normal, self.score[at])
-        half = np.linalg.solve(np.linalg.cholesky(normal), side.T)
+        return score, np.linalg.solve(np.linalg.cholesky(normal), side.T)
+
+    def beside(self, blocks: Structure, log_posterior: float) -> dict[Structure, float]:
+        """Log posterior of a set of causes with each further one of another key."""
         base = log_posterior + (np.log(MORE) if blocks else -np.log(PRIOR[NONE]))
+        of = [b.key for b in self.d.blocks]
         taken = {of[k] for k in blocks}
-        every = (s for s in self.added(0, base, score, half) if of[s.index] not in taken)
+        every = (s for s in self.added(0, base, *self._given(blocks)) if of[s.index] not in taken)
         return {tuple(sorted((*blocks, s.index))): s.log_posterior for s in every}
 
     def possible(self, blocks: Structure) -> bool:
         """Whether all causes of a set whose size cannot be negative come out so in its fit."""
-        d, at = self.d, self._freed(blocks)
-        effects = {k: all_effects().get(d.blocks[k].effect) for k in blocks}
-        signed = [k for k, effect in effects.items() if effect is not None and effect.one_way]
-        if signed:
-            taken = np.eye(len(at)) + self.information[np.ix_(at, at)] * self._more[at]
-            x = wide(d)[at] * np.linalg.solve(taken, self.score[at])
-        return all(x[np.isin(at, d.sized(k))].sum() >= 0.0 for k in signed)
+        d, known, x = self.d, drive_effects(), wide(self.d) * self._given(blocks)[0]
+        signed = (k for k in blocks if (e := known.get(d.blocks[k].effect)) and e.one_way)
+        return all(x[d.sized(k)].sum() >= 0.0 for k in signed)
 
 
 def search(evidence: Evidence) -> dict[Structure, float]:
@@ -103,9 +100,9 @@ def search(evidence: Evidence) -> dict[Structure, float]:
         for s in reversed(beam):
             grown |= evidence.beside(s, score[s])
         likely = sorted(grown, key=lambda s: -grown[s])[:_LIKELY]
-        possible = {s: grown[s] for s in likely if evidence.possible(s)}
-        score |= possible
-        beam = list(possible)[:_BEAM]
+        beam = [s for s in likely if evidence.possible(s)]
+        score |= {s: grown[s] for s in beam}
+        beam = beam[:_BEAM]
         if not beam or score[beam[0]] < max(score.values()) - _HOPELESS:
             break
     best = sorted(score, key=lambda s: -score[s])

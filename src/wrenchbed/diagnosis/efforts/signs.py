@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 
+from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.effects.drives.operators import REST
 
@@ -65,18 +66,14 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
 
 def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
     """Words on times at which an effort (N,) repeats exactly in motion; empty if none."""
-    moves = np.abs(speed[1:]) > REST * np.abs(speed).max()
-    same = np.concatenate([[0], ((np.diff(effort) == 0.0) & moves).astype(int), [0]])
-    first, end = np.flatnonzero(np.diff(same) > 0), np.flatnonzero(np.diff(same) < 0)
-    if not first.size:
+    same = (np.diff(effort) == 0.0) & (np.abs(speed[1:]) > REST * np.abs(speed).max())
+    long = [(a, b) for a, b in runs(same) if b - a >= _HELD_ROWS and t[b] - t[a] >= _HELD_S]
+    if not long:
         return ""
-    long = (end - first >= _HELD_ROWS) & (t[end] - t[first] >= _HELD_S)
-    if not long.any():
-        return ""
-    k = int(np.flatnonzero(long)[0])
+    first, end = long[0]
     return (
-        f"its effort repeats one value while the joint moves, {int(long.sum())} times, first from "
-        f"{t[first[k]]:.1f} s to {t[end[k]]:.1f} s"
+        f"its effort repeats one value while the joint moves, {len(long)} times, first from "
+        f"{t[first]:.1f} s to {t[end]:.1f} s"
     )
 
 

@@ -1,4 +1,5 @@
-"""Evidence of every hypothesis alone in the linear model, over all rungs and sizes."""
+"""Evidence of every hypothesis, alone or beside others, in the linear model: of wrenches over all
+rungs and sizes; joint efforts have one of each."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -33,8 +34,8 @@ class SingleEvidence:
     """Posterior of one hypothesis alone on one level of background.
 
     Attributes:
-        index: of the hypothesis in `Searcher.hypotheses`; −1 − k for smooth function k.
-        rung: index of the level of background in `Searcher.rungs`.
+        index: `Batch.index` of the hypothesis; −1 − k for smooth function k.
+        rung: index of the level of background in `Candidates.levels`.
         log_posterior: natural logarithm of prior times evidence, not normalised.
     """
 
@@ -58,7 +59,7 @@ def best_variants(
 class Batch:
     """Hypotheses with the same number of columns, evaluated together."""
 
-    index: np.ndarray  # (b,) their names
+    index: np.ndarray  # (b,) places among all
     columns: np.ndarray  # (b, k)
     size: np.ndarray  # (b, k) relative prior standard deviations that they add
     scales: np.ndarray  # (b, s) factors on these

@@ -78,12 +78,6 @@ class Block:
         """Effect and joint: blocks with one key are variants of one cause."""
         return self.effect, self.joint
 
-    @property
-    def slot(self) -> tuple[str, int | None]:
-        """Key shared by causes that exclude each other: a joint's delay and its filter."""
-        lag = self.effect in ("drive.delay", "drive.bandwidth")
-        return "lag" if lag else self.effect, self.joint
-
 
 @dataclass(frozen=True, eq=False)
 class DriveRows:
