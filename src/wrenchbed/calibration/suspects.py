@@ -47,7 +47,7 @@ class Suspect(NamedTuple):
 
 
 def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Yield all faults that a fit at x (K,) may suffer from, for the observations ``some``."""
+    """Yield all faults that may affect a fit at x (K,), for observations at indices ``some``."""
     read = problem.data.wrench - problem.residual(x)
     yield from _of_channels(read[some])
     yield from _of_frames(problem, x, some)

@@ -182,7 +182,7 @@ def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
 
 
 def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
-    """Name of the sensor whose data a recording's robot carries, else of the stated one."""
+    """Register the sensor that a recording's robot carries; return its name, else ``stated``."""
     carried = record.get("sensor")
     if carried is None:
         return stated

@@ -76,7 +76,7 @@ PARAMETERS = PAPER + load_parameters(PROBE_INERTIA)
 
 
 class FiveBar(NamedTuple):
-    """Joint positions of a five-bar in the base's y, z plane (…, N, 2) [m]; direction C to A."""
+    """Joints B, D, E of a five-bar in the base's y, z plane [m], unit vector C to A (…, N, 2)."""
 
     B: Value
     D: Value
