@@ -8,6 +8,7 @@ from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.next.blind import unseen
+from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import MOST_HEADLINE, Answer
@@ -186,9 +187,8 @@ class WrenchAnswer(Answer):
             text = "Do not use twin.json yet: record more poses, "
             return f"{text}and diagnose both recordings together."
         places = listed(list(dict.fromkeys(_the(place_of(w)) for w in self.d.which)))
-        text = f"Nothing more has to be recorded: look at {places}"
-        touched = self.findings.analysis.prepared.touch is not None
-        return f"{text}. twin.json {'is without the contact' if touched else 'contains it'}."
+        twin = "contains it" if self.causes[0].name != CONTACT else "is without the contact"
+        return f"Nothing more has to be recorded: look at {places}. twin.json {twin}."
 
     @property
     def black_box(self) -> str:
