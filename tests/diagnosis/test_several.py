@@ -171,19 +171,11 @@ def test_other_robots_and_the_same_rows_twice_are_refused(tmp_path):
         check([a])
 
 
-@pytest.fixture(scope="module")
-def two(tmp_path_factory):
-    """A tilted base, recorded twice at other poses."""
-    folder = tmp_path_factory.mktemp("two")
-    effect = "base.tilt:x=0.006,y=-0.004"
-    for name, n, seed in (("a", 30, 1), ("b", 24, 2)):
-        recorded(folder, effect, n=n, seed=seed).write(folder / f"{name}.parquet")
-    return folder
-
-
 @pytest.mark.slow
-def test_two_recordings_of_a_tilted_base_are_one_answer(two):
-    a, b = (wb.Recording.read(two / f"{n}.parquet") for n in "ab")
+def test_two_recordings_of_a_tilted_base_are_one_answer(tmp_path):
+    tilt = "base.tilt:x=0.006,y=-0.004"
+    each = (recorded(tmp_path, tilt, n=n, seed=seed) for n, seed in ((30, 1), (24, 2)))
+    a, b = (replace(r, name=f"{name}.parquet") for r, name in zip(each, "ab", strict=True))
     alone, found = wb.diagnose(a), wb.diagnose_several([a, b])
     told = found.diagnosis.to_json()
     (cause,) = told["which"]

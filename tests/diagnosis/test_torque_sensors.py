@@ -5,15 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rest_torques import REAL, TOOL, by_file, recording, ur5
+from rest_torques import REAL, TOOL, by_file, empty_and_loaded, recording, ur5
 
 from wrenchbed.channels.effort import CHANNEL
 from wrenchbed.channels.response import readings
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.several import diagnose_several
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.pages.draw import Drawn
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 UR5 = ur5()
 
@@ -22,15 +24,6 @@ def broken(rec, joint, gain=0.0, zero=0.0):
     """A recording in which one sensor reads (1 + gain) τ + zero."""
     name = f"tau{joint}"
     return replace(rec, columns=dict(rec.columns) | {name: (1.0 + gain) * rec.columns[name] + zero})
-
-
-def check(found, effect, name, joint, truth):
-    """One cause in its joint, its value within 3 standard uncertainties."""
-    (only,) = found.which
-    assert only["effect"] == effect and only["elements"] == [f"joint {joint}"]
-    assert only["parameters"]["joint"]["value"] == joint
-    number = only["parameters"][name]
-    assert abs(number["value"] - truth) < 3.0 * number["std"] < abs(truth)
 
 
 @pytest.mark.slow
@@ -43,15 +36,11 @@ def check(found, effect, name, joint, truth):
 def test_at_rest_a_wrong_sensor_is_named_with_its_value(seed, joint, gain, zero):
     d = diagnose(broken(recording(UR5, seed, TOOL, wrong=REAL), joint, gain, zero)).diagnosis
     effect, name = ("drive.constant", "gain") if gain else ("drive.offset", "offset")
-    check(d, effect, f"{name}.q{joint}", joint, gain or zero)
-
-
-@pytest.mark.slow
-def test_at_rest_a_gain_without_weight_on_its_joint_is_blind():
-    d = diagnose(broken(recording(UR5, 7, TOOL, wrong=REAL), 1, 0.3)).diagnosis
-    assert d.verdict == "none"
-    blind = {(s.effect, s.element): s.smallest for s in d.blind}
-    assert blind["drive.constant", "joint 1"] is None and blind["drive.constant", "joint 3"] < 0.2
+    (only,) = d.which
+    assert only["effect"] == effect and only["elements"] == [f"joint {joint}"]
+    assert only["parameters"]["joint"]["value"] == joint
+    number, truth = only["parameters"][f"{name}.q{joint}"], gain or zero
+    assert abs(number["value"] - truth) < 3.0 * number["std"] < abs(truth)
 
 
 @pytest.mark.slow
@@ -79,20 +68,14 @@ def test_the_channel_reads_what_the_sensors_make_of_the_torques():
     assert readings((CHANNEL,), scene, active) == pytest.approx(by_hand, abs=1e-12)
 
 
-@pytest.fixture(scope="module")
-def arms(tmp_path_factory):
-    return {"ur5": ur5(), "iiwa": by_file(tmp_path_factory.mktemp("iiwa"))}
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("arm", ["iiwa", "ur5"])
-def test_a_load_beyond_the_stated_one_is_named_and_weighed(
-    arm, arms, tmp_path, capsys, monkeypatch
-):
+def test_a_load_beyond_the_stated_one_is_named_and_weighed(arm, tmp_path, capsys, monkeypatch):
     """1.3 kg at the stated centre; links, sensors and zeros of joints off as in real arms."""
     monkeypatch.setattr("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>"))
     load, out = (TOOL[0] + 1.3, TOOL[1]), tmp_path / "out"
-    recording(arms[arm], 0, load, wrong=REAL).write(tmp_path / "rest.parquet")
+    robot = UR5 if arm == "ur5" else by_file(tmp_path)
+    recording(robot, 0, load, wrong=REAL).write(tmp_path / "rest.parquet")
     words = ["diagnose", str(tmp_path / "rest.parquet"), "--channels", "effort", "--out", str(out)]
     assert main(words) == 0
     assert "tool.mass" in capsys.readouterr().out and (out / "report.html").exists()
@@ -104,8 +87,22 @@ def test_a_load_beyond_the_stated_one_is_named_and_weighed(
     assert told["gap"]["configured"] > 5.0 and told["gap"]["calibrated"] < 1.0
 
 
-def test_a_healthy_arm_is_none_and_says_what_it_could_not_have_shown(arms):
-    d = diagnose(recording(arms["ur5"], 1, TOOL, wrong=REAL)).diagnosis
+@pytest.mark.slow
+def test_the_load_is_what_an_empty_hand_lacks_whatever_the_links_weigh():
+    made, (mass, centre) = empty_and_loaded(UR5, 1)
+    both = [replace(r, name=f"{n}.parquet") for r, n in zip(made, ("empty", "loaded"), strict=True)]
+    found = diagnose_several(both)
+    load = [n for n in found.diagnosis.fitted if n["name"].startswith("added.")]
+    assert [n["recording"] for n in load] == ["loaded.parquet"] * 4 and load[0]["std"] < 0.04
+    off = [(n["value"] - x) / n["std"] for n, x in zip(load, (mass, *centre), strict=True)]
+    assert np.abs(off).max() < 3.0
+    assert any("loaded.parquet carries" in note for note in WrenchAnswer(found).notes)
+    (wrong,) = (w["parameters"] for w in found.diagnosis.which if w["effect"] == "tool.mass")
+    assert wrong["mass"]["value"] > 0.5 * mass  # of the recording that it is wrong in
+
+
+def test_a_healthy_arm_is_none_and_says_what_it_could_not_have_shown():
+    d = diagnose(recording(UR5, 1, TOOL, wrong=REAL)).diagnosis
     assert d.verdict == "none" and not d.which
     spots = {(s.effect, s.element): s.smallest for s in d.blind}
     lengths = {s.why for s in d.blind if s.effect == "link.length" and s.element.startswith("a2")}

@@ -1,7 +1,7 @@
 """Torques of arms at rest by MuJoCo, with what no fit knows: friction that stays behind anywhere
 within its limits, zeros that creep, links and zeros of joints off as in real arms."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import arm_torques as arm
@@ -57,11 +57,6 @@ def by_file(folder: Path, file="iiwa.xml"):
     return robot
 
 
-def at_rest(robot, q, theta, edit=lambda model: None):
-    """MuJoCo's torques (H, J)."""
-    return arm.inverse(robot, theta, Jet(q, 0.0 * q, 0.0 * q), edit=edit)
-
-
 def links_off(rng, size):
     masses, places = rng.normal(size=60), rng.normal(size=(60, 3))
 
@@ -76,19 +71,22 @@ def links_off(rng, size):
 
 
 def recording(robot, seed, load=(1.4, (0.01, -0.02, 0.07)), *, poses=50, rows=ROWS, offset=None,
-              wrong=Imperfections(), at=None, prefix="tau", constants=1.0):  # fmt: skip
+              wrong=Imperfections(), at=None, prefix="tau", constants=1.0, again=0):  # fmt: skip
     """Of random poses with a load (mass [kg], centre (3,) [m]) where `TOOL` is stated.
 
     Args:
         offset: of the joints' zeros (J,) [rad].
         at: joint values (poses, J) [rad], random ones if None.
+        again: number of a further recording of the same arm, with other noise.
     """
     rng = np.random.default_rng([seed, 91])
     q = robot.sample(poses, rng) if at is None else at
     joints = q.shape[1]
     theta = robot.theta_of_tool(robot.parameters.nominal.copy(), load[0], list(load[1]))
     true = q + wrong.joints * rng.normal(size=joints) + (0.0 if offset is None else offset)
-    torque = at_rest(robot, true, theta, links_off(rng, wrong.links))
+    still = Jet(true, 0.0 * true, 0.0 * true)
+    torque = arm.inverse(robot, theta, still, edit=links_off(rng, wrong.links))
+    rng = np.random.default_rng([seed, 91, again]) if again else rng
     size = np.abs(torque).max(axis=0)
     size = np.maximum(size, 0.05 * size.max())
     came = np.where(np.diff(q, axis=0, prepend=q[:1]) < 0.0, -1.0, 1.0)
@@ -96,7 +94,8 @@ def recording(robot, seed, load=(1.4, (0.01, -0.02, 0.07)), *, poses=50, rows=RO
     stuck = wrong.friction * size * came * rng.uniform(0.0, 1.0, q.shape)
     zero = wrong.zero * size * rng.normal(size=joints)
     creep = wrong.creep * size * np.sqrt(np.linspace(0.0, 1.0, poses))[:, None]
-    effort = torque * (1.0 + wrong.gain * rng.normal(size=joints)) + stuck + zero + creep
+    gain = 1.0 + wrong.gain * np.random.default_rng([seed, 92]).normal(size=joints)
+    effort = torque * gain + stuck + zero + creep
     effort = np.repeat(effort, rows, axis=0)
     effort = (effort + wrong.noise * rng.normal(size=effort.shape)) / constants
     t = np.arange(len(effort)) * 0.01 + np.repeat(3.0 * np.arange(poses), rows)
@@ -105,3 +104,19 @@ def recording(robot, seed, load=(1.4, (0.01, -0.02, 0.07)), *, poses=50, rows=RO
     raw = {"format": 1, "robot": robot.name, "source": "test", "mode": "static", "rate_hz": 100.0,
            "tool": {"mass": TOOL[0], "cog": list(TOOL[1])}}  # fmt: skip
     return wb.Recording(parse(raw, "test"), columns, "rest.parquet")
+
+
+def random_load(seed):
+    rng = np.random.default_rng([seed, 5])
+    return float(rng.uniform(0.3, 5.0)), tuple(rng.uniform([-0.08, -0.08, 0.0], [0.08, 0.08, 0.16]))
+
+
+def empty_and_loaded(robot, seed):
+    """Recordings of an arm with links 10 % off, without and with a further load, at other poses;
+    that load."""
+    mass, centre = load = random_load(seed)
+    q, total = robot.sample(100, np.random.default_rng(seed)), TOOL[0] + mass
+    both = total, (TOOL[0] * np.array(TOOL[1]) + mass * np.array(centre)) / total
+    more = {"wrong": replace(REAL, links=0.1), "rows": 2}
+    empty = recording(robot, seed, TOOL, at=q[:50], again=1, **more)
+    return (empty, recording(robot, seed, both, at=q[50:], again=2, **more)), load

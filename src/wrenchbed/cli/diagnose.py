@@ -121,7 +121,7 @@ def diagnose(
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
     """Whether to diagnose the joint efforts of a motion: if the option says so or there is no
     wrench. At rest they belong to the diagnosis of the wrench."""
-    if len(data) == 1 and data[0].metadata.mode == "static" and data[0].effort == "tau":
+    if all(r.metadata.mode == "static" and r.effort == "tau" for r in data):
         return False
     held = data[0].effort is not None or data[0].only_commanded
     alone = len(data) == 1 and not data[0].has_wrench and held

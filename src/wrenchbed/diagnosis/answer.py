@@ -9,13 +9,7 @@ import numpy as np
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.decision.decide import confirmed
 from wrenchbed.diagnosis.explain.claims import Explanation, stated
-from wrenchbed.diagnosis.explain.elements import (
-    NAMING,
-    combination,
-    element,
-    elements,
-    listed,
-)
+from wrenchbed.diagnosis.explain.elements import NAMING, combination, element, elements, listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE, Cause, Elements, Verdict
@@ -130,9 +124,13 @@ def _rivals(
 def _numbers(
     a: Analysis, verdict: Verdict[Explanation], cause: Cause, spread: float
 ) -> dict[str, Any]:
-    """Keys that `numbers_of` returns, for a claimed cause; for a wrong stated number its error."""
+    """Keys that `numbers_of` returns, for a claimed cause; for a wrong stated number its error,
+    of several recordings in the one where it is largest."""
     if cause.part.index is None:
-        wrong = _wrong_numbers(a, verdict.explanation.finalist, cause.names[0], spread)
+        f = verdict.explanation.finalist
+        each = zip((a, *a.others), f.each or (f,), strict=True)
+        every = [_wrong_numbers(x, g, cause.names[0], spread) for x, g in each]
+        wrong = max(every, key=lambda numbers: max(_ratios(numbers).values(), default=0.0))
         return {"elements": _off(wrong), "parameters": wrong}
     return numbers_of(a, cause.elements[cause.names[0]], spread)
 
@@ -167,8 +165,12 @@ def numbers_of(a: Analysis, of: Elements, spread: float) -> dict[str, Any]:
 def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Names of the stated numbers that are wrong by over three standard uncertainties; if none is,
     of the one with the largest such ratio."""
-    ratio = {n: abs(v["value"]) / max(v["std"], 1e-300) for n, v in wrong.items()}
+    ratio = _ratios(wrong)
     return [n for n, r in ratio.items() if r > WRONG_SIGMAS] or [max(ratio, key=lambda n: ratio[n])]
+
+
+def _ratios(wrong: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    return {n: abs(v["value"]) / max(v["std"], 1e-300) for n, v in wrong.items()}
 
 
 def _free_curve(

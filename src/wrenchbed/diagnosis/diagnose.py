@@ -11,11 +11,7 @@ import numpy as np
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import answer, beside_claims
-from wrenchbed.diagnosis.between_rows.row_effects import (
-    RowFinding,
-    find_row_effects,
-    unexplained,
-)
+from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects, unexplained
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.decision import rivals
 from wrenchbed.diagnosis.decision.decide import (

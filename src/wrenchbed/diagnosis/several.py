@@ -11,7 +11,7 @@ from dataclasses import replace
 from itertools import combinations, product
 from operator import attrgetter
 from pathlib import PurePath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
@@ -19,14 +19,7 @@ from scipy.special import logsumexp
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import answer
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
-from wrenchbed.diagnosis.diagnose import (
-    Examined,
-    Findings,
-    Progress,
-    examine,
-    findings_of,
-    settle,
-)
+from wrenchbed.diagnosis.diagnose import Examined, Findings, Progress, examine, findings_of, settle
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 from wrenchbed.diagnosis.explain import refit
@@ -40,7 +33,9 @@ from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
 from wrenchbed.diagnosis.explain.verdict import Part, Verdict
 from wrenchbed.diagnosis.prepare.prepared import Material
-from wrenchbed.errors import DiagnosisError
+from wrenchbed.drives.at_rest import added_load
+from wrenchbed.drives.identify import arm_of
+from wrenchbed.errors import CalibrationError, DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 
 MOST = 10
@@ -106,8 +101,33 @@ def diagnose_several(
         f"the twin has the tool of {names[0]}, which figures and places are of too",
     )
     others, seconds = [r.name for r in recordings[1:]], time.perf_counter() - begun
-    diagnosis = replace(d, notes=notes, outliers=outliers, others=others, seconds=seconds)
+    added, untold = _added_loads(recordings)
+    diagnosis = replace(
+        d, notes=(*notes, *untold), outliers=outliers, others=others, seconds=seconds,
+        fitted=[*d.fitted, *added],
+    )  # fmt: skip
     return replace(findings, diagnosis=diagnosis)
+
+
+def _added_loads(recordings: Sequence[Recording]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Entries of ``fitted`` on what is carried in recordings of torques at rest alone beyond what
+    the first of them carries, and sentences on why they do not tell it."""
+    first, *others = recordings
+    entries, untold = list[dict[str, Any]](), list[str]()
+    if not all(r.effort == "tau" and not r.has_wrench for r in recordings):
+        return entries, untold
+    for other in others:
+        try:
+            load = added_load(first, other, arm_of(first))
+        except CalibrationError as error:
+            untold.append(f"the difference of the loads is not told: {error}")
+            continue
+        for p in load:
+            number = {"value": p.value, "std": p.std, "unit": p.unit, "stated": None}
+            entries.append(
+                {"name": p.name.replace("tool", "added"), "recording": named(other)} | number
+            )
+    return entries, untold
 
 
 def named(recording: Recording) -> str:
@@ -139,9 +159,10 @@ def check(recordings: Sequence[Recording]) -> None:
                     "recordings that are diagnosed together must be of one robot as it stands"
                 )
         for earlier in recordings[:k]:
-            if len(other) == len(earlier) and np.array_equal(other.wrench, earlier.wrench):
+            here, there = other.columns, earlier.columns
+            if here.keys() == there.keys() and all(np.array_equal(here[c], there[c]) for c in here):
                 raise DiagnosisError(
-                    f"{other.name}: the wrench is that of {earlier.name}, row by row: the same "
+                    f"{other.name}: the readings are those of {earlier.name}, row by row: the same "
                     "recording twice says nothing new"
                 )
 

@@ -14,20 +14,21 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
-from wrenchbed.channels.effort import CHANNEL
+from wrenchbed.channels.effort import CHANNEL, GAIN
 from wrenchbed.channels.holding_torques import held_weight, held_wrench, nominal_twists
 from wrenchbed.channels.posterior import Posterior, posterior
 from wrenchbed.data.holds import first_rows
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.drives.fit import AtRest, DriveFit, impossible, joint_errors
-from wrenchbed.drives.signals import as_torques, efforts_of
+from wrenchbed.drives.signals import efforts_of
 from wrenchbed.effects.scene import Scene
-from wrenchbed.errors import CalibrationError, ParameterError
+from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.rotations import cross
-from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.base import Joint, SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 
 OFFSET, CONSTANT, TOOL = "drive.offset", "drive.constant", "tool"
+GROUPS = (OFFSET, CONSTANT, TOOL)
 """Groups that may be free at rest."""
 LEAST_POSES = 10
 """Fewest poses: each joint's noise, zero and friction, and a payload of four numbers, come from its
@@ -45,9 +46,7 @@ _ROUNDS, _SETTLED = 30, 1e-9
 _NOTHING = 0.5
 """Error on held-out poses over the spread of the efforts from which the robot is another one: real
 arms leave less than a tenth."""
-_SMALL = 1e-3
-"""Step of central differences of what is published, in standard uncertainties."""
-_Columns = tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...], np.ndarray]
+_Columns = tuple[np.ndarray, np.ndarray, dict[str, np.ndarray], np.ndarray]
 """Linearised fit: residual efforts (N,), columns (N, …) of free parameters and gains, of ordinary
 errors by kind, and of friction."""
 
@@ -83,25 +82,39 @@ class RestProblem:
 def calibrate_at_rest(
     recording: Recording,
     robot: SimulatedRobot,
-    free: Sequence[str] = (),
-    constants: Sequence[float] | None = None,
+    rows: np.ndarray,
+    prefix: str,
+    groups: Sequence[str],
 ) -> DriveFit:
-    """Fit payload, zeros and drive constants to efforts at rest, one row a pose or many.
-
-    Args:
-        free: of ``tool``, ``drive.offset`` and ``drive.constant``, or ``drive`` for both of these;
-            if none, all that can be.
-        constants: known drive constants (J,) [N·m/A, of slides N/A].
+    """Fit free ``groups`` of `GROUPS` to efforts (N, J) at rest, one row a pose or many.
 
     Raises:
-        CalibrationError, RecordingError: no efforts, or too few poses.
-        ParameterError: ``free`` names what poses at rest do not determine.
+        CalibrationError: too few poses.
     """
-    prefix, rows = efforts_of(recording)
-    if constants is not None:
-        rows = as_torques(rows, prefix, constants, recording.name)
-        prefix = "tau"
-    groups = _groups(free, currents=prefix == "i")
+    scene, y = _poses(recording, robot, rows)
+    problem = _problem(scene, y, groups)
+    gain, columns, fit = _fitted(problem)
+    stated = scene.tool.mass * np.append(1.0, scene.tool.cog)
+    identified, covariance = _identified(robot.joints, stated, problem, gain, fit)
+    sizes = dict(zip(columns[2], fit.sizes.tolist(), strict=True))
+    units = [joint.own(EFFORT_UNITS[prefix]) for joint in robot.joints]
+    nominal = None if problem.gains else y - problem.nominal
+    unseen, use = _held_out(columns, fit, y.shape[1]), np.ones(y.shape, dtype=bool)
+    rest = (columns[0] - fit.fitted).reshape(y.shape)
+    errors = joint_errors(y, nominal, rest, unseen, use, units)
+    result = DriveFit(
+        recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified,
+        errors, covariance, None,
+        float(recording.t[-1] - recording.t[0]), len(recording),
+        rest=AtRest(len(y), tuple(fit.noise.tolist()), sizes),
+    )  # fmt: skip
+    return replace(result, refuted=_refuted(result))
+
+
+def _poses(
+    recording: Recording, robot: SimulatedRobot, rows: np.ndarray
+) -> tuple[Scene, np.ndarray]:
+    """Poses of a recording, and their mean efforts (H, J) from those of rows (N, J)."""
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
     starts = first_rows(recording.columns)
@@ -117,43 +130,42 @@ def calibrate_at_rest(
 
     t, q, y = means(recording.t), means(recording.q), means(rows)
     held_rows = np.ones(len(t), dtype=bool)
-    scene = Scene(robot, theta, np.asarray(model.gravity), q, t, held_rows)
-    problem = _problem(scene, y, groups)
-    gain, x = _gains(problem)
-    columns = _columns(problem, gain, x)
-    joint = np.tile(np.arange(y.shape[1]), len(t))
-    fit = posterior(*columns, joint)
-    identified, covariance = _identified(scene, problem, gain, fit)
-    sizes = dict(zip(problem.ordinary, fit.sizes.tolist(), strict=True))
-    units = [joint.own(EFFORT_UNITS[prefix]) for joint in robot.joints]
-    nominal = None if problem.gains else y - problem.nominal
-    unseen, use = _held_out(columns, fit, y.shape[1]), np.ones(y.shape, dtype=bool)
-    rest = (columns[0] - fit.fitted).reshape(y.shape)
-    errors = joint_errors(y, nominal, rest, unseen, use, units)
-    result = DriveFit(
-        recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified,
-        errors, covariance, None,
-        float(recording.t[-1] - recording.t[0]), len(recording),
-        rest=AtRest(len(t), tuple(fit.noise.tolist()), sizes),
-    )  # fmt: skip
-    return replace(result, refuted=_refuted(result))
+    return Scene(robot, theta, np.asarray(model.gravity), q, t, held_rows), y
 
 
-def _groups(free: Sequence[str], *, currents: bool) -> frozenset[str]:
-    known = {TOOL, OFFSET, *((CONSTANT,) if currents else ())}
-    for name in free:
-        if name not in (*known, "drive"):
-            raise ParameterError(
-                f"--free {name}: at rest only {', '.join(sorted(known))} can be told (constants of "
-                "currents alone); a motion tells more"
-            )
-    groups = frozenset(g for f in free for g in ((known - {TOOL}) if f == "drive" else {f}))
-    if currents and groups and CONSTANT not in groups:
-        raise ParameterError(f"--free: currents need {CONSTANT}, or --constants that are known")
-    return groups or frozenset(known)
+def added_load(
+    first: Recording, second: Recording, robot: SimulatedRobot
+) -> tuple[IdentifiedValue, ...]:
+    """Mass and centre of gravity of what an arm carries in a second recording of torques at rest
+    beyond what it carries in a first one.
+
+    Errors of links, of joints' zeros and of sensors' gains are the same in both and drop out; zeros
+    of the torque sensors are each recording's own.
+
+    Raises:
+        CalibrationError, RecordingError: too few poses, or no torques.
+    """
+    (one, y), (other, more) = (_poses(r, robot, efforts_of(r)[1]) for r in (first, second))
+    q, t = (np.concatenate([getattr(s, k) for s in (one, other)]) for k in ("joints", "t"))
+    scene = replace(one, q=q, t=t, held=np.ones(len(t), dtype=bool))
+    p = _problem(scene, np.concatenate([y, more]), (TOOL, OFFSET))
+    later = (np.arange(len(p.y)) >= len(y))[:, None, None]
+    beside = np.concatenate([p.zeros, later * p.zeros, p.load], axis=2)
+    friction = np.concatenate([~later * p.friction, later * p.friction], axis=2)
+    p = replace(p, load=later * p.load, zeros=beside, friction=friction)
+    gain, _, fit = _fitted(p)
+    return _identified(robot.joints, np.zeros(4), p, gain, fit)[0][:4]
 
 
-def _problem(scene: Scene, y: np.ndarray, groups: frozenset[str]) -> RestProblem:
+def _fitted(p: RestProblem) -> tuple[np.ndarray, _Columns, Posterior]:
+    """Gains (J,), the problem linearised about them, and its solution."""
+    gain, x = _gains(p)
+    columns = y, free, ordinary, friction = _columns(p, gain, x)
+    joint = np.tile(np.arange(p.y.shape[1]), len(p.y))
+    return gain, columns, posterior(y, free, tuple(ordinary.values()), friction, joint)
+
+
+def _problem(scene: Scene, y: np.ndarray, groups: Sequence[str]) -> RestProblem:
     robot, q, theta, joints = scene.robot, scene.joints, scene.theta, y.shape[1]
     rotation, _ = robot.sensor_pose(q, theta)
     down = np.broadcast_to(scene.gravity @ rotation, (len(q), 3))
@@ -162,14 +174,12 @@ def _problem(scene: Scene, y: np.ndarray, groups: frozenset[str]) -> RestProblem
     units += [np.concatenate([none, cross(axis, down)], axis=1) for axis in np.eye(3)]
     load = held_wrench(nominal_twists(scene), np.stack(units, axis=2))
     zeros = np.broadcast_to(np.eye(joints), (len(q), joints, joints))
-    channel = replace(CHANNEL, joints=joints)
-    (gain, zero), (friction, links) = channel.kinds(scene)
+    (_, zero), (friction, links) = replace(CHANNEL, joints=joints).kinds(scene)
     shifts = _STEP * np.eye(joints)
     up, down_ = ([held_weight(robot, q + s * x, theta, scene.gravity[None]) for x in shifts]
                  for s in (1.0, -1.0))  # fmt: skip
     turned = np.stack(up, axis=2) - np.stack(down_, axis=2)
     ordinary = {"links": links, "joint zeros": JOINT_ZERO / (2.0 * _STEP) * turned}
-    ordinary |= {} if CONSTANT in groups else {"torque gains": gain}
     ordinary |= {} if OFFSET in groups else {"torque zeros": zero}
     return RestProblem(
         y, -scene.joint_torque, load if TOOL in groups else load[..., :0],
@@ -182,6 +192,8 @@ def _gains(p: RestProblem) -> tuple[np.ndarray, np.ndarray]:
     joints = p.y.shape[1]
     x = np.zeros(p.free.shape[2])
     if not p.gains:
+        wide = p.free.reshape(p.y.size, -1)
+        x = np.linalg.lstsq(wide, (p.y - p.nominal).ravel(), rcond=1e-9)[0]
         return np.ones(joints), x
     away = p.nominal - p.nominal.mean(axis=0)
     square = (away**2).sum(axis=0)
@@ -206,22 +218,25 @@ def _of_gains(body: np.ndarray) -> np.ndarray:
 
 def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
     """Problem linearised about gains (J,) and free parameters x (F,)."""
-    free = gain[:, None] * p.free
+    free, ordinary = gain[:, None] * p.free, dict(p.ordinary)
+    of_gains = _of_gains(p.nominal + p.free @ x)
     if p.gains:
-        free = np.concatenate([free, _of_gains(p.nominal + p.free @ x)], axis=2)
+        free = np.concatenate([free, of_gains], axis=2)
+    else:
+        ordinary["torque gains"] = GAIN * of_gains
 
     def flat(torques: np.ndarray) -> np.ndarray:
         return (gain[:, None] * torques).reshape(p.y.size, -1)
 
-    ordinary = tuple(flat(torques) for torques in p.ordinary.values())
     y = (p.y - gain * p.nominal).ravel()
-    return y, free.reshape(p.y.size, -1), ordinary, flat(p.friction)
+    every = {kind: flat(torques) for kind, torques in ordinary.items()}
+    return y, free.reshape(p.y.size, -1), every, flat(p.friction)
 
 
 def _held_out(columns: _Columns, fit: Posterior, joints: int) -> np.ndarray:
     """Errors of efforts (H, J) at poses left out of a fit with the same noise and sizes."""
     y, free, ordinary, friction = columns
-    sized = (s * errors for s, errors in zip(fit.sizes, ordinary, strict=True))
+    sized = (s * errors for s, errors in zip(fit.sizes, ordinary.values(), strict=True))
     wide = np.column_stack([free, *sized, friction])
     weight = 1.0 / np.tile(fit.noise, len(y) // joints)
     prior = np.diag(np.repeat([0.0, 1.0], [free.shape[1], wide.shape[1] - free.shape[1]]))
@@ -236,50 +251,49 @@ def _held_out(columns: _Columns, fit: Posterior, joints: int) -> np.ndarray:
 
 
 def _identified(
-    scene: Scene, p: RestProblem, gain: np.ndarray, fit: Posterior
+    joints: Sequence[Joint], load: np.ndarray, p: RestProblem, gain: np.ndarray, fit: Posterior
 ) -> tuple[tuple[IdentifiedValue, ...], np.ndarray]:
-    """Published parameters, and their covariance (K, K) by linear propagation."""
-    joints, stated = scene.robot.joints, np.append(scene.tool.mass, scene.tool.cog).astype(float)
-    loads, zeros, gains = p.load.shape[2], p.zeros.shape[2], len(joints) * p.gains
-    load = stated * np.append(1.0, np.full(3, stated[0]))
-
-    def published(amplitudes: np.ndarray) -> np.ndarray:
-        change, zero, more = np.split(amplitudes, [loads, loads + zeros])
-        now = load[:loads] + change
-        return np.concatenate([now[:1], now[1:] / now[:1], zero, 1.0 / (gain[:gains] + more)])
-
-    std = np.sqrt(np.diagonal(fit.covariance))
-    steps = np.diag(_SMALL * np.where(std > 0.0, std, 1.0))
-    slopes = np.stack([
-        (published(fit.free + step) - published(fit.free - step)) / (2.0 * step.max())
-        for step in steps
-    ], axis=1)  # fmt: skip
-    covariance = slopes @ fit.covariance @ slopes.T
-    wide, determined = float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975)), fit.determined.copy()
-    if loads:
-        heavy = load[0] + fit.free[0] > wide * std[0]  # no mass has no centre
-        determined[1:4] = fit.determined[:4].all() and heavy
-    if gains:
-        determined[-gains:] &= np.abs(gain + fit.free[-gains:]) > wide * std[-gains:]
+    """Published parameters, and their covariance (K, K) by linear propagation, from changes of a
+    stated load (4,) of mass [kg] and first moment [kg·m], zeros and gains."""
+    loads, zeros, gains = p.load.shape[2], min(p.zeros.shape[2], len(joints)), len(gain) * p.gains
     names = [("tool.mass", "kg"), *((f"tool.cog.{a}", "m") for a in "xyz")][:loads]
     for kind, unit, count in ((OFFSET, "N·m", zeros), (CONSTANT, "N·m/A", gains)):
         names += [(f"{kind}.{j}", joint.own(unit)) for j, joint in enumerate(joints[:count], 1)]
-    begun = np.concatenate([stated[:loads], np.zeros(zeros), 1.0 / gain[:gains]])
+    begun = np.concatenate([load[:loads], np.zeros(zeros), gain[:gains]])
+    some = slice(len(begun))
+    values, slopes, covariance = (
+        begun + fit.free[some],
+        np.eye(len(begun)),
+        fit.covariance[some, some],
+    )
+    wide, determined = (
+        float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975)),
+        fit.determined[some].copy(),
+    )
+    surely = np.abs(values) > wide * np.sqrt(np.diagonal(covariance))  # above or below 0
+    if loads:
+        determined[1:4] = determined[:4].all() and surely[0]  # no mass has no centre
+        values[1:4] /= values[0]
+        slopes[1:4, :4] = np.column_stack([-values[1:4], np.eye(3)]) / values[0]
+        begun[1:4] /= begun[0] or 1.0
+    if gains:
+        determined[-gains:] &= surely[-gains:]
+        values[-gains:], begun[-gains:] = 1.0 / values[-gains:], 1.0 / begun[-gains:]
+        slopes[-gains:, -gains:] = np.diag(-(values[-gains:] ** 2))
+    covariance = slopes @ covariance @ slopes.T
     spread = np.sqrt(np.diagonal(covariance))
-    values = published(fit.free)
     return identified_values(names, values, spread, begun, determined, wide), covariance
 
 
 def _refuted(fit: DriveFit) -> str | None:
-    alike = [p for p in fit.identified if p.name == "tool.mass" and p.std is None]
-    if alike and fit.explained < 1.0 - _NOTHING:
+    if fit.explained >= 1.0 - _NOTHING:
+        return impossible(fit.identified)
+    if any(p.name == "tool.mass" and p.std is None for p in fit.identified):
         return (
             "the poses are too alike: in all of them the load adds the same to each joint, as a "
             "zero does. Record postures that differ in all joints"
         )
-    if fit.explained < 1.0 - _NOTHING:
-        return (
-            f"on poses that the fit did not see it leaves {100.0 * (1.0 - fit.explained):.0f} % of "
-            "the efforts: another robot, other joints, or the controller subtracted what it knows"
-        )
-    return impossible(fit.identified)
+    return (
+        f"on poses that the fit did not see it leaves {100.0 * (1.0 - fit.explained):.0f} % of "
+        "the efforts: another robot, other joints, or the controller subtracted what it knows"
+    )

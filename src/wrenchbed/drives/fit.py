@@ -57,15 +57,6 @@ class AtRest:
     noise: tuple[float, ...]
     ordinary: Mapping[str, float]
 
-    def sentence(self, unit: str) -> str:
-        """Sentence on what the uncertainties include."""
-        low, high = min(self.noise), max(self.noise)
-        return (
-            f"friction of unknown sign at rest and noise are {low:.2g} to {high:.2g} {unit} a "
-            f"pose; uncertainties also hold what ordinary errors of {', '.join(self.ordinary)} "
-            "would move"
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class DriveFit(WrittenFit):
@@ -129,9 +120,14 @@ class DriveFit(WrittenFit):
         data = "this motion does" if self.rest is None else "these poses do"
         untold_text = f"; {data} not tell {', '.join(untold)}" if untold else ""
         if self.rest is not None:
-            share = percent(self.explained)
-            text = f"on poses that no fit saw it explains {share} % of the efforts; "
-            return text + self.rest.sentence(self.unit) + untold_text
+            low, high = min(self.rest.noise), max(self.rest.noise)
+            return (
+                f"on poses that no fit saw it explains {percent(self.explained)} % of the efforts; "
+                f"friction of unknown sign at rest and noise are {low:.2g} to {high:.2g} "
+                f"{self.unit} a pose; uncertainties also hold what ordinary errors of "
+                f"{', '.join(self.rest.ordinary)} would move: diagnosed beside a recording without "
+                f"the load, those of links drop out{untold_text}"
+            )
         text = (
             f"on rows that no fit saw it explains {percent(worst.explained)} % or more of each "
             f"joint's {self.word}, least of joint {worst.joint}"

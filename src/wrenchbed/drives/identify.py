@@ -14,8 +14,9 @@ from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
-from wrenchbed.data.recording import Recording
-from wrenchbed.drives.at_rest import calibrate_at_rest
+from wrenchbed.data.recording import EFFORT_UNITS, Recording
+from wrenchbed.drives.at_rest import CONSTANT, calibrate_at_rest
+from wrenchbed.drives.at_rest import GROUPS as AT_REST
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.fit import DriveFit, JointError, impossible, joint_errors
 from wrenchbed.drives.signals import DriveSignals, as_torques, efforts_of, signals_of_pieces
@@ -39,7 +40,6 @@ from wrenchbed.robots.mjcf import LinkInertias, at_home, link_inertias
 from wrenchbed.simulation.closed_form import Model, robot_of
 
 FRICTION = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia")
-CONSTANT = "drive.constant"
 GROUPS = (*FRICTION, CONSTANT, "tool", "link")
 """Groups that may be free; ``tool`` is mass and centre of gravity of the load, ``link`` all
 inertial parameters that torques determine, the load's among them."""
@@ -80,10 +80,19 @@ def calibrate_efforts(
         ParameterError: ``free`` has a name that is no group.
         NotFoundError: the robot's model has no joint torques.
     """
-    if recording.metadata.mode == "static":
-        fit = calibrate_at_rest(recording, arm_of(recording), free, constants)
+    prefix, effort = efforts_of(recording)
+    dead = np.flatnonzero(np.ptp(effort, axis=0) == 0.0)
+    column, rest = (
+        f"{prefix}{dead[0] + 1}" if dead.size else "",
+        recording.metadata.mode == "static",
+    )
+    if constants is not None:
+        effort, prefix = as_torques(effort, prefix, constants, recording.name), "tau"
+    groups = _groups(free, prefix, stated=constants is not None, rest=rest)
+    if rest:
+        fit = calibrate_at_rest(recording, arm_of(recording), effort, prefix, groups)
     else:
-        fit = _calibrate_in_motion(recording, free, constants)
+        fit = _calibrate_in_motion(recording, effort, prefix, groups, column)
     if constants is not None:
         fit = replace(fit, constants=tuple(map(float, constants)))
     if fit.refuted is not None and not force:
@@ -94,22 +103,17 @@ def calibrate_efforts(
 
 
 def _calibrate_in_motion(
-    recording: Recording, free: Sequence[str], constants: Sequence[float] | None
+    recording: Recording, effort: np.ndarray, prefix: str, groups: tuple[str, ...], dead: str
 ) -> DriveFit:
-    prefix, effort = efforts_of(recording)
-    dead = np.flatnonzero(np.ptp(effort, axis=0) == 0.0)
-    column = f"{prefix}{dead[0] + 1}" if dead.size else ""
-    if constants is not None:
-        effort, prefix = as_torques(effort, prefix, constants, recording.name), "tau"
-    signals = signals_of_pieces(recording, effort, prefix)
-    problem, starts = problem_of(recording, signals, _groups(free, prefix, constants is not None))
+    signals = signals_of_pieces(recording, effort)
+    problem, starts = problem_of(recording, signals, groups)
     check_moves(recording.name, problem)
-    if column:
-        raise CalibrationError(f"{recording.name}: column {column!r} never changes")
+    if dead:
+        raise CalibrationError(f"{recording.name}: column {dead!r} never changes")
     solution, joints = solve(problem), arm_of(recording).joints
     covariance = jackknife(np.array([published(problem, x, starts) for x in solution.folds]))
     identified = values_of(problem, solution, starts, joints, covariance)
-    errors = errors_of(problem, solution, [joint.own(signals[0].unit) for joint in joints])
+    errors = errors_of(problem, solution, [joint.own(EFFORT_UNITS[prefix]) for joint in joints])
     linked = problem.changes == LOAD and impossible(identified) is not None
     if linked:
         torques = np.concatenate([_of_link_errors(recording, s) for s in signals])
@@ -118,8 +122,8 @@ def _calibrate_in_motion(
         covariance = covariance + away.T @ away
         identified = values_of(problem, solution, starts, joints, covariance)
     return DriveFit(
-        recording.name, recording.metadata.robot, signals[0].unit, identified, errors, covariance,
-        signals[0].cutoff, sum(float(np.ptp(s.t)) for s in signals), len(problem.use),
+        recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified, errors,
+        covariance, signals[0].cutoff, sum(float(np.ptp(s.t)) for s in signals), len(problem.use),
         refutation(errors, identified), link_errors=linked,
     )  # fmt: skip
 
@@ -147,16 +151,18 @@ def _rigid(r: Recording, s: DriveSignals) -> tuple[np.ndarray, LinkInertias, Jet
     return theta, link_inertias(robot, theta), q, torques
 
 
-def _groups(free: Sequence[str], prefix: str, stated: bool) -> tuple[str, ...]:
+def _groups(free: Sequence[str], prefix: str, *, stated: bool, rest: bool) -> tuple[str, ...]:
+    currents = prefix == "i"
+    known = [g for g in AT_REST if g != CONSTANT or currents] if rest else GROUPS
     for name in free:
-        if name not in (*GROUPS, "drive"):
-            raise ParameterError(f"--free {name}: is none of drive, {', '.join(GROUPS)}")
+        if name not in (*known, "drive"):
+            of, more = (" at rest", "; a motion tells more") if rest else ("", "")
+            raise ParameterError(f"--free {name}: is none of drive, {', '.join(known)}{of}{more}")
     if stated and CONSTANT in free:
         raise ParameterError(f"--free {CONSTANT}: --constants states them; leave one of both out")
-    drive = FRICTION if stated else (*FRICTION, CONSTANT)
+    drive = [g for g in known if g.startswith("drive") and not (g == CONSTANT and stated)]
     named = {g for f in free for g in (drive if f == "drive" else (f,))}
-    currents = prefix == "i"
-    wanted = named or {*FRICTION, "tool", *((CONSTANT,) if currents else ())}
+    wanted = named or {g for g in known if g != "link" and (g != CONSTANT or currents)}
     if currents and CONSTANT not in wanted:
         raise ParameterError(f"--free: currents need {CONSTANT}, or --constants that are known")
     if "link" in wanted and CONSTANT in wanted:
@@ -193,7 +199,7 @@ def _of_piece(
         starts = dict(zip(changes, base.grouping @ inertias.phi.ravel(), strict=True))
         spread = np.full(len(changes), np.inf)
     elif "tool" in groups:
-        loads, changes = y[..., carrier_columns(robot)] @ load_columns(robot, theta), LOAD
+        loads, changes = load_torques(y, robot, theta), LOAD
         tool = replace(robot.tool(theta), sensor_mass=np.zeros(()))
         starts = dict(zip(changes, tool.inertial, strict=True))
         reach = float(np.linalg.norm(robot.sensor_pose(np.asarray(robot.home)[None], theta)[1]))
@@ -244,13 +250,8 @@ def check_moves(name: str, problem: Problem) -> None:
         raise CalibrationError(f"{name}: {why}: record a longer motion of all joints")
 
 
-def carrier_columns(robot: SimulatedRobot) -> slice:
-    """Columns of the torque regressor that belong to the link that carries the load."""
-    return slice(INERTIAL * robot.carrier, INERTIAL * (robot.carrier + 1))
-
-
-def load_columns(robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
-    """Matrix (10, 10) from `LOAD` to the parameters of the link that carries it, in its frame."""
+def load_torques(y: np.ndarray, robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
+    """Torques (N, J, 10) by each number of `LOAD`, from the torque regressor y (N, J, 10 L)."""
     q = np.asarray(robot.home, dtype=float)[None]
     link, origin = at_home(*robot.link_frames(q, theta)[robot.carrier])
     rotation, place = (np.asarray(v)[0] for v in robot.sensor_pose(q, theta))
@@ -260,7 +261,8 @@ def load_columns(robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
     result[:, 1:4] = np.stack([of_moment(lever, axis) for axis in turn.T], axis=1)
     turned = [six_of(turn @ symmetric(unit) @ turn.T) for unit in np.eye(6)]
     result[4:, 4:] = np.stack(turned, axis=1)
-    return result
+    carrier = slice(INERTIAL * robot.carrier, INERTIAL * (robot.carrier + 1))
+    return np.asarray(y[..., carrier] @ result)
 
 
 def of_mass(place: np.ndarray) -> np.ndarray:

@@ -15,9 +15,9 @@ from scipy.interpolate import make_interp_spline
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.command import CHANNEL
 from wrenchbed.data.recording import Recording
+from wrenchbed.drives.at_rest import CONSTANT
 from wrenchbed.drives.fit import COMMAND_FIT, DriveFit
 from wrenchbed.drives.identify import (
-    CONSTANT,
     FRICTION,
     WIDE,
     arm_of,
@@ -74,7 +74,7 @@ class Piece:
     def shaken(self, noise: np.ndarray) -> "Piece":
         """Copy of the piece with added noise (N, J) on its joint values."""
         s, q = self.signals, self.signals.effort + noise
-        return replace(self, signals=motion_signals("", s.t, q, q, s.prefix, s.cutoff, s.edges))
+        return replace(self, signals=motion_signals("", s.t, q, q, s.cutoff, s.edges))
 
     def error(self, delay: np.ndarray) -> np.ndarray:
         """Filtered tracking error (M, J) of targets delayed by ``delay`` (J,) [s]."""
@@ -171,7 +171,7 @@ def pieces_of(recording: Recording) -> list[Piece]:
         raise CalibrationError(
             f"{name}: q_target1… are q1…: the targets only echo what was reached"
         )
-    signals = signals_of_pieces(recording, q, "q")
+    signals = signals_of_pieces(recording, q)
     return [_piece(s, target[np.searchsorted(t, s.t)]) for s in signals]
 
 

@@ -13,7 +13,7 @@ import scipy  # which loads its slow submodules when they are first used
 from scipy.interpolate import make_interp_spline
 
 from wrenchbed.data.clock import JITTER, pieces
-from wrenchbed.data.recording import EFFORT_UNITS, Recording
+from wrenchbed.data.recording import Recording
 from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
@@ -61,7 +61,6 @@ class DriveSignals:
         t: (N,) [s], equal steps.
         q: joint values, speeds and accelerations (N, J), smoothed.
         effort: torques [N·m] or currents [A] (N, J) as measured.
-        prefix: ``tau`` or ``i``.
         cutoff: of the filter of efforts and regressors [Hz].
         edges: of the low-pass filters of joint values (J,) [Hz].
     """
@@ -69,7 +68,6 @@ class DriveSignals:
     t: np.ndarray
     q: Jet
     effort: np.ndarray
-    prefix: str
     cutoff: float
     edges: tuple[float, ...]
 
@@ -77,11 +75,6 @@ class DriveSignals:
     def rate(self) -> float:
         """Rate of the rows [Hz]."""
         return float((len(self.t) - 1) / (self.t[-1] - self.t[0]))
-
-    @property
-    def unit(self) -> str:
-        """Unit of ``effort``."""
-        return EFFORT_UNITS[self.prefix]
 
     @property
     def coarse(self) -> int:
@@ -153,19 +146,7 @@ def as_torques(
     return efforts * known
 
 
-def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSignals:
-    """Speeds and accelerations of a recording in motion, beside its torques or currents; the cutoff
-    of the filter [Hz] is five times the motion's bandwidth if none is given.
-
-    Raises:
-        RecordingError: no torques or currents, or an uneven clock.
-        CalibrationError: nothing moves, or the motion is too short.
-    """
-    prefix, effort = efforts_of(recording)
-    return motion_signals(recording.name, recording.t, recording.q, effort, prefix, cutoff)
-
-
-def signals_of_pieces(recording: Recording, effort: np.ndarray, prefix: str) -> list[DriveSignals]:
+def signals_of_pieces(recording: Recording, effort: np.ndarray) -> list[DriveSignals]:
     """Signals of each piece of a motion, split at gaps of its clock and between segments, with
     efforts (N, J); all with one cutoff.
 
@@ -175,7 +156,7 @@ def signals_of_pieces(recording: Recording, effort: np.ndarray, prefix: str) -> 
     name, t, q = recording.name, recording.t, recording.q.astype(float)
     parts = pieces(recording.columns)
     if len(parts) == 1:
-        return [motion_signals(name, t, q, effort, prefix)]
+        return [motion_signals(name, t, q, effort)]
     long = [
         part for part in parts
         if part.stop - part.start >= _LEAST_ROWS and np.ptp(q[part], axis=0).any()
@@ -187,15 +168,22 @@ def signals_of_pieces(recording: Recording, effort: np.ndarray, prefix: str) -> 
         )
     rate = 1.0 / float(np.median(np.diff(t)))
     cutoff = float(np.median([cutoff_of(q[part], rate) for part in long]))
-    return [motion_signals(name, t[p], q[p], effort[p], prefix, cutoff) for p in long]
+    return [motion_signals(name, t[p], q[p], effort[p], cutoff) for p in long]
 
 
 def motion_signals(
-    name: str, t: np.ndarray, q: np.ndarray, effort: np.ndarray, prefix: str,
+    name: str, t: np.ndarray, q: np.ndarray, effort: np.ndarray,
     cutoff: float | None = None, edges: Sequence[float] | None = None,
 ) -> DriveSignals:  # fmt: skip
-    """Smoothed motion of joint values (N, J) at times (N,) [s], beside efforts (N, J); see
-    `drive_signals`. Without ``edges`` they are estimated."""
+    """Smoothed motion of joint values (N, J) at times (N,) [s], beside efforts (N, J).
+
+    The cutoff of the filter [Hz] is five times the motion's bandwidth if none is given; without
+    ``edges`` they are estimated.
+
+    Raises:
+        RecordingError: an uneven clock.
+        CalibrationError: nothing moves, or the motion is too short.
+    """
     t, q = np.asarray(t, dtype=float), np.asarray(q, dtype=float)
     steps = np.diff(t)
     if len(t) < _LEAST_ROWS or np.ptp(q, axis=0).max() == 0.0:
@@ -219,7 +207,7 @@ def motion_signals(
     each = [scipy.signal.sosfiltfilt(sos, x) for sos, x in zip(filters, q.T, strict=True)]
     smooth = make_interp_spline(t, np.stack(each, axis=-1), k=5)
     values = Jet(smooth(t), smooth.derivative(1)(t), smooth.derivative(2)(t))
-    return DriveSignals(t, values, effort, prefix, cutoff, edges)
+    return DriveSignals(t, values, effort, cutoff, edges)
 
 
 def _edge(q: np.ndarray, rate: float, most: float) -> float:

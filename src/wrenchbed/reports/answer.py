@@ -152,14 +152,21 @@ class Answer(ABC):
 
     @property
     def fitted_load(self) -> list[str]:
-        """Sentence on the load that was fitted; empty if none was."""
-        for number in self.d.fitted:
+        """Sentences on the load that was fitted, and on what further recordings carry beyond it."""
+        result = []
+        for k, number in enumerate(self.d.fitted):
+            value = numbers.quantity("mass", number)
             if number["name"] == "tool.mass":
-                value = numbers.quantity("mass", number)
                 known = number["stated"]
                 stated = "none is stated" if known is None else f"{known:.4g} kg is stated"
-                return [f"a load of {value} was fitted; {stated}"]
-        return []
+                result.append(f"a load of {value} was fitted; {stated}")
+            if number["name"] == "added.mass":
+                centre = [numbers.quantity("cog", n) for n in self.d.fitted[k + 1 : k + 4]]
+                result.append(
+                    f"{number['recording']} carries {value} more than the first, its centre at "
+                    f"({', '.join(centre)}), whatever the links weigh"
+                )
+        return result
 
     @property
     def black_box(self) -> str:

@@ -6,12 +6,10 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from wrenchbed.cli import main
-from wrenchbed.data.metadata import parse
-from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.columns import of_joint, rows_of
 from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.diagnosis.efforts.scene import effort_scene
-from wrenchbed.drives.signals import drive_signals
+from wrenchbed.drives.signals import motion_signals
 from wrenchbed.effects.drives.lag import closest
 
 RATE = 100.0
@@ -40,10 +38,7 @@ def test_an_encoder_of_17_bits_makes_no_acceleration():
     step = 2.0 * np.pi / 2**17
     true = 0.3 * np.sin(2.0 * T)
     q = np.round((true + 0.3 * step * rng.normal(size=T.shape)) / step) * step
-    raw = parse({"format": 1, "robot": "ur5", "source": "sim", "mode": "dynamic", "rate_hz": RATE},
-                "test")  # fmt: skip
-    columns = {"t": T} | {f"q{j}": q for j in range(1, 7)} | {f"tau{j}": q for j in range(1, 7)}
-    signals = drive_signals(Recording(raw, columns, "test.parquet"), cutoff=5.0)
+    signals = motion_signals("test", T, q[:, None], q[:, None], 5.0)
     inner = slice(200, -200)
     off = (signals.q.dd[:, 0] + 4.0 * true)[inner]
     plain = sosfiltfilt(butter(4, 20.0, fs=RATE, output="sos"), q)

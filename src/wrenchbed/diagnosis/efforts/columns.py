@@ -13,7 +13,7 @@ from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.names import drive_effects
 from wrenchbed.diagnosis.efforts.scene import COMMANDED, EffortScene
 from wrenchbed.diagnosis.prepare.baseline import COG_M, MASS_SHARE
-from wrenchbed.drives.identify import carrier_columns, load_columns, of_mass, of_moment
+from wrenchbed.drives.identify import load_torques, of_mass, of_moment
 from wrenchbed.effects.drives.base import Block, Column, DriveRows, StatedNumber
 from wrenchbed.effects.drives.operators import late, slow
 from wrenchbed.physics.newton_euler import INERTIAL
@@ -219,7 +219,7 @@ def _links(scene: EffortScene) -> Made:
 
 def _tool(scene: EffortScene) -> Made:
     """Columns and causes of the tool's mass and first moment; free where they are not stated."""
-    y = scene.regressor[..., carrier_columns(scene.robot)] @ load_columns(scene.robot, scene.theta)
+    y = load_torques(scene.regressor, scene.robot, scene.theta)
     stated, tool = scene.recording.metadata.tool, scene.tool
     cog, mass = np.asarray(tool.cog, dtype=float), float(tool.mass)
     by_file = registry.record_of("robots", scene.robot.name) is not None  # its [tool] says so

@@ -11,8 +11,9 @@ import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
-from wrenchbed.drives.identify import CONSTANT, FRICTION, arm_of, calibrate_efforts
-from wrenchbed.drives.signals import DriveSignals, drive_signals
+from wrenchbed.drives.at_rest import CONSTANT
+from wrenchbed.drives.identify import FRICTION, arm_of, calibrate_efforts
+from wrenchbed.drives.signals import DriveSignals, efforts_of, motion_signals
 from wrenchbed.effects.drives.operators import direction, moving
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import Jet
@@ -187,7 +188,8 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
             f"{recording.name}: has no wrench fx … tz: use --channels effort, which needs none"
         )
     robot = arm_of(recording)
-    signals = drive_signals(recording)
+    prefix, effort = efforts_of(recording)
+    signals = motion_signals(recording.name, recording.t, recording.q, effort)
     rows = len(signals.t)
     enough = _PER_CUTOFF * signals.cutoff if f"{COMMANDED}1" in recording.columns else _RATE
     step = max(1, int(signals.rate / enough + 0.5), -(-rows // MOST_ROWS))
@@ -196,10 +198,10 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
             f"{recording.name}: {rows} rows follow each other: a diagnosis of joint efforts needs "
             f"{step * _LEAST_ROWS} rows or more of one motion; calibrate takes shorter pieces"
         )
-    currents = signals.prefix == "i"
+    currents = prefix == "i"
     if currents:
         known = _constants(recording, drives)
-        signals = replace(signals, effort=signals.effort * known, prefix="tau")
+        signals = replace(signals, effort=signals.effort * known)
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
     inertias = link_inertias(robot, theta)

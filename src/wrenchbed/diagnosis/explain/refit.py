@@ -12,12 +12,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import (
-    Moments,
-    ScaledEvidence,
-    Whitened,
-    over_scales,
-)
+from wrenchbed.diagnosis.evidence.likelihood import Moments, ScaledEvidence, Whitened, over_scales
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
 from wrenchbed.diagnosis.explain.case import Case
 from wrenchbed.diagnosis.explain.finalist import Finalist

@@ -115,14 +115,11 @@ class Action:
 
 def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Iterator[Action]:
     """Recordings that this robot can make next, after one whose scene is at the baseline."""
-    for make in (_poses, _payload, _revisit, _hold, _motion):
-        action = make(prepared, seed)
-        if action is not None:
-            yield action
+    at_rest = () if prepared.moving else (_revisit, _hold)
+    for make in (_poses, _payload, *at_rest, _motion):
+        yield from filter(None, [make(prepared, seed)])
     for k, joint in enumerate(prepared.robot.joints[:sweeps]):
-        action = _sweep(prepared, k, joint.name, seed)
-        if action is not None:
-            yield action
+        yield from filter(None, [_sweep(prepared, k, joint.name, seed)])
 
 
 def feasible(robot: Robot, q: np.ndarray) -> np.ndarray:
@@ -165,9 +162,8 @@ def _visit(
     begin = 0.0 if prepared.moving else float(prepared.scene.t[-1])
     t = begin + np.cumsum(np.array(way) + seconds) - seconds / 2
     noise = static_noise(prepared)
-    session = ExperimentRun(posed(prepared, q, t, noise, after=not prepared.moving), None, True)
-    if prepared.moving:
-        session = replace(session, again=False)
+    rows = posed(prepared, q, t, noise, after=not prepared.moving)
+    session = ExperimentRun(rows, again=not prepared.moving)
     plan = Plan.of(robot.name, q) if robot.joints else None
     if plan is not None and dwell:
         plan = replace(plan, dwell=np.full(len(q), dwell))
@@ -205,8 +201,6 @@ def _payload(prepared: Prepared, seed: int) -> Action | None:
 
 
 def _revisit(prepared: Prepared, seed: int) -> Action | None:
-    if prepared.moving:
-        return None
     q = _spread(prepared, 30)
     first = prepared.poses[:1]
     parts = [np.concatenate([first, q[k : k + 10]]) for k in range(0, len(q), 10)]
@@ -215,8 +209,6 @@ def _revisit(prepared: Prepared, seed: int) -> Action | None:
 
 
 def _hold(prepared: Prepared, seed: int) -> Action | None:
-    if prepared.moving:
-        return None
     q = np.repeat(prepared.poses[:1], _HOLDS, axis=0)
     minutes = _HOLDS * _HOLD_S / 60.0
     text = f"hold the first pose from cold for {minutes:.0f} min and log the temperature"

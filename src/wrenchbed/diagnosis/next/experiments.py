@@ -17,22 +17,13 @@ from scipy.special import ndtr
 
 from wrenchbed.channels.response import Response
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.evidence.dictionary import (
-    EffectDictionary,
-    Hypothesis,
-    nuisance,
-)
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, nuisance
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, MOST, BackgroundLevel, row_variance
 from wrenchbed.diagnosis.explain.claims import stated
 from wrenchbed.diagnosis.explain.elements import element, listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.next.actions import (
-    Action,
-    ExperimentRun,
-    actions,
-    loaded,
-)
+from wrenchbed.diagnosis.next.actions import Action, ExperimentRun, actions, loaded
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Variant
