@@ -1,6 +1,7 @@
 """Geometry and compliances from a tracker's readings of an arm in plain numpy."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,6 +108,19 @@ def test_a_prior_keeps_few_poses_from_wandering():
     fit = wb.calibrate_tracker(few, wb.Options(prior=True))
     assert fit.held_out < fit.before
     assert all(p.std is not None for p in fit.identified)
+
+
+def test_places_along_a_line_leave_the_trackers_turn_free():
+    arm = replace(TrackedUr5.anyhow(np.random.default_rng(1)), noise=2e-5)
+    rng, rec = np.random.default_rng(3), arm.recording(3)
+    q = poses(1, rng)[0] + np.linspace(-0.3, 0.3, 60)[:, None] * [0, 1, -2, 1, 0, 0]
+    read = arm.places(q) + arm.noise * rng.standard_normal((60, 3))
+    line = {f"q{j + 1}": q[:, j] for j in range(6)} | dict(
+        zip(("mx", "my", "mz"), read.T, strict=True)
+    )
+    rec = replace(rec, columns=rec.columns | line)
+    with pytest.raises(CalibrationError, match="leave the tracker's turn free .* not converged"):
+        wb.calibrate_tracker(rec, wb.Options(prior=True))
 
 
 def test_columns_that_no_tracker_made_are_refused():

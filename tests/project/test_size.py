@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 535,
     "benchmark": 7796,
-    "calibration": 5169,
+    "calibration": 5166,
     "campaigns": 1146,
     "channels": 939,
     "cli": 2676,

@@ -17,18 +17,9 @@ TRUTH = {k: v for k, v in UR5_TRUTH.items() if not k.startswith("mount")}
 
 @dataclass(frozen=True)
 class How:
-    """What a log is like.
-
-    Attributes:
-        holds: how many.
-        rate: mean rate of rows [Hz].
-        encoder: standard deviation of one joint reading [rad].
-        jitter: half width of each time stamp, relative to the step.
-        lost: share of the frames that are missing.
-        speed: of the fastest joint within a move [rad/s].
-        oriented: whether it gives the sensor's orientation and no joints.
-        shake: amplitude of the tool's vibration after a move [N].
-    """
+    """What a log is like: number of holds, mean rate of rows [Hz], standard deviation of an encoder
+    [rad], half width of a time stamp over the step, share of lost frames, speed of the fastest
+    joint [rad/s], whether it has orientations and no joints, vibration after a move [N]."""
 
     holds: int = 12
     rate: float = 125.0

@@ -36,16 +36,9 @@ WEIRD: tuple[Any, ...] = (
 
 @dataclass(frozen=True)
 class FileTarget:
-    """How a mutated file is read.
-
-    Attributes:
-        read: from a path; returns what a mutation must not change, or None.
-        seeds: contents of good files.
-        name: of the file.
-        true: whether a checksum covers what is read: then an accepted file holds a seed's values.
-        beside: further files of the folder, for each seed.
-        structured: mutate the JSON rather than its bytes, half of the time.
-    """
+    """How a mutated file is read: ``read`` returns what a mutation must not change, or None;
+    ``seeds`` are contents of good files, ``beside`` further files for each. ``true``: a checksum
+    covers what is read; ``structured``: half of the mutations are of the JSON."""
 
     read: Callable[[Path], Any]
     seeds: Sequence[bytes]

@@ -30,15 +30,9 @@ def weight_torque(q: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class TrackedUr5:
-    """What is wrong with the arm, and how the tracker sees it.
-
-    Attributes:
-        wrong: added to zeros, twists, lengths and rises (4, 6) [rad, rad, m, m].
-        give: compliance of the joints (6,) [rad/(N·m)].
-        noise: standard deviation of a row [m].
-        target: its place on the flange (3,) [m].
-        turn: rotation vector of the tracker (3,) [rad].
-    """
+    """What is wrong with the arm, and how the tracker sees it: ``wrong`` is added to zeros, twists,
+    lengths and rises (4, 6) [rad, rad, m, m]; compliance of the joints [rad/(N·m)], a row's noise
+    [m], the target's place on the flange [m], rotation vector of the tracker [rad]."""
 
     wrong: np.ndarray = field(default_factory=lambda: np.zeros((4, 6)))
     give: tuple[float, ...] = (0.0,) * 6

@@ -51,14 +51,8 @@ def solve(
     start: np.ndarray,
     scale: np.ndarray,
 ) -> Solution:
-    """Minimise ½|residual(x)|² from ``start`` by Gauss–Newton steps.
-
-    Args:
-        residual: x → whitened measured − predicted (M,).
-        jacobian: x → derivative of the whitened prediction (M, K).
-        start: start values (K,).
-        scale: typical size of each parameter (K,).
-    """
+    """Minimise ½|residual(x)|² from ``start`` (K,): residual (M,) and Jacobian (M, K) are whitened,
+    ``scale`` (K,) is the typical size of each parameter."""
     x, r = start.copy(), residual(start)
     converged, fresh = False, False
     steps = 0

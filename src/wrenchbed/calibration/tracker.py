@@ -168,17 +168,10 @@ class Sight:
 def calibrate_tracker(
     recording: Recording, options: CalibrationOptions | None = None
 ) -> TrackerFit:
-    """Fit a robot's geometry and compliances to positions mx my mz of a target.
-
-    Args:
-        recording: recording at rest, one row or many a pose.
-        options: ``free``, ``hold``, ``prior`` and ``force`` are used; by default all geometry is
-            free, and the compliance of every joint that weight loads.
-
-    Raises:
-        CalibrationError: no such columns, too few or too similar poses, or fitted geometry that
-            predicts held-out poses no better than the stated one.
-    """
+    """Fit a robot's geometry and compliances to positions mx my mz of a target at rest, one row or
+    many a pose; by default all geometry is free, and the compliance of every joint that weight
+    loads. A CalibrationError without such columns or enough varied poses, or for a geometry that
+    predicts held-out poses no better than the stated one."""
     options = options or CalibrationOptions()
     sight, repeats, rows = _sight(recording, options)
     count, tolerances = sight.read.size, 1.0 if options.prior else _WIDE
@@ -215,6 +208,7 @@ def calibrate_tracker(
         theta=dict(zip(sight.model.parameters.names, theta.tolist(), strict=True)),
         gravity=tuple(float(g) for g in sight.model.gravity),
         stand=sight.stand(x),
+        loose=float(np.sqrt(np.diagonal(covariance)[-9:-6].max())),
         covariance=covariance[:-9, :-9],
         noise=rest,
         repeats=repeats or None,

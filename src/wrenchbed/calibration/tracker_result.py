@@ -17,6 +17,8 @@ the tracker saw: misfit is then larger than noise (√(1.5² − 1) = 1.1)."""
 FOLLOWS = 0.5
 """Share of the places' extent that the stated geometry may leave: forces and torques of the same
 names leave 0.4 to 0.98, zeros that are 20° off 0.45."""
+_LOOSE = 0.1
+"""Standard uncertainty of a turn [rad] from which a linear fit of it misleads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,7 @@ class TrackerFit(WrittenFit):
         gravity: world axes (3,) [m/s²].
         stand: the tracker's pose, rotation vector [rad] and shift [m] from the world to its axes,
             and the target's position in sensor axes [m], by name.
+        loose: largest standard uncertainty of the tracker's turn about an axis [rad].
         covariance: covariance of the identified parameters (K, K).
         noise: standard deviation of the fit's residual per axis [m], free parameters counted.
         repeats: noise of a pose's mean by its rows [m]; None without repeats.
@@ -49,6 +52,7 @@ class TrackerFit(WrittenFit):
     theta: Mapping[str, float]
     gravity: tuple[float, ...]
     stand: Mapping[str, float]
+    loose: float
     covariance: np.ndarray
     noise: float
     repeats: float | None
@@ -93,9 +97,18 @@ class TrackerFit(WrittenFit):
     @property
     def refuted(self) -> str | None:
         """Sentence on why the data refute the fitted geometry; None if they do not."""
+        follows = self.before <= FOLLOWS * self.extent
+        if not self.converged and self.loose > _LOOSE and follows:
+            turn = min(np.rad2deg(self.loose), 180.0)
+            return (
+                f"these poses leave the tracker's turn free by ± {turn:.0f}°, as places along a "
+                f"line do: not converged after {self.iterations} steps. Record places in all "
+                "directions; --force gives values for poses like these alone, "
+                f"{1e3 * self.held_out:.3g} mm off held out, {1e3 * self.before:.3g} mm as stated"
+            )
         if not self.converged:
             return f"not converged after {self.iterations} steps: are these this robot's joints?"
-        if self.before > FOLLOWS * self.extent:
+        if not follows:
             return (
                 f"mx my mz do not follow this arm: it leaves {1e3 * self.before:.3g} mm of "
                 f"{1e3 * self.extent:.3g} mm. Is this the robot, and are these places in metres?"
