@@ -205,6 +205,7 @@ def test_base_parameters_explain_all_torques_and_are_independent(robot, count):
         (lambda t, q, y: (t * (1.0 + 0.02 * t), q, y), RecordingError, "make the clock even"),
         (lambda t, q, y: (t, q, y * [1, 1, 1, 1, 0, 1]), CalibrationError, "'tau5' never changes"),
         (lambda t, q, y: (t, q[::-1], y), CalibrationError, "explains nothing on rows"),
+        (lambda t, q, y: (t, q[:1] + 1e-3 * np.sin(q), y), CalibrationError, "1 never moves"),
     ],
 )
 def test_what_cannot_be_fitted_is_named(clean, change, error, words):

@@ -1,7 +1,6 @@
 """Joint torques and motor currents: predicted and fitted.
 Read first: `identify`; of poses at rest `at_rest`, of commands `servo`.
-Free: the inside of each file (filters and iterations); tests/drives recovers truths of other
-formulas (held-out errors).
+Free: the inside of each file; tests/drives recovers truths of other formulas.
 Others rely on: names of groups and parameters, the fit's JSON (docs/contracts.md).
 Never: formulas of `simulation.drives`; what makes the data may not fit them.
 """

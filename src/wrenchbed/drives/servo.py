@@ -41,8 +41,7 @@ _QUADRATIC = "quadratic"
 """Column that nobody reads: setpoints of limited speed trail by the square of the speed, and
 friction falls with it; without it both pass for Coulomb friction and delay."""
 LATEST = 0.3
-"""Longest delay that is sought [s]: that of a policy or a network; beyond it a person would
-notice."""
+"""Longest delay that is sought [s]: that of a policy or a network."""
 _PER_ROW = 4.0
 """Delays a row's time at which the search begins."""
 _STEPS, _CLOSE = 20, 1e-5
