@@ -25,7 +25,7 @@ def save(path: Path, data: dict[str, np.ndarray], metadata: dict | None = None) 
 
 
 def test_a_recording_returns_bit_for_bit_and_needs_three_fields(tmp_path):
-    odd = np.array([0.0, -0.0, 5e-324, 1 / 3, -1e308] * 4)
+    odd = np.array([0.0, -0.0, 5e-324, 1 / 3, -1e29] * 4)
     data = columns() | {"note": np.array(["x"] * 20), "fx": odd, "humidity": odd}
     Recording(METADATA, data).write(tmp_path / "rec.parquet")
     again = Recording.read(tmp_path / "rec.parquet")
@@ -53,6 +53,7 @@ def put(name: str, row: int, value: float):
         (lambda d: [d.pop(f"q{j}") for j in range(1, 7)], "neither joint columns"),
         (put("ty", 7, np.nan), "column 'ty', row 7: nan is not a finite number"),
         (put("q3", 2, np.inf), "column 'q3', row 2: inf"),
+        (put("fx", 4, 1e200), "column 'fx', row 4: 1e[+]200 is larger than any reading"),
         (put("humidity", 3, np.nan), "column 'humidity', row 3"),
         (put("t", 5, 0.01), "column 't', row 5: 0.01 does not come after"),
         (lambda d: d.update(t=d["t"][::-1].copy()), r"column 't', row 1: .* \(19 such rows\)"),
@@ -70,6 +71,13 @@ def test_bad_columns_are_named_with_file_and_row(tmp_path, change, words):
         Recording.read(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_column_whose_name_is_no_text_is_refused():
+    written = pa.schema([("humidity", pa.float64())]).serialize().to_pybytes()
+    schema = pa.ipc.read_schema(pa.py_buffer(written.replace(b"humidity", b"\xffumidity")))
+    with pytest.raises(RecordingError, match="x: the name of a column is not UTF-8 text"):
+        parquet.columns(schema.empty_table(), "x", RecordingError)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1146,
     "channels": 939,
     "cli": 2676,
-    "data": 5391,
+    "data": 5401,
     "diagnosis": 12991,
     "drives": 1669,
     "effects": 4968,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78863,
-    "src/wrenchbed": 69376,
+    "src": 78873,
+    "src/wrenchbed": 69386,
     "src/robot_emulators": 9487,
     "tests": 39628,
     "scripts": 3476,

@@ -125,11 +125,16 @@ def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[st
     """Convert every column of a table to a read-only numpy array.
 
     Raises:
-        error: a duplicated column, a missing value (names its row) or a column of another kind.
+        error: a duplicated column, a name that is no text, a missing value (names its row) or a
+            column of another kind.
     """
-    _check_names(table.column_names, path, error)
+    try:
+        names = table.column_names
+    except UnicodeDecodeError as cause:
+        raise error(f"{path}: the name of a column is not UTF-8 text") from cause
+    _check_names(names, path, error)
     result: dict[str, np.ndarray] = {}
-    for name in table.column_names:
+    for name in names:
         column = table.column(name)
         if column.null_count:
             row = int(np.flatnonzero(np.asarray(column.is_null()))[0])

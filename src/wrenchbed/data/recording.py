@@ -33,6 +33,9 @@ EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 """Column prefixes of joint torques and of motor currents, with their units."""
 COMMAND = "q_target"
 """Column prefix of joint targets."""
+_LARGEST = 1e30
+"""Largest value of a column, in any unit: beyond those of nanoseconds since 1970, and squares of
+larger ones overflow."""
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 JOURNAL = ".journal"
@@ -262,6 +265,8 @@ def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
             yield f"column {column!r} must hold whole numbers"
         if kind == "f":
             yield from _bad_rows(column, ~np.isfinite(array), array, "is not a finite number")
+            large = np.isfinite(array) & (np.abs(array) > _LARGEST)
+            yield from _bad_rows(column, large, array, "is larger than any reading")
         elif kind not in "iu" and column in numeric:
             yield f"column {column!r} holds {array.dtype}, not numbers"
     t = columns["t"].astype(float, copy=False)
