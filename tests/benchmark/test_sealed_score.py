@@ -197,15 +197,15 @@ def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
     odd = {"stiffness": {"value": 0.0, "std": 1.0}, "x": {"value": "wide"}, "y": 3, "z": {}}
     odd |= {"fine": {"value": 1.0, "std": float("inf")}}
     names = "joint.compliance tool.mass tool.cog sensor.gain sensor.drift base.tilt".split()
-    which = [{"effect": n, "probability": 0.5, "parameters": odd} for n in names]
+    same = {"probability": 0.5, "parameters": odd, "elements": names}
     told = {
-        "verdict": "identified", "which": which, "probabilities": {"none": 1.0},
-        "gap": {"configured": float("nan"), "floor": "low", "calibrated": 2.0},
+        "verdict": "identified", "which": [{"effect": n} | same for n in names], "probabilities":
+        {"none": 1.0}, "gap": {"configured": float("nan"), "floor": "low", "calibrated": 2.0},
     }  # fmt: skip
     (tmp_path / CLAIM).write_text(json.dumps(told))
     found = claims.read(tmp_path)
-    assert found.error == "" and len(found.causes) == claims.COUNTED
-    assert found.gap == {"calibrated": 2.0}
+    assert len(found.causes) == len(found.elements["tool.mass"]) == claims.COUNTED
+    assert found.error == "" and found.gap == {"calibrated": 2.0}
     assert set(found.parameters["tool.mass"]) == {"stiffness", "fine"}
     assert found.parameters["tool.mass"]["fine"]["std"] is None
     assert effects()["joint.compliance"].amplitudes(found.parameters["joint.compliance"]) is None

@@ -20,7 +20,7 @@ from wrenchbed.files.checked import is_number, load
 
 VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 COUNTED = 4
-"""Causes of a claim that count, the first ones: naming everything is no diagnosis."""
+"""Causes of a claim, and elements of a cause, that count: naming everything is no diagnosis."""
 ORACLE = "oracle"
 """Name of the method that knows the true form and size."""
 _BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
@@ -72,7 +72,7 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> Claim:
     where = raw.get("where") or []
     first = str(where[0]["subsystem"]) if where else None
     elements = {
-        str(e["effect"]): tuple(map(str, e.get("elements") or ()))
+        str(e["effect"]): tuple(map(str, e.get("elements") or ()))[:COUNTED]
         for w in which[:COUNTED]
         for e in (w, *w.get("rivals", ()))
         if isinstance(e, Mapping)
