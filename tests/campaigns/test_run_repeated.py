@@ -419,15 +419,6 @@ def test_what_is_being_rewritten_is_in_the_journal(tmp_path, slow):
     assert np.array_equal(wb.Recording.read(path).t, np.arange(30.0))
 
 
-def test_flush_waits_for_a_rewriting_under_way(tmp_path, slow, monkeypatch):
-    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
-    with RecordingWriter(tmp_path / "r.parquet", METADATA) as out:
-        out.append(block(0.0))
-        out.append(block(1.0))
-        out.flush()  # two at once would fail
-        assert slow[0] == 1
-
-
 def full(path, table):
     raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -446,20 +437,3 @@ def test_a_full_disk_is_named_by_the_next_rows_and_the_journal_stays(tmp_path, m
     assert given < 20
     with pytest.warns(UserWarning, match="did not finish"):
         assert len(wb.Recording.read(path)) == given
-
-
-def test_a_disk_that_has_space_again_at_the_end_loses_nothing(tmp_path, monkeypatch):
-    write, calls = parquet.write, []
-
-    def once_full(path, table):
-        calls.append(table.num_rows)
-        if len(calls) == 1:
-            full(path, table)
-        write(path, table)
-
-    monkeypatch.setattr(parquet, "write", once_full)
-    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
-    with RecordingWriter(tmp_path / "r.parquet", METADATA) as out:
-        out.append(block(0.0))
-    assert len(calls) == 2
-    assert len(wb.Recording.read(tmp_path / "r.parquet")) == 1

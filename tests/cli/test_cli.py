@@ -2,16 +2,11 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from dataclasses import dataclass
-from functools import partial
 from importlib.metadata import version
-from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
 
 import wrenchbed as wb
@@ -64,38 +59,6 @@ def test_the_truth_stands_beside_the_estimates(made, capfd, tmp_path):
     assert line.split()[5] == "1.35"
     assert line.rstrip().endswith("σ")
     assert abs(float(line.split()[6])) < 5
-
-
-def recording_process(folder: Path, poses: int) -> subprocess.Popen:
-    plan = str(folder / "plan.parquet")
-    assert main(["plan", "ur5", "--n", str(poses), "--out", plan]) == 0
-    command = [sys.executable, "-m", "wrenchbed", "record", "--robot", "ur5", "--plan", plan]
-    command += ["--out", str(folder / "rec.parquet"), "--samples", "50"]
-    # It heeds Ctrl-C also where the tests run in the background, whose children ignore it.
-    heeds = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heeds)
-
-
-def wait_for(path: Path, rows: int) -> None:
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        if path.exists() and pq.read_metadata(path).num_rows >= rows:
-            return
-        time.sleep(0.05)
-    raise AssertionError(f"{path} did not grow")
-
-
-@pytest.mark.slow
-def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
-    with recording_process(tmp_path, 1500) as process:
-        wait_for(tmp_path / "rec.parquet", 500)
-        process.send_signal(signal.SIGINT)
-        assert process.stderr is not None
-        err = process.stderr.read()
-    assert process.returncode == 130
-    assert "what was recorded is on disk" in err and "--resume" not in err  # only on a robot
-    assert len(wb.Recording.read(tmp_path / "rec.parquet")) >= 500
-    assert not list(tmp_path.glob("*.journal"))
 
 
 @pytest.mark.parametrize("written", [False, True])
@@ -271,12 +234,6 @@ def test_results_and_errors_are_printed(made, tmp_path, environment):
     assert fit.is_file()
 
 
-def test_a_bar_without_a_terminal_is_silent(capsys):
-    with console.progress("work", 3) as report:
-        report(1, "first")
-    assert capsys.readouterr() == ("", "")
-
-
 @dataclass
 class Device:
     robot: str = "ur5"
@@ -316,15 +273,6 @@ def test_words_become_what_the_options_hold():
 def test_other_words_are_refused(word, why):
     with pytest.raises(ParameterError, match=why):
         console.typed(Device, console.pairs((word,)), ("robot",))
-
-
-def test_the_drivers_for_hardware_can_be_told_what_is_theirs():
-    words = {"nodes": "16,17,18,19,20,21", "counts_per_unit": "1e6,1,1,1,1,1", "base": "0x68"}
-    can = console.typed(wb.load("drivers", "can").options, words, ())
-    assert can["nodes"] == (16, 17, 18, 19, 20, 21) and can["base"] == 0x68
-    assert console.typed(wb.load("drivers", "rtde").options, {"power_on": "on"}, ()) == {
-        "power_on": True
-    }
 
 
 SWALLOWED = """

@@ -83,24 +83,6 @@ def test_a_plan_that_cannot_run_gives_one_line_and_nothing_is_written(
     assert names(tmp_path) == ["plan.parquet"]
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ('{"tool.mass": -1}', "tool.mass = -1 kg lies outside"),
-        ("[1]", "must be a JSON object"),
-        ("{", "not valid JSON"),
-        ('{"tool.inertia.xx": 5}', "is that of no body"),
-    ],
-)
-def test_wrong_parameters_give_one_line(made, tmp_path, capfd, text, words):
-    (tmp_path / "truth.json").write_text(text)
-    arguments = ["record", "--robot", "ur5", "--plan", made / "plan.parquet"]
-    arguments += ["--out", tmp_path / "r.parquet", "--parameters", tmp_path / "truth.json"]
-    assert main([*map(str, arguments)]) == 1
-    assert words in said(capfd)
-    assert names(tmp_path) == ["truth.json"]
-
-
 def test_a_place_that_cannot_be_written_gives_one_line(made, tmp_path, capfd):
     (tmp_path / "file").write_text("")
     out = str(tmp_path / "file" / "plan.parquet")

@@ -49,16 +49,6 @@ def test_a_dry_run_shows_every_move_and_simulates_the_campaign(record, capsys):
     assert len(rec) == 4 * 8  # three poses, and the first again
 
 
-def test_a_pose_in_the_bench_is_refused_before_anything_moves(tmp_path, capsys):
-    into = np.array([0.0, 0.35, 0.0, 0.0, 1.5708, 0.0])
-    wb.Plan.of("ur5", np.stack([UR5.home, into])).write(tmp_path / "p.parquet")
-    words = ["record", "--robot", "ur5", "--plan", str(tmp_path / "p.parquet"), "--out",
-             str(tmp_path / "r.parquet"), "--dry-run"]  # fmt: skip
-    assert main(words) == 1
-    assert "row 1: what stands around it would touch" in capsys.readouterr().err
-    assert not (tmp_path / "r.parquet").exists()
-
-
 @pytest.mark.parametrize(
     ("channels", "there", "absent"),
     [
@@ -160,14 +150,6 @@ def test_without_a_terminal_a_real_robot_needs_yes_and_is_not_even_connected(mon
     with ready(arm, PLAN, recover=False, yes=True) as limits:
         assert limits.limits.force is not None
     assert arm.did == ["connect"]  # recording activates it, once the plan is checked
-
-
-def test_an_emulator_is_not_asked_for_and_has_limits_all_the_same(capsys):
-    arm = Watched("")
-    with ready(arm, PLAN, recover=False, yes=False) as limits:
-        assert limits.limits.workspace is not None
-    shown = capsys.readouterr()
-    assert "force" in shown.err and "torque" in shown.err and shown.out == ""
 
 
 @pytest.mark.parametrize("line, agreed", [("y", True), ("yes", True), ("", False), ("no", False)])

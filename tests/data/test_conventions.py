@@ -15,9 +15,6 @@ from wrenchbed.data.guess.readings import joints
 from wrenchbed.data.guess.sheets import sheet_of
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.import_files import import_files
-from wrenchbed.data.logs import table, write_mcap
-from wrenchbed.data.metadata import Metadata
-from wrenchbed.data.recording import Recording
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
@@ -184,34 +181,6 @@ def test_a_key_that_does_not_exist_is_refused(tmp_path, sections, words):
         mapped(tmp_path, ["qx", "qy", "qz", "qw"], **sections)
 
 
-def uneven(folder, jitter, lost):
-    """Joints that follow a sine on an uneven clock with frames missing, and its map."""
-    rng = np.random.default_rng(6)
-    t = np.arange(1000) * 0.008 + rng.uniform(-jitter, jitter, 1000) * 0.008
-    t = np.delete(t, lost)
-    q = np.stack([np.sin(t + j) for j in range(6)], axis=1)
-    load = np.stack([np.cos(t + k) for k in range(6)], axis=1)
-    units = {"t": "s"} | {f"q{j}": "rad" for j in range(1, 7)}
-    mapping = mapped(folder, units, units, recording={"robot": "ur5", "mode": "dynamic"})
-    file = written(folder, np.hstack([t[:, None], q]), load)
-    return import_files([file], mapping), t
-
-
-def test_an_uneven_clock_is_made_even_and_an_even_one_left_alone(tmp_path):
-    imported, t = uneven(tmp_path, 0.2, [100, 300, 301, *range(500, 520)])
-    found = imported.recording
-    steps = np.diff(found.t)
-    gaps = steps > 0.02
-    assert gaps.sum() == 1 and 0.16 < steps[gaps][0] < 0.18
-    assert np.ptp(steps[~gaps]) < 1e-9
-    assert np.abs(found.q[:, 0] - np.sin(found.t + t[0])).max() < 1e-4
-    (note,) = imported.notes
-    assert "3 dropped frames interpolated, 1 gaps of 0.1" in note
-    imported, t = uneven(tmp_path, 0.005, [])
-    assert imported.notes == ()
-    assert np.allclose(imported.recording.t, t - t[0])
-
-
 NAMES = ("turret", "boom", "roll", "stick", "twist", "bucket", "spin")
 POSES = 24
 
@@ -260,17 +229,3 @@ def test_a_guessed_map_names_the_robots_file_as_seen_from_itself(digger, tmp_pat
     monkeypatch.chdir(tmp_path)
     found = column_map.read(tmp_path / "maps" / "rec.map.toml")
     assert found.metadata.robot == robot.name
-
-
-def test_a_log_in_mcap_has_the_files_names(digger, tmp_path):
-    pytest.importorskip("mcap")
-    _, robot, q, wrench = digger
-    columns = {"t": np.arange(POSES) / 10.0, "segment": np.arange(POSES)}
-    columns |= {f"q{k + 1}": q[:, k] for k in range(7)}
-    columns |= {c: wrench[:, k] for k, c in enumerate(CHANNELS)}
-    metadata = Metadata(robot=robot.name, mode="static", source="sim")
-    write_mcap(Recording(metadata, columns, "r"), tmp_path / "r.mcap")
-    found = table(tmp_path / "r.mcap", "/joint_states", ["position.bucket", "position.turret"])
-    rows = found.to_pydict()
-    assert np.allclose(rows["position.bucket"], q[:, 5], atol=1e-12)
-    assert np.allclose(rows["position.turret"], q[:, 0], atol=1e-12)

@@ -236,24 +236,6 @@ def recording(path):
     return path
 
 
-def test_a_flipped_number_of_a_recording_is_refused(tmp_path):
-    path = recording(tmp_path / "rec.parquet")
-    whole = path.read_bytes()
-    assert len(Recording.read(path)) == 50
-    changed = []
-    for at in range(4, 2500, 21):
-        path.write_bytes(whole[:at] + bytes([whole[at] ^ 8]) + whole[at + 1 :])
-        try:
-            found = Recording.read(path)
-        except RecordingError:
-            continue
-        path.write_bytes(whole)
-        true = Recording.read(path)
-        if not all(np.array_equal(found.columns[c], true.columns[c]) for c in true.columns):
-            changed.append(at)
-    assert not changed
-
-
 def test_a_small_file_that_states_many_rows_is_refused(tmp_path):
     rows = 3_000_000
     told = {b"wrenchbed": b'{"format": 1, "robot": "ur5", "mode": "static"}'}
@@ -343,18 +325,6 @@ def test_long_names_and_lines_are_refused_and_wide_tables_read(tmp_path):
     wide = "\n".join(",".join(f"{r}.{k}" for k in range(3000)) for r in range(60))
     (tmp_path / "b.csv").write_text(wide)
     assert read_text(tmp_path / "b.csv").table.shape == (60, 3000)
-
-
-def test_a_chunk_that_states_more_than_memory_is_refused(tmp_path):
-    def record(kind, content):
-        return struct.pack("<BQ", kind, len(content)) + content
-
-    head = struct.pack("<QQQI", 0, 0, 3 * 2**30, 0) + struct.pack("<I", 4) + b"zstd"
-    chunk = record(6, head + struct.pack("<Q", 9) + bytes(9))
-    magic = b"\x89MCAP0\r\n"
-    path = tmp_path / "bomb.mcap"
-    path.write_bytes(magic + record(1, bytes(8)) + chunk + record(15, bytes(4)) + magic)
-    refused(path, "state 3,221,225,472 bytes unpacked, more than 268,435,456")
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
-from plain_ur5 import PlainUr5
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
 from wrenchbed.data.guess import candidates
 from wrenchbed.data.guess.convention import gather
 from wrenchbed.data.guess.guess import Guess, guess
 from wrenchbed.data.guess.stated import Stated
-from wrenchbed.data.holds import first_rows
 from wrenchbed.data.import_files import import_files, merged, sensor_by_joints
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
@@ -326,16 +324,3 @@ def test_a_slow_move_of_many_rows_is_not_taken_for_few_poses():
     t = np.arange(20_000) / 500.0
     turn = np.stack([np.mod(t / 7.0 + k, 1.0) for k in range(3)], axis=1)  # jumps, then creeps
     assert gather(t, turn, np.zeros((len(t), 6))).mode == "dynamic"
-
-
-@pytest.mark.parametrize("noise", [1e-4, 8e-4])
-def test_rests_of_noisy_encoders_are_poses(tmp_path, noise):
-    sound = PlainUr5().recording(0)
-    names = ("t", *sound.joints, *CHANNELS)
-    q = sound.q + noise * np.random.default_rng(1).normal(size=sound.q.shape)
-    columns = {n: sound.columns[n] for n in names} | dict(zip(sound.joints, q.T, strict=True))
-    del columns["t"]
-    out = tmp_path / "rec.parquet"
-    line = ["import", str(save(tmp_path, "log.csv", columns)), "--guess", "--robot", "ur5"]
-    assert main([*line, "--out", str(out)]) == 0
-    assert len(first_rows(wb.Recording.read(out).columns)) == 40

@@ -9,15 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from arm_files import DATA
-from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.recording import TARGET, Recording
-from wrenchbed.errors import MapError, PlanError, WrenchbedError
-from wrenchbed.robots.described import describe
+from wrenchbed.errors import MapError, PlanError
 
 NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -225,24 +222,3 @@ def test_a_log_of_torques_is_split_into_holds(tmp_path):
     assert main(torques_at_rest(tmp_path, "auto")) == 0
     rest = Recording.read(tmp_path / "rec.parquet")
     assert rest.effort == "tau" and set(rest.columns["segment"]) == {0, 1, 2}
-
-
-def test_a_robots_file_is_seen_from_the_map(tmp_path, monkeypatch):
-    (tmp_path / "maps").mkdir()
-    (tmp_path / "away").mkdir()
-    describe(
-        DATA / "iiwa.xml", "right_hand", tmp_path / "maps" / "my.toml", tool_mass=2.0,
-        tool_cog=(0.0, 0.0, 0.1),
-    )  # fmt: skip
-    name = registry.load("robots", str(tmp_path / "maps" / "my.toml")).name
-    raw = basic(q7={"column": "J1", "unit": "deg"})
-    raw["recording"]["robot"] = "my.toml"
-    path = write_map(tmp_path / "maps", raw)
-    for folder in ("maps", "away"):
-        monkeypatch.chdir(tmp_path / folder)
-        assert column_map.read(path).metadata.robot == name
-    monkeypatch.chdir(tmp_path / "maps")
-    assert column_map.read("map.json").metadata.robot == name
-    raw["recording"]["robot"] = "none.toml"
-    with pytest.raises(WrenchbedError, match=r"maps/none\.toml"):
-        column_map.read(write_map(tmp_path / "maps", raw))

@@ -54,12 +54,6 @@ def test_orientation_acceleration_and_temperature_come_too(make, tmp_path):
     assert np.allclose(found.columns["temperature"], 20.0 + np.arange(COUNT) / 10)
 
 
-def test_times_of_writing_can_be_taken_instead_of_stamps(tmp_path):
-    found = table(bag2(tmp_path), "/wrench", ["logged", "stamp"])
-    assert np.array_equal(found["stamp"], stamps())
-    assert np.array_equal(found["logged"], stamps() + 5_000)
-
-
 @pytest.mark.parametrize("make", LOGS.values(), ids=LOGS)
 def test_what_is_not_there_is_named_with_what_is(make, tmp_path):
     log = make(tmp_path)

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import wrenchbed as wb
 from json_logs import json_log
-from wrenchbed.data.column_map import ready
 from wrenchbed.data.import_files import import_files
 
 HOLDS = 5
@@ -109,9 +108,3 @@ def test_a_kuka_log_of_fri_beside_the_sensors_own(tmp_path):
     assert found.joints == tuple(f"q{j}" for j in range(1, 8))
     wanted = np.sin((found.t + 0.003) * RATE / 90.0 + 2.0)
     assert np.abs(found.q[:, 2] - wanted).max() < 1e-6  # a straight line is off by 8e-6
-
-
-def test_every_ready_map_is_tried():
-    here = {"franka-csv", "franka-ros", "ros-tf", "kuka-fri"}
-    in_test_logs = {"ur-rtde-current", "ros-ur5", "ros-oriented", "ur-rtde", "ur-client"}
-    assert set(ready()) == here | in_test_logs

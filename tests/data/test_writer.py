@@ -15,19 +15,6 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import RecordingError
 
-
-def test_the_writer_leaves_one_file_and_keeps_the_old_one(tmp_path):
-    path = tmp_path / "rec.parquet"
-    path.write_text("precious")
-    with RecordingWriter(path, METADATA) as writer:
-        for start in range(0, 20, 5):
-            writer.append({k: v[start : start + 5] for k, v in columns().items()})
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["rec.parquet", "rec.parquet~"]
-    assert (tmp_path / "rec.parquet~").read_text() == "precious"
-    again = Recording.read(path)
-    assert all(np.array_equal(again.columns[k], v) for k, v in columns().items())
-
-
 WRITE_FOR_EVER = """
 import sys, time
 import numpy as np

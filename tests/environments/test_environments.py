@@ -51,18 +51,6 @@ def test_gymnasium_finds_nothing_to_complain_of(name):
         check_env(made(name).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("name", SOME)
-def test_environments_run_side_by_side(name):
-    kind = SHORT["Contact" if "Contact" in name else "Calibration"]
-    envs = gymnasium.make_vec(name, num_envs=2, vectorization_mode="sync", **kind)
-    seen, _ = envs.reset(seed=[4, 5])
-    alone, _ = made(name).reset(seed=5)
-    assert np.array_equal(seen[1], alone)
-    seen, rewards, *_ = envs.step(envs.action_space.sample())
-    assert seen.shape[0] == 2 and np.isfinite(rewards).all()
-    envs.close()
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_greedy_information_beats_chance(robot):

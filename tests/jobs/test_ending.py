@@ -117,18 +117,6 @@ def test_a_worker_that_dies_is_named_while_others_work(how, message):
     assert time.monotonic() - begun < 0.5 * SLEEPS_S
 
 
-def test_too_few_files_for_workers_are_refused_before_they_start():
-    import resource
-
-    before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (100, before[1]))
-    try:
-        with pytest.raises(ShortageError, match="may open 100 and needs 144.*fewer"), workers(20):
-            pass
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, before)
-
-
 def squares(shared: int, number: int) -> list[parts.Row]:
     return [{"number": number, "square": number**2 + shared}]
 

@@ -116,16 +116,6 @@ def test_a_rounded_design_begins_near_the_bound():
     assert first.value > 0.99 * certificate.bound
 
 
-def test_an_exchange_never_loses_and_never_repeats():
-    pool = Pool(blocks(300, 5))
-    told: list[float] = []
-    done = exchange(pool, INDICES["O5"], 12, seed=1, tell=told.append)
-    assert list(done.history) == sorted(done.history)
-    assert told == list(done.history[1:])
-    assert len(set(done.chosen.tolist())) == 12
-    assert done.value == pytest.approx(float(INDICES["O5"].values(pool.information(done.chosen))))
-
-
 def test_impossible_choices_are_refused():
     pool = Pool(blocks(20, 0))
     with pytest.raises(PlanError, match="1 configurations give 2 readings, too few for 4"):
@@ -167,15 +157,3 @@ def _o1(arm, q: np.ndarray) -> float:
     std = wb.load("sensors", arm.sensor).noise.row_std
     jacobian = model.jacobian(q, model.parameters.nominal, columns) / std[:, None] * scale
     return observability_indices(jacobian)["O1"]
-
-
-def test_informative_poses_are_refused_clearly():
-    arm = wb.load("robots", "medrue")
-    with pytest.raises(PlanError, match="100 poses cannot be chosen from a pool of 50"):
-        wb.informative(arm, 100, "O1", 50, 0)
-    with pytest.raises(PlanError, match="'O6' is not one of O1, O2, O3, O4, O5, A"):
-        wb.informative(arm, 10, "O6", 50, 0)
-    with pytest.raises(PlanError, match="27 parameters need at least 5"):
-        wb.informative(arm, 3, "O1", 50, 0)
-    with pytest.raises(PlanError, match="no joints"):
-        wb.informative(wb.load("robots", "oriented"), 3, "O1", 50, 0)

@@ -109,9 +109,3 @@ def test_constants_are_explained(path):
         if not said and "#" not in " ".join(lines[node.lineno - 1 : node.end_lineno]):
             bare.append(f"{path.name}:{node.lineno} {ast.unparse(node)[:60]}")
     assert not bare, "say what these are, in which unit:\n" + "\n".join(bare)
-
-
-def test_a_bare_number_is_seen():
-    tree = ast.parse("def f(x):\n    '''Half of it.'''\n    return 0.37 * x")
-    ((name, node, texts),) = explained(tree, ["", "", ""])
-    assert name == "f" and len(literals(node)) == 1 and not any(ORIGIN.search(t) for t in texts)

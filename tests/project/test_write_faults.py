@@ -82,8 +82,6 @@ ANEW = {"blind make", "blind run", "campaign", "check"}
 """What refuses, or finds finished, an earlier result."""
 
 
-# ---- a disk that fails: the k-th operation on a folder, and every later write to it --------------
-
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 BROKEN = OSError(errno.EIO, os.strerror(errno.EIO))
 
@@ -153,9 +151,6 @@ def failing(folder: Path, fails: int = -1):
             patch.setattr(os, name, watched(name, error))
         patch.setattr(files, "open", opened, raising=False)
         yield disk
-
-
-# ---- every verb on it ----------------------------------------------------------------------------
 
 
 def test_every_verb_has_a_case():
@@ -363,8 +358,6 @@ def test_a_failing_disk_loses_nothing(name, again, start, tmp_path, monkeypatch,
             assert case.before.get(file) == data or whole(file, data), f"{where}: {file} is half"
         assert name not in TOGETHER or together(name, case.before, good, after), where
 
-
-# ---- every verb as a process: a signal after some work, a pipe that nobody reads -----------------
 
 PROCESSES = CASES | NOTHING
 MOMENTS = (0.2, 0.6, 1.0, 1.3, 1.7, 2.5, 4.0)  # processor time before a signal [s]

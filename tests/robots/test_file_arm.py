@@ -8,17 +8,20 @@ from test_robots import random_theta
 
 import wrenchbed as wb
 from arm_files import CASES, TOOL_COG, TOOL_MASS, PlainArm
+from iiwa import IIWA
 from wrenchbed import registry
+from wrenchbed.effects.chain import active_effect, effects, respond
+from wrenchbed.effects.scene import examples
 from wrenchbed.robots.described import describe, read, rebuilt
+from wrenchbed.twin.twin import nominal
 
 each_file = pytest.mark.parametrize("case", CASES, ids=lambda c: c.file)
 
 
-def arm_of(case, folder, tool=True):
-    """The robot of a file, with a stated tool or with the file's own."""
-    stated = {"tool_mass": TOOL_MASS, "tool_cog": TOOL_COG} if tool else {}
-    made = describe(case.path, case.frame, folder / "my.toml", **stated)
-    return made.robot
+def arm_of(case, folder):
+    """The robot of a file, with a stated tool."""
+    stated = {"tool_mass": TOOL_MASS, "tool_cog": TOOL_COG}
+    return describe(case.path, case.frame, folder / "my.toml", **stated).robot
 
 
 def loads(robot, q, theta):
@@ -31,8 +34,7 @@ def loads(robot, q, theta):
 
 @each_file
 def test_the_closed_form_is_the_users_file_in_mujoco(case, tmp_path):
-    """Also with random parameters, as the robot's own MJCF has them; `test_closed_loop` writes
-    parameters into users' files."""
+    """Also with random parameters, as the robot's own MJCF has them."""
     robot = arm_of(case, tmp_path)
     rng = np.random.default_rng(5)
     plain = PlainArm(case.path, case.frame, robot.tool(robot.parameters.nominal))
@@ -44,33 +46,6 @@ def test_the_closed_form_is_the_users_file_in_mujoco(case, tmp_path):
     for theta in (robot.parameters.nominal, random_theta(robot, rng), random_theta(robot, rng)):
         written = wb.Simulation(robot, theta).wrench(q)
         assert np.abs(written - loads(robot, q, theta)).max() < 1e-10
-
-
-@pytest.mark.parametrize("case", [c for c in CASES if c.tool], ids=lambda c: c.file)
-def test_what_the_file_hangs_behind_the_frame_is_the_tool(case, tmp_path):
-    robot = arm_of(case, tmp_path, tool=False)
-    plain = PlainArm(case.path, case.frame, None)
-    plain.model.opt.gravity[:] = robot.gravity
-    q = robot.sample(50, np.random.default_rng(1))
-    measured = plain.wrench(q, list(robot.joint_names))
-    assert np.abs(measured - loads(robot, q, robot.parameters.nominal)).max() < 1e-9
-    assert robot.description.load.bodies
-
-
-@pytest.mark.parametrize("case", CASES[::2], ids=lambda c: c.file)
-def test_the_torque_of_weight_is_mujocos(case, tmp_path):
-    """Masses of links too are the file's: torque at each joint, nothing on the other side."""
-    robot = arm_of(case, tmp_path)
-    theta = robot.parameters.nominal
-    plain = PlainArm(case.path, case.frame, robot.tool(theta))
-    plain.model.opt.gravity[:] = robot.gravity
-    q = robot.sample(20, np.random.default_rng(2))
-    ours = robot.gravity_torque(q, theta, np.array(robot.gravity))
-    names = list(robot.joint_names)
-    for row, torque in zip(q, ours, strict=True):
-        plain.wrench(row[None], names)
-        held = [plain.data.qfrc_inverse[int(plain.model.joint(n).dofadr[0])] for n in names]
-        assert np.abs(torque + np.array(held)).max() < 1e-9 * max(1.0, np.abs(held).max())
 
 
 @each_file
@@ -118,14 +93,29 @@ def test_the_contract_of_every_robot(case, contract, tmp_path):
     contract(arm_of(case, tmp_path))
 
 
-@each_file
-def test_the_models_own_file_stands_at_home_and_runs(case, tmp_path):
-    robot = arm_of(case, tmp_path)
-    spec = robot.spec(robot.parameters.nominal)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    assert data.qpos == pytest.approx(robot.home)
-    mujoco.mj_step(model, data, 500)
-    assert np.abs(data.qpos - robot.home).max() < 1e-6
-    assert [w.number for w in data.warning] == [0] * len(data.warning)
+@pytest.mark.sampled
+@pytest.mark.parametrize("case", [CASES[5], CASES[0], None], ids=["urdf", "mjcf", "iiwa14"])
+def test_every_effect_of_an_arm_is_simulated_as_fitted(case, tmp_path):
+    robot = IIWA if case is None else arm_of(case, tmp_path)
+    (still, _), applied = examples(robot), 0
+    for name, effect in effects().items():
+        if not effect.between_rows and effect.acts(still) and effect.variants(still):
+            active = [active_effect(robot, name)]
+            closed = respond(still, active)
+            change = np.abs(closed - respond(still)).max()
+            assert (
+                np.abs(nominal(robot, active).wrench(still) - closed).max() < 0.05 * change + 1e-9
+            )
+            applied += 1
+    assert applied > 20
+
+
+def test_the_file_of_an_arm_is_written_from_its_data():
+    ours = IIWA.drawn().compile()
+    other = mujoco.MjModel.from_xml_path(str(IIWA.mjcf))
+    for name in ("body_pos", "body_mass", "body_ipos", "qpos0", "jnt_range", "key_qpos"):
+        mine, its = (getattr(model, name) for model in (ours, other))
+        behind = 2 if name.startswith("body_") else 0  # the base's own inertial means nothing
+        assert np.allclose(mine[behind:], its[behind:], rtol=0.0, atol=1e-8), name
+    turn = np.abs((ours.body_quat * other.body_quat).sum(axis=1))
+    assert np.abs(turn - 1.0).max() < 1e-12

@@ -91,18 +91,6 @@ def test_the_tool_does_not_pass_through_what_stands_there(name, point, top):
     assert heights[True] > top - 0.02  # soft contact against stiff servos
 
 
-@pytest.mark.parametrize("name", ["ur5", "medrue"])
-def test_what_is_computed_knows_none_of_it(name):
-    robot = wb.load("robots", name)
-    theta = robot.parameters.nominal
-    model = robot.spec(theta).compile()
-    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
-    assert not model.dof_damping.any()
-    assert not model.dof_frictionloss.any()
-    assert not model.actuator_forcelimited.any()
-    assert not model.geom_contype.any()
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize(
     "make",

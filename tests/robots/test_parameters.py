@@ -8,7 +8,6 @@ from wrenchbed.errors import MissingExtraError, NotFoundError, ParameterError, W
 from wrenchbed.simulation.closed_form import Model
 
 UR5 = Model.of(registry.load("robots", "ur5")).parameters
-MEDRUE = Model.of(registry.load("robots", "medrue")).parameters
 
 
 def test_vectors_and_mappings_are_inverse_and_groups_select():
@@ -37,11 +36,6 @@ def test_vectors_and_mappings_are_inverse_and_groups_select():
 def test_a_wrong_value_is_named_with_its_remedy(values, words):
     with pytest.raises(ParameterError, match=words.replace("?", r"\?")):
         UR5.vector(values)
-
-
-def test_medrue_in_the_papers_units_is_refused():
-    with pytest.raises(ParameterError, match="L11 = 400 m lies outside"):
-        MEDRUE.vector({"L11": 400.0})
 
 
 def test_unknown_plug_ins_and_extras_are_named(tmp_path, monkeypatch):

@@ -301,28 +301,6 @@ def test_nothing_is_written_into_the_users_file(tmp_path, capsys):
     assert wb.load("robots", str(out)).name == made.robot.name
 
 
-@pytest.mark.slow
-def test_a_recording_is_diagnosed_where_neither_file_is(tmp_path):
-    """Report and picture with the meshes, from the recording alone."""
-    pytest.importorskip("rerun")
-    toml, plan, rec, found, better = (
-        tmp_path / n for n in ("my.toml", "plan.parquet", "rec.parquet", "found", "better.parquet")
-    )
-    ran("robot", CASES[0].path, "--frame", CASES[0].frame, *STATED, "--out", toml)
-    ran("plan", toml, "--n", 60, "--out", plan)
-    ran("record", "--robot", toml, "--plan", plan, "--samples", 20, "--out", rec,
-        "--effect", "joint.offset:joint=4,offset=0.01")  # fmt: skip
-    toml.unlink()
-    forgotten()
-    ran("diagnose", rec, "--out", found)
-    said = json.loads((found / "diagnosis.json").read_text())
-    assert said["which"][0]["effect"] == "joint.offset"
-    assert {p.name for p in found.iterdir()} >= {"report.html", "diagnosis.rrd", "twin.json"}
-    forgotten()
-    ran("simulate", found / "twin.json", "--like", rec, "--out", better)
-    assert wb.Recording.read(better).q.shape[1] == 6
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

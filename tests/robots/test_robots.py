@@ -150,19 +150,6 @@ def test_the_jacobian_is_that_of_complex_steps(robot):
 
 
 @each_robot
-def test_the_model_opens_and_runs_without_a_warning(robot, capfd):
-    model = mujoco.MjModel.from_xml_path(str(robot.mjcf))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    standing = {a.name: float(data.joint(a.name).qpos[0]) for a in robot.joints}
-    assert np.allclose(list(standing.values()), robot.home, atol=1e-6)
-    mujoco.mj_step(model, data, 1000)
-    assert np.isfinite(data.qpos).all()
-    assert [w.number for w in data.warning] == [0] * len(data.warning)
-    assert capfd.readouterr().err == ""
-
-
-@each_robot
 def test_the_file_states_the_nominal_robot(robot):
     """What the MJCF says by itself and what the parameters write are one robot, to its digits."""
     plain = mujoco.MjModel.from_xml_path(str(robot.mjcf))

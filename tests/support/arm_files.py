@@ -58,25 +58,22 @@ class PlainArm:
 
     Args:
         path, frame: file and body of the sensor.
-        tool: hung there instead of what the file has; None keeps the file's.
+        tool: hung there instead of what the file has.
     """
 
-    def __init__(self, path: Path, frame: str, tool: Tool | None) -> None:
+    def __init__(self, path: Path, frame: str, tool: Tool) -> None:
         spec = without_meshes(path)
         body = spec.body(frame)
-        if tool is None:
-            body.add_site(name="seat")
-        else:
-            for child in list(body.bodies):
-                spec.delete(child)
-            if not len(body.joints):
-                body.mass, body.inertia = 0.0, [0.0, 0.0, 0.0]
-            seat = body.add_body(name="seat")
-            seat.mass, seat.ipos = float(tool.mass), np.asarray(tool.cog, dtype=float)
-            inertia = np.asarray(tool.inertia, dtype=float)
-            seat.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-            seat.explicitinertial = True
-            seat.add_site(name="seat")
+        for child in list(body.bodies):
+            spec.delete(child)
+        if not len(body.joints):
+            body.mass, body.inertia = 0.0, [0.0, 0.0, 0.0]
+        seat = body.add_body(name="seat")
+        seat.mass, seat.ipos = float(tool.mass), np.asarray(tool.cog, dtype=float)
+        inertia = np.asarray(tool.inertia, dtype=float)
+        seat.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        seat.explicitinertial = True
+        seat.add_site(name="seat")
         for kind in ("FORCE", "TORQUE"):
             spec.add_sensor(
                 name=kind.lower(), type=getattr(mujoco.mjtSensor, f"mjSENS_{kind}"),

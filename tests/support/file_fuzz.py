@@ -164,9 +164,6 @@ def corpus(name: str) -> list[bytes]:
     return [path.read_bytes() for path in sorted((CORPUS / name).glob("*"))]
 
 
-# logs
-
-
 MAP = """[recording]
 robot = "mine"
 mode = "dynamic"
@@ -279,9 +276,6 @@ def csv_table() -> FileTarget:
     texts = (f"# note, 3\nt,fx,fy,fz,tx,ty,tz\n{plain}\n", german, quoted, plain.replace(",", "  "))
     seeds = [t.encode() for t in texts] + [german.encode("utf-16"), "µ;N\n1;2\n".encode("cp1252")]
     return FileTarget(read, seeds, "log.csv")
-
-
-# settings and results
 
 
 TOLD: dict[str, Any] = {

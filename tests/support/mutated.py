@@ -74,9 +74,6 @@ def case(seed: int) -> Case:
     return Case(seed, kind, tuple(names), replace(recording, name=f"case-{seed}.parquet"))
 
 
-# ---- base recordings ----------------------------------------------------------------------------
-
-
 def _good(base: str, rng: Random) -> Recording:
     """Also with louder or less noise than stated, or with holds that wander."""
     recording = good(base, int(rng.integers(2**31))).recording
@@ -146,9 +143,6 @@ def _stated(r: Recording, rng: Random) -> Recording:
         mass = float(np.exp(rng.uniform(np.log(1e-3), np.log(0.3))))
         return with_metadata(r, tolerance={"tool.mass": mass, "tool.cog": 2e-3})
     return r
-
-
-# ---- mutations ----------------------------------------------------------------------------------
 
 
 @mutator

@@ -101,12 +101,6 @@ def test_mujoco_and_the_closed_form_agree_on_every_effect(name, scene):
         assert apart <= share * own + 1e-12, variant.label
 
 
-@pytest.mark.parametrize("scene", [*SCENES, "oriented"])
-def test_without_effects_the_twin_is_the_robot(scene):
-    scene = SCENES.get(scene) or still("oriented")
-    assert np.abs(nominal(scene.robot).wrench(scene) - respond(scene)).max() < 1e-9
-
-
 def test_tools_show_by_orientation_and_odd_inertias_are_simulated():
     scene = still("oriented")
     for name in ("tool.loose", "base.tilt", "mount.rotation", "tool.cog"):
@@ -149,9 +143,6 @@ def test_the_closed_form_is_not_called_for_mechanical_effects(monkeypatch):
             if hasattr(type(effect), method):
                 monkeypatch.setattr(type(effect), method, refuse)
         assert np.array_equal(nominal(scene.robot, [active]).wrench(scene), before), name
-
-
-# ---- twin.json ---------------------------------------------------------------------------------
 
 
 def example() -> Twin:
@@ -213,9 +204,6 @@ def test_a_twin_follows_only_its_own_robot():
         example().wrench(SCENES["medrue"])
 
 
-# ---- effects by text ---------------------------------------------------------------------------
-
-
 def test_without_values_an_effect_has_its_typical_size():
     robot = registry.load("robots", "ur5")
     for name, effect in effects().items():
@@ -229,9 +217,6 @@ def test_without_values_an_effect_has_its_typical_size():
         active_effect(robot, "base.tild")
     with pytest.raises(ParameterError, match="no parameter 'z'"):
         active_effect(robot, "base.tilt:z=1")
-
-
-# ---- export ------------------------------------------------------------------------------------
 
 
 @pytest.mark.sampled
