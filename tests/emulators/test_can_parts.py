@@ -90,16 +90,6 @@ def test_uneven_syncs_make_an_even_path(late):
     assert np.abs(steps - 2.0).max() < 0.02 * 2.0
 
 
-@pytest.mark.parametrize("slower", [1.13, 1.9, 2.2, 2.9])
-def test_syncs_that_are_slower_than_their_period_keep_to_the_targets(slower):
-    axis = made(0.0)
-    climb(axis, Want.ENABLE)
-    for k in range(300):
-        axis.sync(slower * k * T, 2.0 * k, T)
-        way = axis.advance((slower * k + 0.5) * T, T, axis.command)
-        assert abs(way - 2.0 * k) <= 3 * 2.0  # its own line and two that are awaited
-
-
 def test_a_path_ends_at_its_last_target_and_goes_on_after_a_gap():
     axis = made(0.0)
     climb(axis, Want.ENABLE)

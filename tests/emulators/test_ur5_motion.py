@@ -8,7 +8,6 @@ from robot_emulators.kinematic_plant import known_arm
 from robot_emulators.ur.arm import GRAVITY
 from robot_emulators.ur.kinematics import NO_TOOL, Kinematics, matrix, rotation_vector
 from robot_emulators.ur.modes import Runtime, SafetyMode
-from robot_emulators.ur.motions import Profile
 from robot_emulators.ur.outputs import Outputs
 from ur5_bench import CYCLE, Bench
 from wrenchbed import registry
@@ -45,18 +44,6 @@ def test_rotation_vectors_there_and_back(angle):
         found = rotation_vector(rotation)
         assert np.linalg.norm(found) <= np.pi + 1e-9
         assert matrix(np.concatenate([np.zeros(3), found]))[0] == pytest.approx(rotation, abs=1e-7)
-
-
-@pytest.mark.parametrize("length", [1.0, 0.01])
-def test_a_profile_keeps_speed_and_acceleration(length):
-    speed, rate = 0.5, 1.0
-    profile = Profile(length, speed, rate)
-    t = np.linspace(0.0, profile.duration + 0.1, 4001)
-    s = np.array([profile.at(x) for x in t])
-    v = np.diff(s) / (t[1] - t[0])
-    assert s[0] == 0.0 and s[-1] == length
-    assert (v >= -1e-9).all() and v.max() <= speed + 1e-9
-    assert np.abs(np.diff(v)).max() <= rate * (t[1] - t[0]) + 1e-9
 
 
 def test_a_joint_move_arrives_within_its_limits():

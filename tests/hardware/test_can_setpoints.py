@@ -32,17 +32,6 @@ def test_a_move_begins_and_ends_at_rest_and_is_never_faster_than_told():
     assert speed[0] < 0.02 and abs(speed[240:]).max() < 0.02
 
 
-def test_no_cycle_goes_further_than_top_speed_or_beyond_the_limits():
-    setpoints = points()
-    for k in range(40):
-        setpoints.follow(np.full(6, 0.02 * k), 0.1 + 0.004 * k, 0.1)
-    way = np.array([setpoints.step()[0] for _ in range(20)])
-    assert np.diff(way).max() <= 1.1 * T + 1e-12 and setpoints.clipped > 0
-    setpoints = points(0.999)
-    setpoints.move(np.full(6, 2.0), 4.0)
-    assert max(setpoints.step()[0] for _ in range(1200)) <= 1.0
-
-
 def test_braking_ends_at_rest_and_takes_no_longer_where_it_is_asked_for_in_every_cycle():
     once, again = points(), points()
     for setpoints in (once, again):

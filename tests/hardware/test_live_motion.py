@@ -11,7 +11,7 @@ from wrenchbed.hardware.device import ClockFit, Health
 from wrenchbed.hardware.drivers import live
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.live import pace, settled
-from wrenchbed.hardware.drivers.timing import Resampler, controller_time, hermite
+from wrenchbed.hardware.drivers.timing import Resampler, hermite
 from wrenchbed.hardware.transducers.base import Past
 
 STANDING = np.repeat(UR5.home[None], 400, axis=0)
@@ -239,22 +239,6 @@ def test_the_least_late_of_many_readings_tells_how_clocks_stand():
     for k in range(60):  # too few for a slope
         fit.add(0.01 * k, 0.01 * k + 0.5 + (0.02 if k % 7 else 0.0))
     assert fit.host(9.0) == pytest.approx(9.5) and fit.ppm is None
-
-
-def test_rows_begin_with_the_first_state_and_end_with_the_last():
-    evenly, still = Resampler(50.0), np.zeros(1)
-    assert evenly.rows(5) == []
-    for k in range(5):
-        evenly.add(ArmSample(100.0 + 0.02 * k, None, 0.0, still + k, still + 50.0))
-        if k == 0:
-            assert evenly.rows(5) == []
-    rows = evenly.rows(3)
-    assert [r.t for r in rows] == pytest.approx([100.0, 100.02, 100.04])
-    rows += evenly.rows(99)
-    assert [r.q[0] for r in rows] == pytest.approx([0, 1, 2, 3, 4])
-    assert [r.host for r in rows] == pytest.approx([r.t for r in rows])
-    assert evenly.rows(99) == []
-    assert controller_time(ArmSample(5.0, 2.0, 0.0, still, still)) == 2.0
 
 
 def past(*readings):

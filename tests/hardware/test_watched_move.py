@@ -15,7 +15,7 @@ from wrenchbed.errors import (
 )
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers import live
-from wrenchbed.hardware.drivers.base import Applied, ArmSample, block_of
+from wrenchbed.hardware.drivers.base import ArmSample
 from wrenchbed.hardware.drivers.live import WatchedMove, check_ready
 from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk, straight
 
@@ -323,15 +323,3 @@ def test_a_move_is_straight_of_minimum_jerk_and_as_long_as_its_fastest_joint_nee
     assert minimum_jerk(s) == pytest.approx(expected)
     fine = np.linspace(0.0, 1.0, 2001)
     assert (np.diff(minimum_jerk(fine)) * 2000).max() == pytest.approx(1.875, rel=1e-5)
-
-
-def test_rows_become_columns_of_their_kind():
-    rows = [{"fx": 1.0, "status": 3, "lost": -1, "saturated": 0}, {"fx": 2, "status": 4, "lost": 2,
-             "saturated": 1}]  # fmt: skip
-    told = block_of(rows)
-    assert list(told["fx"]) == [1.0, 2.0]
-    assert [told[k].dtype for k in ("fx", "status", "saturated", "lost")] == [
-        np.float64, np.uint32, np.uint32, np.int64,
-    ]  # fmt: skip
-    assert Applied(np.zeros(1)).ok
-    assert not Applied(None, "too fast").ok

@@ -252,19 +252,15 @@ TARGETS: dict[str, Callable[[], tuple[Target, list[bytes]]]] = {
 @pytest.mark.parametrize("name", TARGETS)
 def test_random_bytes_and_changed_messages_raise_named_errors_only(name):
     run, seeds = TARGETS[name]()
-    dice = random.Random(7)
-    for seed in seeds:
-        run(seed)
-        for _ in range(50):
-            data = bytearray(seed)
-            for _ in range(dice.randrange(1, 4)):
-                data[dice.randrange(len(data))] = dice.randrange(256)
-            run(bytes(data[: dice.randrange(1, len(data) + 1)]))
+    changes = st.lists(st.tuples(st.integers(0, 299), st.integers(0, 255)), max_size=3)
 
-    @settings(deadline=None, max_examples=100)
-    @given(st.binary(max_size=300))
-    def feed(data):
-        run(data)
+    @settings(deadline=None, max_examples=250)
+    @given(st.sampled_from(seeds) | st.binary(max_size=300), changes, st.integers(0, 300))
+    def feed(data, changed, length):
+        message = bytearray(data or b"x")
+        for at, byte in changed:
+            message[at % len(message) : at % len(message) + 1] = [byte]
+        run(bytes(message[: length or len(message)]))
 
     feed()
 
