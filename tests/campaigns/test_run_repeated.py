@@ -419,6 +419,15 @@ def test_what_is_being_rewritten_is_in_the_journal(tmp_path, slow):
     assert np.array_equal(wb.Recording.read(path).t, np.arange(30.0))
 
 
+def test_flush_waits_for_a_rewriting_under_way(tmp_path, slow, monkeypatch):
+    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
+    with RecordingWriter(tmp_path / "r.parquet", METADATA) as out:
+        out.append(block(0.0))
+        out.append(block(1.0))
+        out.flush()  # two at once would fail
+        assert slow[0] == 1
+
+
 def full(path, table):
     raise OSError(errno.ENOSPC, "No space left on device")
 

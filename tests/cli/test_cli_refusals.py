@@ -83,17 +83,6 @@ def test_a_plan_that_cannot_run_gives_one_line_and_nothing_is_written(
     assert names(tmp_path) == ["plan.parquet"]
 
 
-def test_a_place_that_cannot_be_written_gives_one_line(made, tmp_path, capfd):
-    (tmp_path / "file").write_text("")
-    out = str(tmp_path / "file" / "plan.parquet")
-    assert main(["plan", "ur5", "--out", out]) == 1
-    assert "file" in said(capfd)
-    out = str(tmp_path / "file" / "fit.json")
-    assert main(["calibrate", str(made / "rec.parquet"), "--out", out]) == 1
-    assert "file" in said(capfd)
-    assert names(tmp_path) == ["file"]
-
-
 def test_a_misspelt_truth_is_refused(made, tmp_path, capfd):
     (tmp_path / "truth.json").write_text('{"tool.mas": 1}')
     arguments = ["calibrate", str(made / "rec.parquet"), "--truth", str(tmp_path / "truth.json")]
@@ -246,13 +235,6 @@ def test_a_page_shows_the_tool_that_its_simulator_has(made, folder, monkeypatch)
     page = recording_page(recording, [path], "").html()
     assert f"<b>mass</b> {fit['tool']['mass']:.4g} kg" in page
     assert re.search(r"<b>centre of gravity</b> \([^)]+\) mm", page)
-
-
-@pytest.mark.parametrize("digits", [400, 5_000])
-def test_a_whole_number_beyond_all_floats_is_refused(digits, folder, capsys):
-    (folder / "p.json").write_text('{"tool.mass": 1' + digits * "0" + "}")
-    line = [*RECORD, "x.parquet", "--parameters", "p.json"]
-    refused(line, "tool.mass" if digits == 400 else "p.json", capsys)
 
 
 @pytest.mark.slow

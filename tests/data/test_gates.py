@@ -4,6 +4,7 @@ import resource
 import struct
 import sys
 import tracemalloc
+from contextlib import suppress
 from functools import partial
 
 import numpy as np
@@ -234,6 +235,16 @@ def test_a_log_without_the_memory_for_it_is_not_called_damaged(tmp_path, monkeyp
 def recording(path):
     Recording(METADATA, columns(50)).write(path)
     return path
+
+
+def test_a_flipped_number_of_a_recording_is_refused(tmp_path):
+    path = recording(tmp_path / "rec.parquet")
+    whole, true = path.read_bytes(), Recording.read(path).columns
+    for at in range(4, 2500, 21):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 8]) + whole[at + 1 :])
+        with suppress(RecordingError):
+            found = Recording.read(path).columns
+            assert all(np.array_equal(found[c], true[c]) for c in true), at
 
 
 def test_a_small_file_that_states_many_rows_is_refused(tmp_path):

@@ -212,18 +212,7 @@ def test_errors_name_field_file_and_kind(tmp_path):
     (tmp_path / "rec.json").write_bytes(b"PAR1\x80\x00PAR1")
     with pytest.raises(TwinError, match=r"rec\.json: is Parquet, such as recordings"):
         load(tmp_path / "rec.json", TwinError)
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "message"),
-    [
-        ("a.json", "{", "not valid JSON"),
-        ("a.toml", "[", "not valid TOML"),
-        ("a.txt", "[", "not valid TOML"),
-        ("a.json", "[" * 100_000, "not valid JSON"),
-    ],
-)
-def test_a_broken_file_is_named(tmp_path, name, text, message):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(MapError, match=f"{name}: {message}"):
-        load(tmp_path / name, MapError, "TOML")
+    for name, text in (("a.json", "{"), ("a.json", "[" * 100_000), ("a.toml", "[")):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(MapError, match=f"{name}: not valid {name[2:].upper()}"):
+            load(tmp_path / name, MapError, "TOML")

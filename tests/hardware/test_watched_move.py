@@ -15,7 +15,7 @@ from wrenchbed.errors import (
 )
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers import live
-from wrenchbed.hardware.drivers.base import ArmSample
+from wrenchbed.hardware.drivers.base import ArmSample, block_of
 from wrenchbed.hardware.drivers.live import WatchedMove, check_ready
 from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk, straight
 
@@ -323,3 +323,11 @@ def test_a_move_is_straight_of_minimum_jerk_and_as_long_as_its_fastest_joint_nee
     assert minimum_jerk(s) == pytest.approx(expected)
     fine = np.linspace(0.0, 1.0, 2001)
     assert (np.diff(minimum_jerk(fine)) * 2000).max() == pytest.approx(1.875, rel=1e-5)
+
+
+def test_rows_become_columns_of_their_kind():
+    block = block_of([{"fx": k, "status": 3 + k, "lost": k - 1, "saturated": 0} for k in (0, 1)])
+    assert [block[k].dtype for k in ("fx", "status", "saturated", "lost")] == [
+        np.float64, np.uint32, np.uint32, np.int64,
+    ]  # fmt: skip
+    assert list(block["lost"]) == [-1, 0]

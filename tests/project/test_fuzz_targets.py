@@ -32,8 +32,6 @@ from robot_emulators.ur.urscript.machine import compiled
 from robot_emulators.ur.urscript.tokens import Collector
 from robot_emulators.ur.urscript.values import ScriptFaultError
 from wrenchbed.errors import DriverError
-from wrenchbed.hardware.drivers.can import frames
-from wrenchbed.hardware.drivers.can.frames import Pairs
 from wrenchbed.hardware.transducers.base import Past
 from wrenchbed.hardware.transducers.netft import rdt as records
 from wrenchbed.hardware.transducers.netft.rdt import DeviceClock
@@ -192,38 +190,6 @@ def http_server() -> tuple[Target, list[bytes]]:
     ]
 
 
-def netcanoem() -> tuple[Target, list[bytes]]:
-    """CAN frames on their way to the NETCANOEM transducer."""
-    pairs, base = Pairs(), 0x6A
-    polls = [0]
-
-    def run(data: bytes) -> None:
-        for piece in chunks(data):
-            polls[0] += 1
-            if len(piece) < 2 or piece[0] & 0x80:
-                pairs.poll(1e-4 * polls[0])
-                continue
-            arbitration = struct.unpack_from(">H", piece)[0] % 0x800
-            reply = frames.parse(arbitration, piece[2:10], base)
-            if reply is not None and reply.opcode in (frames.GAUGES, frames.ODD):
-                reading = pairs.take(1e-4 * polls[0], reply)
-                assert reading is None or len(reading.gauges) == 6
-                pairs.clash(1e-4 * polls[0])
-            if reply is not None and reply.opcode == frames.GAUGES:
-                status = reply.values[0]
-                named = [k for k in range(15) if frames.STATUS[k] and status >> k & 1]
-                assert len(frames.faults(status)) == max(len(named), status >> 15 & 1)
-
-    def frame(opcode: int, payload: bytes) -> bytes:
-        return struct.pack(">H", base << 4 | opcode) + payload
-
-    even = frame(0, struct.pack(">Hhhh", 0x8002, 1, -2, 32767))
-    odd = frame(1, struct.pack(">hhh", 4, 5, -32768))
-    more = [frame(2, bytes(8)), frame(5, b"FT12345\0"), frame(6, b"\1"), frame(7, bytes(8)),
-            frame(8, b"\2\3"), frame(15, b"\3\7\0\1")]  # fmt: skip
-    return run, [joined(b"\x80", even, odd), joined(even, b"\x80", odd), joined(*more)]
-
-
 def socketcand() -> tuple[Target, list[bytes]]:
     """A socketcand client's text on its way to the CAN hub."""
 
@@ -244,7 +210,7 @@ def socketcand() -> tuple[Target, list[bytes]]:
 
 TARGETS: dict[str, Callable[[], tuple[Target, list[bytes]]]] = {
     "rdt": rdt, "http-server": http_server,
-    "netcanoem": netcanoem, "socketcand": socketcand, "rtde": rtde,
+    "socketcand": socketcand, "rtde": rtde,
     "script": script, "dashboard": dashboard,
 }  # fmt: skip
 

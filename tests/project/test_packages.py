@@ -26,15 +26,6 @@ INSIDE = {
     ),
 }
 
-NEEDED = (
-    "requirements/run.txt", "requirements/test.txt", "requirements/licences.txt", "scripts/test",
-    "scripts/environment.sh", "scripts/demo", ".ci/run", "mkdocs.yml", "CONTRIBUTING.md",
-    "docs/contracts.md", "docs/tutorials/notebook.ipynb", "models/ur5/example.json",
-    "models/ur5/ur5.xml", "models/medrue/medrue.xml", "tests/conftest.py",
-    "tests/support/simulated.py",
-    "tests/data/ntnu_kuka_ati_gamma/0-calibration_fts-accel.csv", "src/wrenchbed/py.typed",
-)  # fmt: skip
-
 
 def run(*command: str, cwd: Path, **env: str) -> str:
     done = subprocess.run(
@@ -135,10 +126,8 @@ def unpacked(tmp_path_factory) -> Path:
 
 @pytest.mark.slow
 def test_the_source_carries_what_set_up_and_tests_need(unpacked):
-    missing = [name for name in NEEDED if not (unpacked / name).is_file()]
-    assert not missing
     assert os.access(unpacked / "scripts" / "test", os.X_OK)
-    folders = ("tests", "docs", "models", "requirements", "src")
+    folders = ("tests", "docs", "models", "requirements", "src", "scripts", ".ci", "mkdocs.yml")
     listed = subprocess.run(
         ["git", "ls-files", *folders], cwd=ROOT, capture_output=True, text=True, check=False
     )

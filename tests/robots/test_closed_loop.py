@@ -107,6 +107,16 @@ def test_parallel_robots_are_the_users_files_in_mujoco(name):
     assert np.abs(Simulation(robot, theta).wrench(q) - wrench).max() < 1e-9
 
 
+def test_a_point_of_a_loop_moves_by_the_parameter_of_its_body():
+    robot = loop_robot("five_bar")
+    (closure,) = robot.arm_model.closures
+    for k, link in enumerate((closure.first, closure.second)):
+        theta = robot.parameters.nominal
+        theta[robot.parameters.index(f"loop.tip.{robot.arm_model.links[link].body}.x")] += 1e-3
+        shift = robot.at(theta).closures[0].places - closure.places
+        assert np.allclose(shift, np.outer(np.eye(2)[k], [1e-3, 0.0, 0.0]), atol=1e-12)
+
+
 CONTRACT = {
     "stewart": (
         test_robots.test_the_wrench_in_motion_is_newton_eulers,

@@ -85,17 +85,6 @@ def test_weighted_identification_is_efficient_and_unweighted_is_not(setting, cho
     assert np.sqrt(np.mean(np.square(plain))) > 1.5 * np.sqrt(np.mean(np.square(best)))
 
 
-def test_one_robots_rows_are_the_same_when_run_again(setting, chosen):
-    designs = {"O1": chosen, "random": np.arange(0, 4000, 40)}
-    small = replace(setting, q=setting.q, jacobian=setting.jacobian[:0])
-    shared = small, designs, 3
-    first, again = identification.one_robot(shared, 5), identification.one_robot(shared, 5)
-    assert first == again
-    assert first != identification.one_robot(shared, 6)
-    exact = [r for r in first if r["noise"] == "none" and r["quantity"] == "position"]
-    assert max(r["max"] for r in exact) < 1e-12
-
-
 def test_cells_are_shown_with_sense_and_pages_escape():
     assert [render(x) for x in ("a", 40_000, 0.0, np.nan, 2.0312, 1.5e-9)] == [
         "a", "40,000", "0", "–", "2.031", "1.5·10⁻⁹",

@@ -5,7 +5,6 @@ import socket
 import struct
 import threading
 import time
-from types import TracebackType
 from typing import Self
 
 NODES = range(1, 7)
@@ -62,12 +61,7 @@ class Witness:
         assert self._there.wait(5.0)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._running = False
         self._thread.join(5.0)
 
@@ -83,14 +77,6 @@ class Witness:
         """Whether every drive has told, after a time [s], that its targets or SYNC stayed away."""
         found = self.emergencies(since)
         return all({0x8250, 0x8700} & set(found.get(node, ())) for node in NODES)
-
-    def statuswords(self, since: float) -> dict[int, int]:
-        """Newest statusword by node of the answers after a time [s]."""
-        return {
-            can_id - 0x180: struct.unpack_from("<H", data)[0]
-            for t, can_id, data in list(self.heard)
-            if t > since and can_id - 0x180 in NODES and len(data) >= 6
-        }
 
     def _run(self) -> None:
         while self._running:

@@ -153,9 +153,6 @@ def _finite(told: Told) -> bool:
         return False
 
 
-# ---- JSON ---------------------------------------------------------------------------------------
-
-
 def figures(a: Answer) -> Rules:
     """Numbers are finite, probabilities a distribution, values inside their intervals."""
     g, p, members = a.gap, a.probabilities, a.found.diagnosis.gap.members
@@ -238,9 +235,6 @@ def where(a: Answer) -> Rules:
         yield 0.0 <= share <= 1.0 and place.split(" ")[0] in parts, place, "painted with", share
 
 
-# ---- sentences ----------------------------------------------------------------------------------
-
-
 def gaps_in_words(a: Answer) -> Rules:
     """Sentences tell the numbers of the JSON."""
     d, g, far = a.found.diagnosis, a.found.diagnosis.gap, a.distance
@@ -293,9 +287,6 @@ def causes_in_words(a: Answer) -> Rules:
 
 
 RULES = (figures, verdict, where, gaps_in_words, causes_in_words)
-
-
-# ---- page, terminal and rerun -------------------------------------------------------------------
 
 
 def names(a: Answer, face: str, text: str) -> Rules:

@@ -132,9 +132,6 @@ class Corruption:
         return self.change(Dice(recording, rng))
 
 
-# ---- what corruptions are made of ---------------------------------------------------------------
-
-
 def _noise(d: Dice) -> np.ndarray:
     return d.white() * d.noise
 
@@ -276,8 +273,6 @@ def zero_off(name: str, angle: float) -> Mutator:
     """A joint's zero is off by an angle [rad]."""
     return lambda d: with_columns(d.r, {name: d.r.columns[name] + angle})
 
-
-# ---- corruptions: name, reasons that are true of it, how it is made -----------------------------
 
 EVERYWHERE: dict[str, tuple[str, Mutator]] = {
     **{f"{c}_zero": ("dead channel", _zero(c)) for c in BROKEN},

@@ -112,8 +112,6 @@ def _oriented(rng: Random, truth: Mapping[str, float], poses: int, rows: int) ->
     return wb.Recording(metadata, columns | by_name(CHANNELS, y))
 
 
-# ---- ways to record, none of which is a fault ---------------------------------------------------
-
 Variation = Callable[[wb.Recording, Random], wb.Recording]
 
 
