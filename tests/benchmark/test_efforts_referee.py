@@ -81,15 +81,6 @@ def test_links_keep_the_balance_of_energy(number):
     assert np.abs(work - (energy - energy[0])).max() < 1e-3 * np.ptp(energy)
 
 
-def test_a_tool_at_rest_weighs_on_the_sensor():
-    q = np.tile([0.0, -1.2, -1.9, -1.6, np.pi / 2, 0.0], (50, 1))
-    still = Motion(100.0, np.arange(50) / 400.0, q, 0.0 * q, 0.0 * q)
-    load = TrueArm(UR5, UR5.parameters.nominal).inverse(still)[1][25]
-    tool = UR5.tool(UR5.parameters.nominal)
-    assert np.linalg.norm(load[:3]) == pytest.approx(float(tool.mass) * 9.80665, rel=1e-9)
-    assert load[3:] == pytest.approx(np.cross(np.asarray(tool.cog), load[:3]), abs=1e-9)
-
-
 @pytest.mark.parametrize("number", range(4))
 def test_motions_stay_within_limits(number):
     path = draw(UR5, np.random.default_rng(number))

@@ -2,7 +2,6 @@
 
 import ast
 import re
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -163,21 +162,6 @@ def test_every_effect_on_means_has_a_signature(small, mode):
     world = FaultyRobot.of(setting)
     on_means = {n for n in possible(setting) if "repeats" not in EFFECTS[n].needs}
     assert on_means - set(STATED) <= set(bench(setting, world.way).columns)
-
-
-def test_effects_of_motion_and_temperature_are_drawn_where_they_can_show(world):
-    robot = registry.load("robots", "ur5")
-    rng = np.random.default_rng(1)
-    still, moving = (settings.draw(robot, m, rng) for m in ("static", "dynamic"))
-    assert "timing.delay" not in possible(still)
-    assert {"timing.delay", "tool.inertia"} < set(possible(moving))
-    assert "link.length" not in possible(moving)
-    assert moving.path.moving and not still.path.moving
-    cold = replace(world.setting, temperature=None)
-    warm = replace(cold, temperature=np.linspace(20.0, 25.0, len(cold.path.t)))
-    assert "sensor.temperature" in possible(warm)
-    assert "sensor.temperature" not in possible(cold)
-    assert "sensor.temperature" not in bench(cold, world.way).columns
 
 
 def test_a_turned_last_joint_and_a_wrong_mass_are_what_they_look_like(world):

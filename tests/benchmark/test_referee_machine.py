@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.fault import elapsed, named
+from wrenchbed.benchmark.fault import named
 from wrenchbed.benchmark.referee import machine
 from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
 from wrenchbed.benchmark.referee.machine import Mechanics, RefereeFault, ride, touched
 from wrenchbed.benchmark.referee.scenario import through
-from wrenchbed.benchmark.referee.signal_laws import dahl
 from wrenchbed.diagnosis.diagnose import diagnose
 
 
@@ -114,25 +113,6 @@ def test_a_loose_part_lies_at_the_stop_that_is_below():
     assert np.abs(difference[clear, 3:] - wanted[clear]).max() < 2e-4
 
 
-def daily_wave(setting, rng, size):
-    """A zero that follows a part of a sine."""
-    curve = np.sin(2.0 * np.pi * (rng.uniform(0.4, 2.0) * elapsed(setting.path.t) + rng.uniform()))
-    shift = np.outer(curve, 3e-3 * size * setting.full_scale * touched(rng))
-    return RefereeFault(change=lambda ride, y: y + shift, stage=machine.ZERO)
-
-
-def dahl_friction(setting, rng, size):
-    """A reading that lags by dry friction."""
-    width = 1.5e-3 * size * setting.full_scale * np.abs(touched(rng))
-    reach = rng.uniform(0.05, 0.3)
-
-    def gauge(ride, y):
-        loops = np.stack([dahl(c, reach) for c in (y / setting.swing).T], axis=1)
-        return y - width * loops
-
-    return RefereeFault(change=gauge, stage=machine.LOOP)
-
-
 def wave(setting, rng, size):
     """A converter's integral nonlinearity, less its straight line, which would be a gain."""
     turns, phase = rng.uniform(2.5, 6.0), rng.uniform(0.0, 2.0 * np.pi)
@@ -147,28 +127,17 @@ def wave(setting, rng, size):
     return RefereeFault(change=gauge, stage=machine.BEND)
 
 
-FORMS = {
-    "sensor.drift": daily_wave,
-    "sensor.hysteresis": dahl_friction,
-    "sensor.nonlinearity": wave,
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", FORMS)
-def test_a_form_without_a_formula_has_the_name_of_its_effect(effect):
-    seed = (101, list(FORMS).index(effect))
+def test_a_form_without_a_formula_has_the_name_of_its_effect():
+    seed, effect = (101, 2), "sensor.nonlinearity"
     rng = np.random.default_rng([*seed, 7])
     world, minor = robot_with_minor("ur5", "static", seed, rng)
-    draw, size = partial(named, effect, FORMS[effect]), 1.0
+    draw, size = partial(named, effect, wave), 1.0
     for _ in range(3):  # to a gap of 15
         cause = world.measured(draw(world.setting, np.random.default_rng(seed), size))
         size *= float(np.sqrt(15.0 / cause.gap))
     assert cause.gap > 5.0
     found = diagnose(as_case("single", world, [cause], minor, rng).recording).diagnosis
-    if effect == "sensor.hysteresis":  # the forms' loops explain half of dry friction's: unknown
-        assert found.which[0]["effect"] == effect if found.which else found.verdict == "unknown"
-        return
     assert found.which[0]["effect"] == effect
     assert found.which[0].get("form") == "free"
     curve = found.which[0]["curve"]

@@ -15,7 +15,6 @@ from wrenchbed.errors import BenchmarkError, ParameterError
 
 @pytest.fixture(scope="module")
 def attack():
-    """The attack of `scripts/attack_sealed`."""
     return run_path(str(Path(__file__).parents[2] / "scripts" / "attack_sealed"))["attack"]
 
 
@@ -84,6 +83,7 @@ def test_what_was_sealed_is_not_sealed_again(copied):
     cases, answers = copied
     told = make.Family("ur5", "static", COUNT, SEED)
     root = make.make(told, cases, answers)
+    assert make.resumed(answers) == SEED and make.resumed(cases) is None
     path = commitments.answer_of(answers, "0003")
     path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
     with pytest.raises(BenchmarkError, match=r"0003\.json: was changed"):

@@ -1,6 +1,5 @@
 """Calibration recovers known truths, says how sure it is, and what it cannot tell."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,7 +8,7 @@ import pytest
 
 import ntnu
 import wrenchbed as wb
-from altered import by_name, in_degrees, opposite, with_columns, with_metadata, with_rows
+from altered import by_name, opposite, with_columns, with_metadata, with_rows
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, driven, static
 from sound import good
 from wrenchbed.calibration.calibrate import CalibrationOptions, _status, calibrate, check_mass
@@ -30,15 +29,6 @@ def real() -> Recording:
     return with_metadata(ntnu.static(), sensor=SensorInfo("ati-gamma"))
 
 
-def test_ur5_is_recovered_to_rounding_without_noise():
-    fit = calibrate(static("ur5", UR5_TRUTH))
-    assert fit.converged
-    for name, value in UR5_TRUTH.items():
-        assert abs(fit[name].value - value) < 1e-9, name
-    assert fit.residual_rms.max() < 1e-11
-    assert abs(fit.tool["mass"] - 1.42) < 1e-9
-
-
 @pytest.mark.parametrize("seed", [0, 1])
 def test_medrue_is_recovered_to_rounding_without_noise(seed):
     fit = calibrate(static("medrue", MEDRUE_TRUTH, seed=seed))
@@ -51,19 +41,6 @@ def test_medrue_is_recovered_to_rounding_without_noise(seed):
     assert len(fit.observability.redundancies) + len(fit.observability.no_effect) == 22
 
 
-def test_all_of_medrue_free_fits_as_well_and_says_which_values_mean_nothing_alone():
-    fit = calibrate(static("medrue", MEDRUE_TRUTH), CalibrationOptions(free=PAPER.names))
-    assert fit.residual_rms.max() < 1e-11
-    assert fit["xS"].std is None
-    assert fit["mTool"].std is not None
-    assert abs(fit["mTool"].value - MEDRUE_TRUTH["mTool"]) < 1e-9
-    total = fit["d41"].value + fit["d42"].value
-    wanted = MEDRUE_TRUTH["d41"] + MEDRUE_TRUTH["d42"]
-    scale = fit["L11"].value / MEDRUE_TRUTH["L11"]
-    assert abs(total / wanted - scale) < 0.02  # up to the shifts, the free scale alone
-    assert "fixed only in combination" in fit.status
-
-
 def test_a_prior_makes_every_parameter_determined():
     fit = calibrate(
         static("medrue", MEDRUE_TRUTH), CalibrationOptions(free=PAPER.names, prior=True)
@@ -74,27 +51,6 @@ def test_a_prior_makes_every_parameter_determined():
     assert fit["mTool"].std < 0.1 * tolerance["mTool"]
 
 
-def test_noise_is_what_the_repeats_show_or_what_is_stated():
-    fit = calibrate(static("ur5", UR5_TRUTH, samples=50, noise=WHITE))
-    assert fit.noise.source == "repeats"
-    assert not fit.noise.inflated
-    assert np.abs(fit.noise.row / WHITE - 1).max() < 0.05
-    assert np.allclose(fit.noise.effective, 5000)
-    single = static("ur5", UR5_TRUTH, noise=WHITE)
-    assert calibrate(single).noise.source == "stated"
-    assert calibrate(with_metadata(single, sensor=SensorInfo())).noise.source == "residual"
-
-
-def test_the_recordings_own_order_and_units_do_not_matter():
-    a = static("ur5", UR5_TRUTH, noise=WHITE, samples=5)
-    order = np.random.default_rng(0).permutation(100)
-    rows = (order[:, None] * 5 + np.arange(5)).ravel()
-    shuffled = {k: v[rows] for k, v in a.columns.items() if k != "t"} | {"t": a.t}
-    first, second = calibrate(a), calibrate(Recording(a.metadata, shuffled))
-    for p in first.identified:
-        assert abs(p.value - second[p.name].value) < 1e-6 * p.std
-
-
 def test_what_is_stated_is_where_the_fit_starts_and_what_is_held_stays():
     rec = static("ur5", UR5_TRUTH)
     stated = with_metadata(rec, tool=ToolInfo(mass=1.5, cog=(0.0, 0.0, 0.1)))
@@ -102,19 +58,6 @@ def test_what_is_stated_is_where_the_fit_starts_and_what_is_held_stays():
     assert "tool.mass" not in [p.name for p in fit.identified]
     assert fit.theta["tool.mass"] == 1.5
     assert fit["tool.cog.z"].nominal == 0.1
-
-
-def test_a_robust_loss_shrugs_off_outliers():
-    rec = static("ur5", UR5_TRUTH, noise=WHITE, samples=1, seed=3)
-    ninth, seventh = (np.arange(len(rec)) % n == 0 for n in (9, 7))
-    outliers = {"fx": rec.columns["fx"] + 4.0 * ninth, "ty": rec.columns["ty"] - 0.5 * seventh}
-    bad = with_columns(rec, outliers)
-    error = {}
-    for loss in ("linear", "huber"):
-        fit = calibrate(bad, CalibrationOptions(loss=loss, force=loss == "linear"))
-        off = [fit[f"sensor.bias.{c}"].value - UR5_TRUTH[f"sensor.bias.{c}"] for c in ("fx", "ty")]
-        error[loss] = np.abs(off).sum()
-    assert error["huber"] < 0.3 * error["linear"]
 
 
 def test_real_poses_give_the_published_tool():
@@ -149,8 +92,9 @@ def test_a_sensor_mounted_far_from_where_it_is_stated_is_found(axis, angle):
     still = {k: v for k, v in UR5_TRUTH.items() if "mount" not in k}
     turned = f"mount.rotation.{axis}"
     fit = calibrate(static("ur5", still | {turned: angle}))
-    assert fit[turned].value == pytest.approx(angle, abs=1e-9)
-    assert fit["tool.mass"].value == pytest.approx(1.42, abs=1e-9)
+    for name, value in (still | {turned: angle}).items():
+        assert fit[name].value == pytest.approx(value, abs=1e-9), name
+    assert fit.converged and fit.residual_rms.max() < 1e-11
 
 
 def test_saturated_rows_are_left_out_and_another_status_is_told():
@@ -176,9 +120,6 @@ REFUSED = {
     "no parameter": (lambda r: r, {"free": ("tool.mas",)}, "did you mean 'tool.mass'"),
     "none free": (lambda r: r, {"free": ("tool.mass",), "hold": ("tool.mass",)}, "no parameter is"),
     "saturated": (lambda r: with_columns(r, {"status": ALL}), {}, "every row is saturated"),
-    "medrue": (lambda r: with_metadata(r, robot="medrue"), {}, r"robot 'medrue': row \d+: "),
-    "no robot": (lambda r: with_metadata(r, robot="kuka"), {}, "no robot 'kuka' here"),
-    "degrees": (lambda r: in_degrees(r, r.joints), {}, "is it in degrees"),
 }
 
 
@@ -187,17 +128,6 @@ def test_what_data_cannot_support_is_refused(case):
     make, options, words = REFUSED[case]
     with pytest.raises((CalibrationError, ParameterError, RecordingError), match=words):
         calibrate(make(static("ur5", UR5_TRUTH)), CalibrationOptions(**options))
-
-
-def test_the_fit_is_json_that_states_units_and_ranks(tmp_path):
-    fit = calibrate(static("medrue", MEDRUE_TRUTH))
-    fit.write(tmp_path / "fit.json")
-    raw = json.loads((tmp_path / "fit.json").read_text())
-    assert raw["rank"] == 27
-    assert raw["parameters"]["L11"]["unit"] == "m"
-    assert raw["parameters"]["L11"]["value"] == pytest.approx(0.40073, abs=1e-9)
-    assert any("d41 and d42" in r["sentence"] for r in raw["redundancies"])
-    assert len(raw["correlation"]["matrix"]) == 27
 
 
 def test_every_registered_robot_without_a_model_calibrates_from_orientations():

@@ -12,7 +12,6 @@ import wrenchbed as wb
 from altered import by_name
 from recorded import METADATA
 from rest_noise import WHITE, Rest, recorded
-from wrenchbed.calibration.learn_sensor import grid_step
 from wrenchbed.cli import main
 from wrenchbed.data.metadata import Metadata, SensorInfo
 from wrenchbed.data.recording import QUATERNION, Recording
@@ -74,25 +73,6 @@ def test_what_is_learnt_lies_within_its_intervals(name):
     square = np.mean(z**2, axis=0)
     sound = np.abs(z).max() < 5.0 and (square > 0.2).all() and (square < 2.3).all()
     assert sound or rest.step, np.round(z, 1)
-
-
-def test_the_intervals_are_narrow():
-    """A minute at 250 Hz: white to 2 %, 1/f of a tenth of it to 15 %, of a twentieth to 40 %."""
-    found = wb.learn_sensor(COLOURED.recording(110))
-    white = np.array([s.white_std for s in found.rest.spectra]) / WHITE
-    flicker = np.array([s.flicker_std for s in found.rest.spectra]) / (WHITE * COLOURED.flicker)
-    assert (white < 0.02).all() and flicker[2] < 0.4
-    assert (np.delete(flicker, 2) < 0.15).all()
-
-
-@pytest.mark.parametrize("step", [1e-6, 0.01, 0.0125, 1 / 3276.8])
-def test_the_grid_is_that_of_the_values(step):
-    rng = np.random.default_rng(140)
-    whole = np.rint(rng.normal(size=3000) * 40 + 900_000)
-    assert grid_step(whole * step) == pytest.approx(step, rel=1e-5)
-    assert grid_step((2 * whole + 3 * (whole % 2)) * step) == pytest.approx(step, rel=1e-5)
-    assert grid_step(whole * step + 1e-3 * step * rng.normal(size=3000)) == 0.0
-    assert grid_step(np.round(whole * step, 12)) == pytest.approx(step, rel=1e-5)
 
 
 @pytest.fixture(scope="module")

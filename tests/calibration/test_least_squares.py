@@ -16,8 +16,6 @@ from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.time_derivatives import Jet
 
-# ---- Gauss-Newton -------------------------------------------------------------------------------
-
 
 def test_a_step_has_least_norm_in_units_of_tolerances():
     """x + y = 3 with tolerances 1 and 2: along (1, 2) scaled, so (0.6, 2.4)."""
@@ -54,9 +52,6 @@ def test_an_iteration_ends_where_nothing_is_better_and_after_fifty_steps():
     told = solve(lambda x: -x, lambda _: np.full((1, 1), 10.0), np.ones(1), np.ones(1))
     assert (told.steps, told.converged) == (MAX_STEPS, False) == (50, False)
     assert told.x == pytest.approx([0.9**50])
-
-
-# ---- the problem --------------------------------------------------------------------------------
 
 
 class Linear:
@@ -126,9 +121,6 @@ def test_a_prior_draws_to_its_centre_by_its_tolerance():
     told = p.solve(lambda r: r, p.start)
     assert told.x == pytest.approx(expected)
     assert told.covariance == pytest.approx(np.linalg.inv(normal))
-
-
-# ---- weights ------------------------------------------------------------------------------------
 
 
 def covariance(seed=2):
@@ -233,9 +225,6 @@ def test_batch_means_show_what_is_slow():
     )
 
 
-# ---- wander -------------------------------------------------------------------------------------
-
-
 def test_the_kernel_is_the_integral_of_a_band_of_1_f_noise():
     t = np.array([0.0, 3.0, 10.0, 20.0])
     told = weighting.kernel(t)
@@ -300,9 +289,6 @@ def test_both_levels_are_found_and_the_independent_one_is_at_least_what_is_known
     assert floored.level == pytest.approx(told.level)
 
 
-# ---- touches ------------------------------------------------------------------------------------
-
-
 def test_a_touch_is_judged_by_a_fit_of_all_the_others():
     rng = np.random.default_rng(8)
     J, y = rng.standard_normal((6 + 12, 3)), rng.standard_normal(18)
@@ -334,9 +320,6 @@ def test_an_impossible_deviation_of_touches_is_refused(std):
     recording.columns.pop("py")
     with pytest.raises(CalibrationError, match="no columns px py pz"):
         Touches.of(recording, 1e-4)
-
-
-# ---- observability ------------------------------------------------------------------------------
 
 
 def test_what_data_cannot_tell_is_named():

@@ -89,17 +89,6 @@ def test_numbers_come_out_within_their_uncertainty_and_sums_alone_where_axes_are
     assert sum_of_rises == pytest.approx(rises[1:4].sum(), abs=1e-4)
 
 
-def test_joints_that_give_are_named_by_joint():
-    give = (0.0, 1 / 2e4, 1 / 1.2e4, 0.0, 0.0, 0.0)
-    arm = TrackedUr5(wrong=TrackedUr5.anyhow(np.random.default_rng(6)).wrong, give=give)
-    fit = wb.calibrate_tracker(arm.recording(6, rows=4))
-    for joint in (2, 3):
-        p = fit[f"compliance.q{joint}"]
-        assert abs(p.value - give[joint - 1]) < 4.0 * p.std < give[joint - 1]
-    rigid = wb.calibrate_tracker(arm.recording(6, rows=4), RIGID)
-    assert rigid.held_out > 1.5 * fit.held_out and "diagnose" in rigid.status
-
-
 def test_a_prior_keeps_few_poses_from_wandering():
     arm = TrackedUr5.anyhow(np.random.default_rng(7))
     few = arm.recording(7, count=11)
@@ -141,6 +130,8 @@ def test_the_fit_is_exported_as_a_simulator_and_never_as_a_load(tmp_path):
     give = (0.0, 1 / 1e4, 0.0, 0.0, 0.0, 0.0)
     arm = TrackedUr5(wrong=TrackedUr5.anyhow(np.random.default_rng(9)).wrong, give=give)
     fit = wb.calibrate_tracker(arm.recording(9), wb.Options(hold=("compliance.q[3-6]",)))
+    soft = fit["compliance.q2"]
+    assert abs(soft.value - give[1]) < 4.0 * soft.std < give[1]
     fit.write(tmp_path / "fit.json")
     twin = wb.calibrated_twin(tmp_path / "fit.json")
     assert [a.effect.name for a in twin.active] == ["joint.compliance"]

@@ -72,14 +72,6 @@ def test_it_applies_where_its_columns_are(channel):
         assert not channel.applies(less)
 
 
-def test_shapes(channel):
-    rows, k = scene(), len(channel.columns)
-    read = readings((channel,), rows)
-    assert read.shape == (len(rows), k)
-    for slopes in (channel.nuisance(rows), channel.imperfections(rows)):
-        assert slopes.shape[:2] == (len(rows), k) and np.isfinite(slopes).all()
-
-
 def test_only_its_stages_change_it(channel):
     rows, others = scene(), set(STAGES) - channel.stages
     nominal = readings((channel,), rows)

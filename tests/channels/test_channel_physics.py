@@ -95,11 +95,6 @@ def read(robot, *effects):
 
 
 @ARMS
-def test_weight_of_the_arm_and_its_tool_is_mujocos(robot):
-    assert np.abs(read(robot) - at_rest(robot, askew(robot).q)).max() < 1e-9
-
-
-@ARMS
 def test_effects_that_move_the_arm_or_its_tool_show_in_it(robot):
     q, nominal = askew(robot).q, robot.parameters.nominal
     offset = read(robot, ("joint.offset", {"joint": 3, "offset": 0.02}))

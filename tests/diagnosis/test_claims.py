@@ -31,30 +31,6 @@ def causes(verdict):
     return [c.names for c in verdict.causes]
 
 
-@pytest.mark.parametrize(("gap", "verdict"), [(0.5, "none"), (0.7, "none"), (0.85, "identified")])
-def test_an_effect_counts_from_three_quarters_of_a_gap(gap, verdict):
-    ranking, found = diagnosed({"base.tilt": gap})
-    assert found.word == verdict
-    assert causes(found) == ([("base.tilt",)] if gap > 0.75 else [])
-    assert ranking.explanations[0].finalist.names == ("base.tilt",)  # seen it is all the same
-
-
-@pytest.mark.parametrize(
-    "gaps",
-    [
-        {"base.tilt": 3.0, "cable.pull": 2.0},
-        {"tool.loose": 2.5, "joint.offset": 1.5, "link.length": 1.2},
-    ],
-    ids=["two", "three"],
-)
-def test_several_effects_are_named_together_largest_first(gaps):
-    _, verdict = diagnosed(gaps)
-    assert verdict.word == "identified"
-    assert causes(verdict) == [(n,) for n in gaps]
-    assert [c.part.share for c in verdict.causes] == pytest.approx([*gaps.values()], abs=0.05)
-    assert min(c.probability for c in verdict.causes) > 0.99
-
-
 FOUR = {"base.tilt": 3.0, "cable.pull": 2.0, "joint.offset": 1.5, "tool.loose": 1.2}
 
 
@@ -94,18 +70,6 @@ def test_a_wrong_mass_is_named_beside_an_effect_and_four_effects_are_too_many():
     assert set(ranking.explanations[0].finalist.names) == set(small)
     ranking, _ = diagnosed(small | {"link.length": 0.3})
     assert max(len(e.finalist.names) for e in ranking.explanations) == 4
-
-
-def test_every_explanation_is_better_than_negligible_and_one_says_nothing():
-    ranking, _ = diagnosed({"base.tilt": 0.5})
-    told = [e.log_posterior for e in ranking.explanations]
-    assert told == sorted(told, reverse=True)
-    assert told[-1] > told[0] - 30.0
-    ranking, verdict = diagnosed({})
-    assert any(not e.finalist.names for e in ranking.explanations)
-    assert (verdict.word, verdict.causes) == ("none", ())  # noise alone is no gap
-    assert verdict.probabilities["none"] > 0.99
-    assert ranking.gap == pytest.approx(0.0, abs=1e-9)
 
 
 JOINTS = ("joint.offset", "joint.backlash")
@@ -284,9 +248,6 @@ def test_the_sensors_own_weight_is_bounded_while_stated_numbers_are_exact(
     (level,) = r.exact.values()
     assert level.V[d.of_effect("tool.self_weight")] == pytest.approx(bound**2)
     assert level.V[d.stated] == pytest.approx(np.zeros(10))
-
-
-# ---- twins --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -69,9 +69,6 @@ def candidates(d, *named):
     return [(h, np.full(len(h.columns), float(size))) for h, size in each]
 
 
-# ---- what a design shows ------------------------------------------------------------------------
-
-
 def shown(design):
     """How a design shows each effect best, by name."""
     return {s.effect: s for s in showings(design)}
@@ -110,9 +107,6 @@ def test_a_rehearsed_plan_carries_only_noise_and_a_short_one_is_refused(wide):
     assert 0.005 < d.gap(left) < 0.1  # white noise of 60 rows, 0.017, and the sensor's wander
 
 
-# ---- the next experiment ------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("d", [0.0, 0.5, 2.0, 8.0])
 def test_divergence_of_two_gaussians(d):
     x = np.linspace(-12, 20, 20001)
@@ -121,13 +115,6 @@ def test_divergence_of_two_gaussians(d):
     terms = [f * np.log(np.maximum(f, 1e-300) / middle) for f in (p, q)]
     exact = 0.5 * sum(np.trapezoid(t, x) for t in terms)
     assert jensen_shannon(d) == pytest.approx(exact, abs=2e-3)
-
-
-@pytest.mark.slow
-def test_nothing_separates_a_mount_from_joint_six(wide):
-    d, _ = wide
-    pair = ("joint.offset", "joint 6", 2.6), ("mount.rotation", "about z", 1.0)
-    assert separate(d, candidates(d, *pair)) == ()
 
 
 def test_columns_of_a_contest_are_those_of_the_dictionary(wide):

@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.gap.closure import Claimed, calibrated, twin_of
 from wrenchbed.diagnosis.gap.gaps import Bootstrap, Closure, Interval
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut, restored
 from wrenchbed.diagnosis.prepare.baseline import calibrate
-from wrenchbed.diagnosis.prepare.configuration import BIAS, Configuration
+from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import ActiveEffect, effects, respond
 from wrenchbed.simulation.closed_form import Model
@@ -83,9 +83,6 @@ def test_the_floor_is_what_rows_scatter_with_the_mean_s_degree_of_freedom_back()
     assert HeldOut(few).floor() == pytest.approx([0.0, 2.6])
     moved = observed(averaged=True, noise=np.array([1.0, 2, 3, 1, 2, 3]))
     assert HeldOut(moved).floor() == pytest.approx([1.0, 1.0])  # the noise of averages
-
-
-# ---- intervals ----------------------------------------------------------------------------------
 
 
 def drawn(count, block, seed=0):
@@ -155,26 +152,9 @@ def test_the_closed_share_is_split_by_what_comes_back_without_each():
     assert of.closed_beside(1.0) == 1.0
 
 
-# ---- configurations -----------------------------------------------------------------------------
-
-
 def nominal(robot):
     model = Model.of(registry.load("robots", robot))
     return Configuration(model, model.parameters.nominal + 0.0)
-
-
-@pytest.mark.parametrize("robot", ["ur5", "medrue"])
-def test_a_load_and_a_bias_are_put_where_they_belong(robot):
-    before, bias = nominal(robot), np.arange(1.0, 7.0)
-    given = before.with_load(1.25, np.array([0.01, -0.02, 0.06]), bias)
-    assert given.mass == pytest.approx(1.25)
-    assert given.cog == pytest.approx([0.01, -0.02, 0.06])
-    assert given.bias == pytest.approx(bias)
-    model = before.model
-    told = dict(zip(model.parameters.names, given.theta, strict=True))
-    assert [v for k, v in told.items() if k in BIAS] == pytest.approx(bias)
-    assert before.theta == pytest.approx(model.parameters.nominal)  # a copy
-    assert len(given.robot_theta) == len(model.robot.parameters)
 
 
 @pytest.mark.parametrize("robot", ["ur5", "oriented"])
@@ -209,8 +189,6 @@ def test_one_number_alone_goes_back_to_what_is_stated(name, expected):
 FOLD = 2
 
 
-# ---- where all is linear -----------------------------------------------------------------------
-
 D = dictionary(moving=False)
 IN_FOLD = np.repeat(np.arange(ROWS) // 5 % 4 == FOLD, 6)
 
@@ -237,9 +215,6 @@ def test_a_refit_without_a_fold_is_that_of_the_other_rows(names):
     assert predicted == pytest.approx(X[IN_FOLD] @ by_hand(f, y, ~IN_FOLD), abs=1e-3)
     assert again.residual == pytest.approx((y - X @ again.x)[~IN_FOLD])
     assert np.abs(again.x - f.x).max() > 1e-3  # the fold does tell something
-
-
-# ---- a robot -----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

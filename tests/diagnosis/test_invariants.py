@@ -19,9 +19,3 @@ def test_no_answer_contradicts_itself(seed):
         warnings.simplefilter("ignore")
         _, found = consistent.outcome(case.recording)
     assert not found, f"{case}: {found}"
-
-
-def test_a_case_follows_from_its_seed():
-    one, again = mutated.case(7), mutated.case(7)
-    assert str(one) == str(again)
-    assert (one.recording.wrench == again.recording.wrench).all()

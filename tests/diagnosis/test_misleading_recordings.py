@@ -132,9 +132,6 @@ def test_rivals_without_a_stated_tool_have_a_next_experiment():
     assert "sensor.drift" in {n for w in told.which for n in named_by(w)}
 
 
-# ---- a tool that changes with time: named as such, never as a temperature ----------------------
-
-
 def recorded(name, mass):
     """60 poses at rest; the mass of each is the stated one times this (60,)."""
     robot, rng = registry.load("robots", name), np.random.default_rng(4)
@@ -161,8 +158,6 @@ def test_a_payload_that_leaks_3_percent_steadily_is_a_leak(name):
     assert rate["value"] == pytest.approx(stated, abs=4.0 * rate["std"])
     assert rate["value"] == pytest.approx(stated, rel=0.2)
 
-
-# ---- several changes of zero are that, at their moments, and no drift ---------------------------
 
 HOLDS, EACH = 40, 10
 """Of a sensor that slips or is zeroed: poses, and rows in each."""

@@ -187,9 +187,6 @@ def test_a_delay_is_told_from_a_filter_in_a_motion_that_jerks(tmp_path):
     assert told.which[0]["parameters"]["delay"]["value"] == pytest.approx(0.03, abs=1e-3)
 
 
-# ---- a sensor that reads late on a robot of which only its orientation is recorded ---------------
-
-
 def turned(lag, seconds, noise=1.0):
     """A tool that is turned about; the wrench is as old as the lag [s] says."""
     return turning(np.random.default_rng(4), seconds, 100.0, lag, noise)

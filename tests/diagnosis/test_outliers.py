@@ -41,9 +41,6 @@ def in_pose(rec, pose):
     return rec.columns["segment"] == pose
 
 
-# ---- hands --------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "pushes"),
@@ -155,9 +152,6 @@ def test_a_force_is_named_with_size_and_direction_a_torque_only_where_no_lever_m
     assert pose == f"pose 4: {words} that no other pose shows: contact, or wrong rows"
     stretch = Outlier(none, None, 1.04, 2.0, np.array(error)).sentence()
     assert stretch.startswith(f"1.0 s to 2.0 s: {words} that the rest of the motion does not show")
-
-
-# ---- tables -------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

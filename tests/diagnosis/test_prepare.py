@@ -73,20 +73,6 @@ def test_a_motion_is_averaged_within_its_blocks():
     assert list(pairs.block_rows) == [0, 0, 2, 2, 3, 3]
 
 
-@pytest.mark.parametrize(
-    ("rows", "moving"), [(12, False), (43, False), (80, False), (48, True), (2405, True)]
-)
-@pytest.mark.parametrize("seed", range(4))
-def test_every_row_is_held_out_once(rows, moving, seed):
-    block, fold = split(rows, moving, seed, 1)
-    whole = replace(prepared(rows), block=block, fold=fold, held_out=None)
-    assert whole.judged.all() and whole.fitted.all() and whole.folds == (0, 1, 2, 3)
-    away = [~whole.without(k).fitted for k in whole.folds]
-    assert (np.sum(away, axis=0) == 1).all()
-    sizes = [np.unique(block[fold == k]).size for k in whole.folds]
-    assert max(sizes) - min(sizes) <= 1
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_every_four_neighbouring_poses_are_one_of_each_fold(seed):
     block, fold = split(43, False, seed, 1)
@@ -154,12 +140,6 @@ def test_rows_with_memory_average_less(monkeypatch, time, expected):
     assert module._noise_at_rest(None, data) == pytest.approx(np.full(6, expected))
 
 
-def test_noise_in_motion_is_never_below_that_of_a_row(monkeypatch):
-    told = np.array([0.2, 1.0, 1.5, 3.0, 0.9, 1.1])
-    monkeypatch.setattr(module, "noise_in_motion", lambda *_: (np.zeros(6), told))
-    assert module._noise_of_averages(None, 0.008, 4) == pytest.approx([1, 1, 1.5, 3.0, 1, 1.1])
-
-
 def test_rows_of_a_pose_scatter_about_their_mean_and_rows_of_a_motion_do_not():
     data = Observations(
         None, np.array([np.full(6, 1.0), np.full(6, 5.0)]), np.array([2, 3]), np.eye(6), 1.0,
@@ -177,8 +157,6 @@ def test_rows_of_a_pose_scatter_about_their_mean_and_rows_of_a_motion_do_not():
     metadata.mode = "dynamic"
     assert (scatter(rec, data) == np.zeros((2, 6, 6))).all()
 
-
-# ---- scatter within poses far beyond the stated noise is no estimate of it -----------------------
 
 ROWS = 60
 
@@ -287,13 +265,6 @@ def test_channels_may_be_whole_numbers():
     whole = gather(wb.Recording(recording.metadata, columns, "counts"), keep)
     assert np.allclose(whole.wrench, 1e3 * gather(recording, keep).wrench, atol=0.5)
     assert np.all(np.diagonal(whole.row_covariance) > 0.0)
-
-
-def test_what_is_short_stays_as_it_is():
-    recording = at_rest(np.full(12, 10))
-    assert scenes.excerpt(recording) is recording
-    assert scenes.stretch(recording) is recording
-    assert scenes.notes(recording, recording, recording) == ()
 
 
 def test_of_a_long_motion_the_middle_is_diagnosed_and_said_to_be(monkeypatch):

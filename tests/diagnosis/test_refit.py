@@ -91,14 +91,6 @@ def test_amplitude_and_shape_are_found(lag):
     assert f.spread[1] == 2.0
 
 
-def test_a_shape_is_kept_near_its_variant():
-    """Without an amplitude nothing tells a shape: it stays where the variant puts it."""
-    r, h = case(0.0, 2.0)
-    f = r.fit((h,), 0)
-    assert r.values((h,), f.x)[0]["lag"] == pytest.approx(2.0, abs=0.5)
-    assert abs(f.x[0]) < 0.2
-
-
 def test_slopes_of_shapes_are_differences_and_those_of_plain_amplitudes_the_dictionary_s():
     r, h = case(1.0, 2.0)
     x = np.array([1.0, 4.0])
@@ -121,9 +113,6 @@ def test_the_linearised_data_is_what_is_left_and_what_the_slopes_make():
     level = r.searcher.rungs[f.rung].level
     inner = f.design.T @ level.solve(f.design) + np.diag(1.0 / f.spread**2)
     assert f.covariance == pytest.approx(np.linalg.inv(inner), rel=1e-6)
-
-
-# ---- several channels at once --------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

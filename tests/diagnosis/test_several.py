@@ -1,6 +1,5 @@
 """One and several recordings of one robot: exact sums by hand, and robots whose truth is known."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,13 +12,11 @@ from altered import with_metadata
 from linear_case import dictionary, named, noise, refitter
 from simulated import driven
 from wrenchbed import registry
-from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.explain.refit import together
 from wrenchbed.diagnosis.explain.shared_numbers import Structure
-from wrenchbed.diagnosis.result import named_by
 from wrenchbed.diagnosis.several import check, settles
 from wrenchbed.errors import DiagnosisError
 
@@ -28,24 +25,6 @@ def recorded(tmp_path, *effects, n=40, seed=1):
     robot = registry.load("robots", "ur5")
     plan = Plan.of("ur5", robot.sample(n, np.random.default_rng(seed)))
     return driven(plan, tmp_path / "rec.parquet", 30, noise="white", seed=seed, effects=effects)
-
-
-@pytest.mark.slow
-def test_the_library_writes_what_the_command_line_writes(tmp_path):
-    path = tmp_path / "rec.parquet"
-    recorded(tmp_path, "joint.offset:joint=6,offset=0.01")
-    findings = wb.diagnose(wb.Recording.read(path))
-    told = findings.diagnosis.to_json()
-    (cause,) = told["which"]  # no data in free space tell these two apart
-    assert set(named_by(cause)) == {"joint.offset", "mount.rotation"}
-    assert told["verdict"] == "identified"
-    plan = Plan.of("ur5", np.zeros((1, 6)))
-    replace(findings, plans={"next.parquet": plan}).write(tmp_path / "library")
-    main(["diagnose", str(path), "--out", str(tmp_path / "command")])
-    for name in ("diagnosis.json", "twin.json"):
-        one, other = (tmp_path / folder / name for folder in ("library", "command"))
-        assert json.loads(one.read_text()) == json.loads(other.read_text()), name
-    assert wb.Plan.read(tmp_path / "library" / "next.parquet").q.tolist() == plan.q.tolist()
 
 
 @pytest.mark.slow

@@ -41,13 +41,6 @@ def test_zeros_of_parallel_joints_are_told_apart(joint, seed):
     of_joint(found, joint)
 
 
-@pytest.mark.slow
-def test_the_wrench_alone_knows_their_sum():
-    recording = without(with_zero_off(3, 0.6).recording(0), "ax", "ay", "az", "mx", "my", "mz")
-    found = diagnose(recording).diagnosis
-    assert set(found.which[0]["elements"]) == {"joint 2", "joint 3", "joint 4"}
-
-
 def test_a_healthy_robot_has_no_cause():
     found = diagnose(without(PlainUr5(tracked=5e-5).recording(0), "ax", "ay", "az")).diagnosis
     assert (found.verdict, found.which, found.minor) == ("none", [], [])

@@ -86,16 +86,6 @@ def test_intervals_hold_in_200_cases(arm, iiwa):
     assert 0.87 <= (held < 1.645).mean() <= 0.95
 
 
-def test_many_rows_a_pose_tell_what_their_means_tell():
-    load = random_load(3)
-    many = recording(ur5(), 3, load, wrong=REAL)
-    starts = np.arange(0, len(many), 8)
-    means = {k: np.add.reduceat(v, starts) / 8.0 for k, v in many.columns.items()}
-    a, b = (calibrate_efforts(r) for r in (many, type(many)(many.metadata, means, "means")))
-    assert [a[n].value for n in TOOL] == pytest.approx([b[n].value for n in TOOL], rel=1e-9)
-    assert [a[n].std for n in TOOL] == pytest.approx([b[n].std for n in TOOL], rel=1e-9)
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("fault", ["zero", "gain", "joint"])

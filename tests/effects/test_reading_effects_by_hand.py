@@ -40,8 +40,6 @@ def corrupted(name, rows, t=None, seed=0, **given):
     return effect.corrupt(rows, t, p, np.random.default_rng(seed))
 
 
-# ---- hysteresis --------------------------------------------------------------------------------
-
 UP = np.linspace(-8.0, 12.0, 201)
 LOOP = np.concatenate([UP, UP[-2::-1]])
 """Up and down over a range of 20, in steps of 0.1."""
@@ -69,9 +67,6 @@ def test_a_loop_of_hysteresis_is_as_wide_as_twice_its_lag(kind, half, width):
     assert tilted[:, 1] == pytest.approx(0.3 * (LOOP - 2.0) / 10.0 * lag_of(half), abs=1e-9)
 
 
-# ---- levels, temperatures ------------------------------------------------------------------------
-
-
 def test_every_channel_bends_about_its_own_full_scale():
     """20 N, 2 N·m, and 0.2 N·m about z: there a bend of 1 % is 1 % of that."""
     full = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
@@ -87,17 +82,6 @@ def test_every_channel_bends_about_its_own_full_scale():
             found = change("sensor.nonlinearity", scene, y, {f"{law}.{c}": 0.01, "power": power})
             assert found[:, k] == pytest.approx(0.01 * full[k] * np.array(expected))
             assert not np.delete(found, k, axis=1).any()
-
-
-@pytest.mark.parametrize(("lag", "late"), [(0.0, 0.0), (0.5e-3, 0.0), (2e-3, 2e-3), (5.0, 5.0)])
-def test_a_lag_below_a_millisecond_is_none(lag, late):
-    t = np.arange(0.0, 200.0, 2.0)
-    y = np.zeros((len(t), 6))
-    found = change("sensor.temperature", rows_at(t, 3.0 * t), y, {"zero.fx": 1.0, "lag": lag})
-    assert found[-1, 0] == pytest.approx(3.0 * (t[-1] - late), abs=1e-9)
-
-
-# ---- time --------------------------------------------------------------------------------------
 
 
 def test_before_the_first_reading_and_after_the_last_it_stands_still():
@@ -118,18 +102,6 @@ def test_before_the_first_reading_and_after_the_last_it_stands_still():
         shown = y + change("timing.delay", scene, y, {"delay": delay})
         expected = np.outer((t - delay) ** 2, np.arange(1.0, 7.0))
         assert shown[20:-20] == pytest.approx(expected[20:-20], rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("name", "given"),
-    [("timing.delay", {"delay": 0.1}), ("timing.lowpass", {"tau": 0.1}),
-     ("timing.skew", {"skew": 0.01}), ("timing.skew", {"channel": 0.01})],
-)  # fmt: skip
-def test_readings_are_late_only_in_a_motion(name, given):
-    t = np.arange(50.0) / 10.0
-    y = np.outer(t**2, np.ones(6))
-    assert np.abs(change(name, rows_at(t, moves=True), y, given)[-1]).max() > 1e-3
-    assert not change(name, rows_at(t), y, given).any()
 
 
 def test_clock_and_channels_lag_together():
@@ -159,9 +131,6 @@ def test_stages_in_a_row_share_their_time_constant(stages, tau):
     assert np.allclose(mirrored, wave - shown)
 
 
-# ---- creep -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("even", [True, False])
 @pytest.mark.parametrize("late", [0.0, 1.0])
 def test_creep_under_a_ramp_of_load(even, late):
@@ -178,9 +147,6 @@ def test_creep_under_a_ramp_of_load(even, late):
     assert found[:, 1] == pytest.approx((0.01 * (z - end))[:, 1], abs=1e-12)
     assert found[:, 5] == pytest.approx((-0.02 * (z - end))[:, 5], abs=1e-12)
     assert not found[:, [0, 2, 3, 4]].any()
-
-
-# ---- rows --------------------------------------------------------------------------------------
 
 
 def test_noise_repeats_and_steps_act_on_rows():
@@ -210,9 +176,6 @@ def test_a_row_is_stale_as_a_whole_and_the_first_is_fresh():
         assert (same.all(axis=1) | ~same.any(axis=1)).all()
         assert same.all(axis=1).mean() == pytest.approx(0.4, abs=0.04)
     assert np.array_equal(corrupted("timing.stale", rows, np.arange(4000.0), 1), rows)
-
-
-# ---- crosstalk ---------------------------------------------------------------------------------
 
 
 # ---- zeros, gains, levels, clocks, rows ---------------------------------------------------------

@@ -32,8 +32,6 @@ def along(variant, stem):
     return np.array([variant.at[f"{stem}.{a}"] for a in "xyz"])
 
 
-# ---- a cable -----------------------------------------------------------------------------------
-
 POINT = (0.03, -0.05, 0.06)
 
 
@@ -79,9 +77,6 @@ def test_a_point_that_lies_far_from_the_tool_is_brought_back():
         assert np.abs(along(v, "point")).max() <= 0.3
 
 
-# ---- contact -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("share", environment_contact.DEPTHS)
 @pytest.mark.parametrize("way", [11, 140, 250, 388])
 def test_a_plane_on_the_grid_is_found_with_its_depth_and_drag(way, share):
@@ -117,9 +112,6 @@ def test_a_plane_does_not_pull():
         assert np.sum(shown * signal) > 0.0
 
 
-# ---- a loose part ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("way", "grip", "lean"),
     [(20, 0.08, 0.0), (60, 0.16, 0.2), (120, 0.24, -0.4), (150, 0.32, 0.0), (70, 0.0, 0.2)],
@@ -144,9 +136,6 @@ def test_a_loose_parts_way_is_proposed_about_where_it_is(way, grip, lean):
         assert abs(along(v, "way") @ axis) > 0.9
     assert len(found) == 4
     assert max(explained) > 0.97 and min(explained) > 0.75
-
-
-# ---- gears -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("joint", "order"), [(2, 5), (3, 31), (5, 144), (6, 220)])

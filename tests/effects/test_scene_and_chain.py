@@ -9,7 +9,7 @@ from effect_scenes import NAMES, SCENES, columns, motion, plain, scene_of
 from wrenchbed import registry
 from wrenchbed.channels.response import Response, Responses
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
-from wrenchbed.effects.base import STAGES, Effect
+from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect, EffectChain, active_effect, effects, respond
 from wrenchbed.effects.scene import Scene, examples, held_on
 from wrenchbed.errors import NotFoundError, ParameterError
@@ -24,16 +24,8 @@ def rows(q, t):
     return Scene(UR5, UR5.parameters.nominal, gravity, q, np.asarray(t, dtype=float), held)
 
 
-# ---- rows --------------------------------------------------------------------------------------
-
-
 def test_rows_are_a_motion_if_they_carry_velocities_and_accelerations():
-    q = np.zeros((3, 6))
-    still, moves = rows(q, np.arange(3.0)), rows(Jet(q, q, q), np.arange(3.0))
-    assert (still.moving, still.mode) == (False, "static")
-    assert (moves.moving, moves.mode) == (True, "dynamic")
-    assert still.jointed and not scene_of("oriented static").jointed
-    assert np.array_equal(moves.joints, q) and np.array_equal(still.joints, q)
+    assert not scene_of("oriented static").jointed
     t = np.arange(200) / 100.0
     q = np.zeros((200, 6))
     scene = rows(Jet(q, q, q), 3.0 + t)
@@ -45,6 +37,7 @@ def test_rows_are_a_motion_if_they_carry_velocities_and_accelerations():
     assert jet.dd[inside] == pytest.approx(np.tile([2.0, 0.0], (200, 1))[inside], abs=1e-9)
     assert scene.in_motion(jet) is jet
     assert rows(q, t).in_motion(x) is x
+    assert (scene.mode, rows(q, t).mode) == ("dynamic", "static")
 
 
 def test_a_joint_comes_from_the_side_on_which_it_last_moved():
@@ -64,9 +57,6 @@ def test_a_joint_comes_from_the_side_on_which_it_last_moved():
     assert held_on(sign).tolist() == held
 
 
-# ---- what an effect does not do ------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("name", registry.names("effects"))
 def test_what_is_published_can_be_read_back(name, scene):
@@ -82,9 +72,6 @@ def test_what_is_published_can_be_read_back(name, scene):
             assert back[n]["std"] == pytest.approx(std[n])
         for n in variant.shape:
             assert back[n]["value"] == values[n] and back[n]["std"] is None
-
-
-# ---- the chain -----------------------------------------------------------------------------------
 
 
 def test_stages_act_in_their_order_whatever_the_order_given():
@@ -139,11 +126,6 @@ def test_what_shows_only_in_motion_does_not_act_at_rest():
     still = scene_of("ur5 static")
     late = ActiveEffect.of(still.robot, "timing.delay", {"delay": 0.5})
     assert np.array_equal(EffectChain([late]).read(still, still.load), still.load)
-    stages = ["model", "joint", "pose", "load", "effort", "reading", "timing", "row"]
-    assert list(STAGES) == stages
-
-
-# ---- effects by name -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -174,12 +156,10 @@ def test_an_effect_by_its_text_has_these_values_and_no_other(text, expected):
     ("text", "error", "says"),
     [
         ("joint.offset:joint=9", ParameterError, "does not exist: 1 … 6"),
-        ("joint.offset:joint=0", ParameterError, "does not exist: 1 … 6"),
         ("joint.offset:joint=1.5", ParameterError, "does not exist: 1 … 6"),
         ("joint.offset:joint=two", ParameterError, "is no number"),
         ("tool.cog:axis=w", ParameterError, "axis"),
         ("joint.compliance:jont=2", ParameterError, "no parameter 'jont'.* first: joint, "),
-        ("tool.cog:axes=x", ParameterError, "no parameter 'axes'.* first: axis, "),
         (
             "joint.offset:joint=3,ofset=0.01",
             ParameterError,
@@ -187,10 +167,8 @@ def test_an_effect_by_its_text_has_these_values_and_no_other(text, expected):
         ),
         ("joint.compliance:stifness=9000", ParameterError, "'stifness'.* first: stiffness, "),
         ("joint.compliance:stiffness=9000", ParameterError, "stiffness .*joint=1 … 6"),
-        ("joint.gear_error:joint=2,sinn=1e-4", ParameterError, "'sinn'.* first: sin, "),
         ("tool.cog:=2", ParameterError, "is not name=value"),
         ("tool.cog:cog.x", ParameterError, "'cog.x' is not name=value"),
-        ("tool.cog:cog.x=", ParameterError, "'cog.x=' is not name=value"),
         ("tool.cog:cog.x=1,cog.x=1", ParameterError, "'cog.x' is given twice"),
         ("tool.cog:cog.x=5", ParameterError, "outside"),
         ("tool.cgo", NotFoundError, "tool.cog"),
@@ -257,16 +235,6 @@ def test_one_effect_of_channels_is_not_channelwise():
     assert {name for name, _ in EVERY} - {name for name, _ in CASES} == {"sensor.crosstalk"}
 
 
-@pytest.mark.parametrize("name, scene", CASES, ids=str)
-def test_an_amplitude_changes_its_own_channel_alone(name, scene):
-    effect = registry.load("effects", name)
-    for shape, names in amplitudes(name, scene).items():
-        for amplitude in names:
-            change = slope(effect, scene, dict(shape), amplitude)
-            channel = CHANNELS.index(amplitude.rpartition(".")[2])
-            assert np.abs(np.delete(change, channel, axis=1)).max() == 0.0, amplitude
-
-
 @pytest.mark.parametrize("name, scene", EVERY, ids=str)
 def test_changed_together_they_are_what_each_is_alone(name, scene):
     effect, rows = registry.load("effects", name), scene_of(scene)
@@ -284,8 +252,6 @@ def test_changed_together_they_are_what_each_is_alone(name, scene):
                 size = max(np.abs(alone).max(), 1e-9)
                 assert np.abs(change[:, some] - alone).max() < 1e-9 * size + 1e-12, amplitude
 
-
-# ---- sets of effects in one scene
 
 SOME = ("joint.offset", "cable.pull", "sensor.gain", "tool.mass", "base.tilt", "joint.compliance")
 

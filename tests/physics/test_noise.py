@@ -2,7 +2,6 @@
 
 import itertools
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -108,15 +107,6 @@ def test_mains_is_a_sine_of_the_stated_amplitude_and_a_phase_of_its_own() -> Non
     assert np.diff(np.sort(phases)).min() > 1e-3
 
 
-@pytest.mark.parametrize("part", ["white", "flicker"])
-def test_channels_are_correlated_as_stated(part: str) -> None:
-    parts: dict[str, Any] = {part: SIX}
-    model = NoiseModel(**parts, correlation=LEVER)
-    moves = np.diff(rest(model, 100.0, 100.0), axis=0)
-    found = np.corrcoef(moves.T)
-    assert np.abs(found - LEVER).max() < 5 * np.sqrt(1.5 / len(moves))
-
-
 def test_readings_lie_on_the_resolution_grid() -> None:
     step = np.array([0.1, 0.1, 0.2, 0.01, 0.01, 0.0])
     rows = rest(NoiseModel(white=SIX, resolution=step), 100.0, 10.0)
@@ -153,16 +143,6 @@ def test_warm_up_approaches_its_end_exponentially() -> None:
     warm = replace(cold, warmup_age=1800.0)
     rest_of_it = NoiseStream(warm, 1).corrupt(t, np.zeros((200, 6)))[0]
     np.testing.assert_allclose(rest_of_it, np.exp(-2.0) * shown, atol=1e-15)
-
-
-def test_the_load_is_not_changed_and_the_noise_does_not_depend_on_it() -> None:
-    load = np.random.default_rng(2).normal(size=(50, 6))
-    kept, t = load.copy(), np.arange(50.0)
-    model = replace(FULL, resolution=np.zeros(6), range=np.full(6, np.inf))
-    loaded = NoiseStream(model, 4).corrupt(t, load)[0]
-    np.testing.assert_array_equal(load, kept)
-    unloaded = NoiseStream(model, 4).corrupt(t, 0 * load)[0]
-    np.testing.assert_allclose(loaded - load, unloaded, atol=1e-14)
 
 
 GAPS = np.random.default_rng(8).uniform(1e-3, 0.5, 40)

@@ -6,29 +6,24 @@ The suite finds the sensors by itself: a new file is tested as soon as it lies t
 import itertools
 import json
 import re
-import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import signal, stats
+from scipy import signal
 
 from arm_files import CASES, TOOL_COG, TOOL_MASS
-from recorded import METADATA, columns
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
-from wrenchbed.data.metadata import SensorInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.sensors.base import Sensor, SensorCalibration
+from wrenchbed.sensors.base import Sensor
 from wrenchbed.sensors.described import read, rebuilt, text
 
 REST = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma" / "0-steady-state_wrench.csv"
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "sensors.md"
-FILES = Path(__file__).parents[2] / "src" / "wrenchbed" / "sensors"
 RATE = 698.1
 SENSORS = registry.names("sensors")
 
@@ -70,22 +65,6 @@ def test_ranges_and_resolutions_are_plausible_and_sourced(sensor: Sensor) -> Non
     assert np.abs(sensor.plate_offset).max() < 0.1 and sensor.plate_offset_source
     counts = None if sensor.counts is None else sensor.calibration().range * sensor.counts
     assert counts is None or ((counts > 1000).all() and (counts < 2**31).all())
-
-
-def test_every_number_has_a_source(sensor: Sensor) -> None:
-    """Each table of the file that holds numbers also says where they come from."""
-
-    def has_numbers(value: object) -> bool:
-        return isinstance(value, list | int | float) and not isinstance(value, bool)
-
-    content = tomllib.loads((FILES / f"{sensor.name}.toml").read_text(encoding="utf-8"))
-    tables = [v for v in content.values() if isinstance(v, dict)] + content["calibration"]
-    assert len(tables) >= 4
-    for table in tables:
-        if any(map(has_numbers, table.values())):
-            assert len(table["source"].split()) >= 1 and table["source"][0] != " "
-    loose = {k for k, v in content.items() if has_numbers(v)} - {"format", "calibration"}
-    assert not loose, f"without a source: {loose}"
 
 
 def test_what_is_written_reads_the_same(sensor: Sensor, tmp_path: Path) -> None:
@@ -134,25 +113,13 @@ def test_the_noise_belongs_to_the_default_calibration(sensor: Sensor) -> None:
     assert (noise.warmup_drift * drift < noise.row_std).all()
 
 
-def test_white_noise_is_independent_and_gaussian_with_the_same_deviation() -> None:
-    own = registry.load("sensors", "ati-mini40").noise
-    model, std = noise_model("white", own), own.row_std
-    np.testing.assert_array_equal(model.row_std, std)
-    n = 8_000
-    rows = NoiseStream(model, 7).corrupt(np.arange(n) / 100, np.zeros((n, 6)))[0]
-    np.testing.assert_allclose(rows.std(axis=0), std, rtol=5 / np.sqrt(2 * n))
-    assert stats.kstest((rows / std).ravel(), "norm").pvalue > 1e-3
-    for lag in (1, 2, 10):
-        shared = (rows[lag:].T @ rows[:-lag]) / n / np.outer(std, std)
-        assert np.abs(shared).max() < 5 / np.sqrt(n)
-    far, status = NoiseStream(model, 1).corrupt([0.0, 1e6], np.full((2, 6), 1e6))
-    assert status.tolist() == [0, 0] and (np.abs(far - 1e6) < 6 * std).all()
-
-
 def test_noise_off_returns_every_bit_of_the_load() -> None:
     load = np.array([[0.0, -0.0, 1 / 3, 1e300, 5e-324, -7.1]])
     own = registry.load("sensors", "ati-gamma").noise
     assert noise_model("real", own) is own
+    white = noise_model("white", own)
+    assert white.row_std == pytest.approx(own.row_std)
+    assert not NoiseStream(white, 1).corrupt([0.0], np.full((1, 6), 1e6))[1].any()
     with pytest.raises(ParameterError, match=r"no noise 'pink'\. Known: real, white, off"):
         noise_model("pink", own)
     measured, status = NoiseStream(noise_model("off", own), 1).corrupt([0.0], load)
@@ -160,11 +127,9 @@ def test_noise_off_returns_every_bit_of_the_load() -> None:
     assert measured is not load and status.tolist() == [0]
 
 
-def test_calibrations_that_are_unknown_or_without_a_range_are_refused() -> None:
+def test_an_unknown_calibration_is_refused() -> None:
     with pytest.raises(NotFoundError, match="SI-20-1"):
         registry.load("sensors", "ati-mini40").calibration("SI-0-0")
-    with pytest.raises(ParameterError, match="SI-0-0.range"):
-        SensorCalibration("SI-0-0", np.zeros(6), np.ones(6), "none")
 
 
 def test_the_mini40s_noise_is_that_of_equal_gauges_near_the_published_rest() -> None:
@@ -240,14 +205,11 @@ def test_a_path_stands_for_a_name_and_two_files_never_pass_for_one(mine):
 
 WRONG = {
     "unknown field": ("white =", "whit =", "there is no field noise.whit; did you mean"),
-    "unknown table": ("[mass]", "[masse]", r"there is no field masse; did you mean 'mass'"),
-    "no table": ("[mass]  # kg\nvalue = 0.0917\n", "[mass]\n", r"mass\.value is missing"),
     "no source": ("[mass]  # kg\nvalue = 0.0917\nsource", "[mass]\nvalue = 0.0917\n#",
                   r"mass\.source is missing"),
     "unit in a text": ("value = 0.0917", 'value = "91.7 g"', r"mass\.value = '91.7 g' must be a "
                        "number in kg, without its unit"),
     "grams": ("value = 0.0917", "value = 91.7", r"mass\.value = 91.7 .*\(is it in g\?\)"),
-    "negative mass": ("value = 0.0917", "value = -0.1", r"mass\.value = -0.1 must be 0 … 20 kg"),
     "millimetres": ("value = [0.0, 0.0, 0.0157]", "value = [0.0, 0.0, 15.7]",
                     r"plate_offset\.value .*\(is it in mm\?\)"),
     "shape": ("range = [145.0, ", "range = [", r"calibration 1\.range = .* must be six"),
@@ -259,10 +221,6 @@ WRONG = {
     "band": ("f_low = 0.001", "f_low = 200.0", r"noise.f_low = 200 Hz"),
     "default": ('default = "SI-290-10"', 'default = "SI-290"',
                 r"default = 'SI-290' .*did you mean 'SI-290-10'"),
-    "format": ("format = 1", "format = 2", "format = 2 must be 1"),
-    "no calibration": ("[[calibration]]", "[[calibrations]]", "did you mean 'calibration'"),
-    "not TOML": ("format = 1", "format = ", "not valid TOML"),
-    "not finite": ("f_high = 100.0", "f_high = inf", r"noise\.f_high = inf must be a number"),
 }  # fmt: skip
 
 
@@ -286,22 +244,6 @@ def test_a_file_that_is_not_there_is_said(tmp_path: Path, capsys: pytest.Capture
         registry.load("sensors", "ati-mini-45")
     with pytest.raises(ParameterError, match="sensor_model: incomplete"):
         rebuilt({"text": TEXT})
-
-
-def test_a_recording_carries_its_sensor(mine: Path, tmp_path: Path) -> None:
-    name = registry.known_as("sensors", str(mine))
-    rec = tmp_path / "rec.parquet"
-    Recording(replace(METADATA, sensor=SensorInfo(name)), columns()).write(rec)
-    mine.unlink()
-    forgotten()
-    read_again = Recording.read(rec)
-    assert read_again.metadata.sensor.model == name
-    assert registry.load("sensors", name).calibration().range[0] == 290.0
-    copy = tmp_path / "copy.parquet"
-    read_again.write(copy)
-    forgotten()
-    assert Recording.read(copy).metadata.sensor.model == name
-    assert registry.is_known("sensors", name)
 
 
 def test_a_map_may_name_the_file(

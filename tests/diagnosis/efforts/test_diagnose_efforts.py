@@ -313,17 +313,6 @@ def test_a_payload_that_torques_alone_do_not_tell_is_named_and_weighed():
 
 
 @pytest.mark.slow
-def test_friction_is_seen_by_its_joint_alone_and_the_sensor_agrees():
-    found = diagnose_efforts(both(Gap("drive.coulomb", 3, 6.0)), wrench=True)
-    assert answers(found) == [("drive.coulomb", [])]
-    assert found.diagnosis.which[0]["parameters"]["joint"]["value"] == 3
-    assert max(found.diagnosis.gap.per_channel[c]["before"] for c in CHANNELS) < 0.2
-    assert np.array([c.noise.std for c in found.d.channels[6:]]) == pytest.approx(
-        OF_SENSOR, rel=0.1
-    )
-
-
-@pytest.mark.slow
 def test_what_only_the_sensor_has_is_unknown_and_its_channel_is_said():
     recording = both()
     columns = dict(recording.columns)
