@@ -157,8 +157,6 @@ def test_a_stopped_campaign_goes_on_where_it_stopped(tmp_path):
 
 
 class Switched(Gauge):
-    """Someone chooses another calibration before a move."""
-
     identity = property(lambda self: {"counts_per_force": 1 + self.arm.moves // self.move})
 
 

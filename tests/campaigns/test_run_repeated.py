@@ -246,14 +246,12 @@ def test_a_zero_that_changes_is_named_with_its_pose(tmp_path):
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A complete recording, and its run."""
     path = tmp_path_factory.mktemp("recorded") / "r.parquet"
     return path, run(Arm(), path)
 
 
 @pytest.fixture
 def path(recorded, tmp_path):
-    """A copy of it."""
     return shutil.copy(recorded[0], tmp_path / "r.parquet")
 
 

@@ -172,7 +172,6 @@ RECORD = ["record", "--robot", "ur5", "--plan", "p.parquet", "--samples", "6", "
 
 @pytest.fixture
 def folder(made, tmp_path, monkeypatch):
-    """With a plan and a recording of it."""
     monkeypatch.chdir(tmp_path)
     for name, short in (("plan", "p"), ("rec", "r")):
         shutil.copy(made / f"{name}.parquet", f"{short}.parquet")
@@ -239,7 +238,6 @@ def test_a_page_shows_the_tool_that_its_simulator_has(made, folder, monkeypatch)
 
 @pytest.mark.slow
 def test_names_that_are_not_utf_8(folder):
-    """Every verb reads and writes such files."""
     odd = os.fsdecode(b"r\xff")
     os.rename(folder / "r.parquet", folder / f"{odd}.parquet")  # noqa: PTH104
     (folder / f"{odd}.json").write_text(json.dumps({"format": 1, "robot": "ur5"}))

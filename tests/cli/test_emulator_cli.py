@@ -28,7 +28,6 @@ EFFECTS = ("joint.compliance:joint=2,stiffness=1.0e4", "sensor.hysteresis", "joi
 
 @pytest.fixture(scope="module")
 def plans(tmp_path_factory) -> Path:
-    """Poses and a motion of the UR5."""
     folder = tmp_path_factory.mktemp("plans")
     assert main(["plan", "ur5", "--n", "12", "--out", str(folder / "static.parquet")]) == 0
     motion = ["plan", "ur5", "--motion", "multisine", "--seconds", "10"]
@@ -122,7 +121,6 @@ def oriented(tmp_path):
 
 @pytest.fixture
 def asked(monkeypatch):
-    """How many look-alikes each call wanted."""
     counts = []
 
     def learn(recording, count, **_):

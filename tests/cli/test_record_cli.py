@@ -98,8 +98,6 @@ def test_a_simulated_recording_cannot_be_resumed(record, capsys):
 
 
 class Watched(Arm):
-    """An arm that notes what was asked of it."""
-
     def __init__(self, address: str = "192.168.0.20") -> None:
         super().__init__()
         self.place, self.did = address, []

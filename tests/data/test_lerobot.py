@@ -27,7 +27,6 @@ mode = "dynamic"
 
 
 def data_set(folder, scale=np.rad2deg, names=None, more=(), **features):
-    """Of three episodes."""
     return lerobot(folder, scale(Q), scale(TARGET), EPISODE, names, more=more, **features)
 
 

@@ -25,13 +25,11 @@ MIDNIGHT = datetime(2025, 3, 1, 23, 59, 30)
 
 @pytest.fixture(scope="module")
 def log():
-    """A UR5 in plain numpy: time [s] and twelve columns."""
     recording = PlainUr5().recording(0, count=20)
     return recording.t, np.stack([recording.columns[n] for n in NAMES], axis=1)
 
 
 def write(path, header, clock, values, spoil=lambda cells, row: cells):
-    """A table of a clock's cells and of values."""
     lines = list(header)
     for row, (stamp, of_row) in enumerate(zip(clock, values.tolist(), strict=True)):
         lines.append(",".join([stamp, *spoil([repr(x) for x in of_row], row)]))

@@ -189,7 +189,6 @@ def test_settings_that_are_none(words, named):
 
 @pytest.fixture(scope="module")
 def idle():
-    """An emulator that was never started."""
     return emulated("medrue", EmulatorOptions(HOST, noise="off", setting={"port": "0"}))
 
 

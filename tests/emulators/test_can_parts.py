@@ -36,7 +36,6 @@ def test_statuswords_of_the_profile(word, state):
 
 
 def made(position):
-    """An axis of a drive, without a bus."""
     ratings = rated(-1000, 100_000, 500, 1e6, 1e5, 1e5, 10.0)
     drive = DriveEmulator(1, lambda frame: None, ratings, position, threading.RLock())
     return drive.axis

@@ -39,7 +39,6 @@ Kind = type[Emulator]
 
 
 def client_of(address: str) -> socket.socket:
-    """A TCP client of an address."""
     host, port = re.search(r"(127\.[\d.]+):(\d+)", address).groups()
     return socket.create_connection((host, int(port)), 2.0)
 
@@ -138,8 +137,6 @@ def test_a_process_says_ready_serves_and_ends_when_it_is_asked_to(name):
 
 
 class Gripper(Emulator):
-    """Of another package."""
-
     name, title, settings = "gripper", "a gripper", {}
     served: list[str] = []  # noqa: RUF012
 
@@ -233,7 +230,6 @@ ASKS = {
 
 
 def told(**values):
-    """What a handler is given for these values."""
     faults, got = Faults(), []
     faults.on("rdt", "drop", got.append, ASKS)
     faults.inject(TimedFault("rdt", "drop", values={"by": 2.0} | values))

@@ -98,8 +98,6 @@ PAGES = "127.0.3.33"
 
 
 class Desk:
-    """A box's pages and sensor."""
-
     def __init__(self, **settings) -> None:
         chosen = BoxSettings(**settings)
         self.sensing = Sensing(StandIn(0.0), chosen, Faults())
@@ -161,7 +159,6 @@ def box():
 
 
 def ask(address, *fields, line="GET /comm.cgi?comrdtrate=500 HTTP/1.1", body=""):
-    """Status of the answer."""
     with socket.create_connection(address, 5.0) as link:
         link.sendall(("\r\n".join([line, *fields, "", ""]) + body).encode())
         return int(b"".join(iter(lambda: link.recv(4096), b"")).split(b" ")[1])

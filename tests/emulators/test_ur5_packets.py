@@ -13,8 +13,6 @@ CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)
 
 
 class Sent(list):
-    """What a session said."""
-
     def take(self) -> bytes:
         said = b"".join(self)
         self.clear()

@@ -23,8 +23,6 @@ ASIDE, UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 class Played(Bench):
-    """A bench that remembers what its programs say."""
-
     def __init__(self, series: str = "cb3", **settings: str) -> None:
         super().__init__(series=series, **settings)
         self.said: list[str] = []
@@ -217,7 +215,6 @@ def test_a_popup_waits_and_a_secondary_program_runs_beside(bench):
 
 
 def _long(*lines: str) -> list:
-    """A program of 2,000 lines; the controller compiles such beside its control cycle."""
     text = "\n".join(["def program():", *["k = 1"] * 2000, *lines, "end", ""])
     return Collector().feed(text.encode())
 

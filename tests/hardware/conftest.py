@@ -17,7 +17,6 @@ def ur5():
 
 @pytest.fixture(scope="module")
 def bench(ur5):
-    """The emulated UR5, an observer, and a driver."""
     with rtde_moves.bench(ur5) as made:
         yield made
 

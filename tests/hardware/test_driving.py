@@ -117,11 +117,13 @@ def test_encoder_noise_in_motion_is_smoothed_or_refused(tmp_path, rate):
         calibrate(with_encoder_noise(rec, 2e-4 if rate == 125.0 else 2e-3))
 
 
-def test_a_motion_is_played_at_its_own_rate(tmp_path):
+def test_a_motion_is_played_at_its_own_rate_by_its_own_robot(tmp_path):
     with sim_driver("ur5") as driver:
         plan = choose.multisine(driver.robot, 6.0, 125.0, seed=0)
         with pytest.raises(PlanError, match="sampled at 125 Hz, not 250"):
             recording_run.record(driver, plan, tmp_path / "rec.parquet", rate=250.0)
+        with pytest.raises(PlanError, match="for robot 'medrue', not 'ur5'"):
+            recording_run.record(driver, Plan.of("medrue", plan.q), tmp_path / "rec.parquet")
 
 
 def test_an_overloaded_sensor_saturates_and_says_so(tmp_path):

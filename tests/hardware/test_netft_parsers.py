@@ -122,7 +122,6 @@ def test_an_answer_is_a_page_or_refused(answer, error, why):
 
 
 def rows(*pairs):
-    """Records of pairs of counters."""
     packed = b"".join(struct.pack(">3I6i", *pair, 0, *(0,) * 6) for pair in pairs)
     return rdt.decode(packed)
 

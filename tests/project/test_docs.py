@@ -46,7 +46,6 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Blocks of a page in their order."""
     text = page.read_text(encoding="utf-8")
     result = []
     for found in _FENCE.finditer(text):
@@ -58,7 +57,6 @@ def blocks(page: Path) -> list[Block]:
 
 
 def to_run(page: Path) -> list[Block]:
-    """Blocks that are not excluded."""
     return [b for b in blocks(page) if b.reason is None]
 
 
@@ -102,7 +100,6 @@ class Place:
 
 
 def anchors(text: str) -> Iterator[str]:
-    """Anchors of a page's headings."""
     bare = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
     for heading in re.findall(r"^#+ (.+)$", bare, flags=re.MULTILINE):
         plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)

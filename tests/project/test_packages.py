@@ -36,7 +36,6 @@ def run(*command: str, cwd: Path, **env: str) -> str:
 
 
 def built(folder: Path, **env: str) -> Path:
-    """The wheel of this tree."""
     pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation")
     run(*pip, "--wheel-dir", str(folder), str(ROOT), cwd=folder, **env)
     (wheel,) = folder.glob("wrenchbed-*.whl")
@@ -113,7 +112,6 @@ def test_it_works_read_only_without_home_in_the_c_locale(site):
 
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory) -> Path:
-    """The source distribution, built and unpacked elsewhere."""
     folder = tmp_path_factory.mktemp("sdist")
     hatchling = ("hatchling", "build", "--target", "sdist", "--directory", str(folder))
     run(sys.executable, "-m", *hatchling, cwd=ROOT)

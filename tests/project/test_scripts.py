@@ -18,7 +18,6 @@ IN_PYTHON = [
 
 
 def loaded(name):
-    """A script as a module."""
     loader = SourceFileLoader(name, str(SCRIPTS / name))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader))
     loader.exec_module(module)

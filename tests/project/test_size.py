@@ -48,7 +48,6 @@ MOST_FILES = 478
 
 
 def lines(*paths: Path) -> int:
-    """Lines of files."""
     return sum(path.read_bytes().count(b"\n") for path in paths)
 
 

@@ -159,8 +159,6 @@ def test_every_verb_has_a_case():
 
 
 class Inline:
-    """A pool that works in this process."""
-
     def submit(self, work, *more):
         future = Future()
         try:

@@ -183,7 +183,6 @@ def test_the_toml_beside_the_model_is_its_robot(name, tmp_path):
     ],
 )
 def test_rows_out_of_reach_and_singular_are_named(name, pose):
-    """Where the limits allow them."""
     robot = loop_robot(name)
     links = [replace(x, lower=-4.0, upper=4.0) for x in robot.arm_model.links]
     arm = replace(robot.arm_model, links=tuple(links))

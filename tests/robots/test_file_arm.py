@@ -19,7 +19,6 @@ each_file = pytest.mark.parametrize("case", CASES, ids=lambda c: c.file)
 
 
 def arm_of(case, folder):
-    """The robot of a file, with a stated tool."""
     stated = {"tool_mass": TOOL_MASS, "tool_cog": TOOL_COG}
     return describe(case.path, case.frame, folder / "my.toml", **stated).robot
 

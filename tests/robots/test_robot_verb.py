@@ -23,13 +23,11 @@ STATED = ["--tool-mass", str(TOOL_MASS), "--tool-cog", *map(str, TOOL_COG)]
 
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch):
-    """Nothing is known from another test."""
     monkeypatch.setattr(registry, "_records", {})
     monkeypatch.setattr(registry, "_known", {})
 
 
 def ran(*words, code=0):
-    """A verb that ends with this exit code."""
     assert main([str(word) for word in words]) == code
 
 
@@ -77,7 +75,6 @@ def test_an_arm_is_planned_recorded_and_calibrated_by_its_file_alone(case, tmp_p
 
 
 def stl(path, size):
-    """A box as binary STL."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size / 2
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
@@ -224,7 +221,6 @@ def test_a_mimic_joint_of_the_gripper_stands_at_its_offset(tmp_path):
 
 
 def plain_arm(tmp_path, frame="t"):
-    """The TOML of an arm of one joint."""
     assert refused(tmp_path, URDF.format(kind="revolute", more="", rest=""), frame) == (0, True)
     return tmp_path / "my.toml"
 

@@ -138,7 +138,6 @@ def test_parameters_of_the_load_leave_the_sensor_where_it_is(robot):
 
 @each_robot
 def test_the_jacobian_is_that_of_complex_steps(robot):
-    """Of the pose: to rounding, at random parameters."""
     model, rng = wb.Model.of(robot), np.random.default_rng(4)
     theta = model.parameters.nominal
     theta[: len(robot.parameters)] = random_theta(robot, rng)
@@ -194,8 +193,6 @@ POSES = 12
 
 
 class Heavy:
-    """A robot in MuJoCo, every body with its weight, at random poses."""
-
     def __init__(self, robot, theta, seed):
         self.robot, self.theta, self.gravity = robot, theta, np.array(robot.gravity)
         self.q = feasible(robot, POSES, theta, seed)
@@ -227,7 +224,6 @@ class Heavy:
 
 
 def cases(robot):
-    """Two random robots."""
     rng = np.random.default_rng(11)
     return [Heavy(robot, random_theta(robot, rng), seed) for seed in range(2)]
 

@@ -8,7 +8,6 @@ def names(folder: Path) -> list[str]:
 
 
 def said(capfd) -> str:
-    """The one line on stderr."""
     captured = capfd.readouterr()
     lines = [line for line in captured.err.splitlines() if line]
     assert len(lines) == 1, captured.err

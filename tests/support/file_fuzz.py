@@ -88,7 +88,6 @@ class Runner:
         return self.target.read(path)
 
     def close(self) -> None:
-        """Delete the folder."""
         self._folder.cleanup()
 
 
@@ -160,7 +159,6 @@ def _structured(data: bytes | bytearray, dice: random.Random) -> bytes:
 
 
 def corpus(name: str) -> list[bytes]:
-    """Inputs of a target that once failed."""
     return [path.read_bytes() for path in sorted((CORPUS / name).glob("*"))]
 
 
@@ -243,7 +241,6 @@ def bag1() -> FileTarget:
 
 
 def _bag2() -> dict[str, bytes]:
-    """Files of a bag of ROS 2."""
     with tempfile.TemporaryDirectory() as folder:
         fill(Writer2(Path(folder, "log"), version=9), "/wrench")
         return {p.name: p.read_bytes() for p in Path(folder, "log").iterdir()}
@@ -257,7 +254,6 @@ def _of_bag2(name: str) -> FileTarget:
 
 
 def csv_table() -> FileTarget:
-    """CSV files and other text tables."""
     from wrenchbed.data.guess.guess import guess
     from wrenchbed.data.text_table import read_text
 
@@ -303,7 +299,6 @@ def _parquet(columns: dict[str, Any]) -> bytes:
 
 
 def _json(read: Callable[[Path], Any], *objects: Any) -> FileTarget:
-    """A target of JSON files."""
     return FileTarget(read, [json.dumps(x).encode() for x in objects], "a.json", structured=True)
 
 
@@ -316,7 +311,6 @@ def recording() -> FileTarget:
 
 
 def recording_metadata() -> FileTarget:
-    """The metadata of a recording."""
     from wrenchbed.data.recording import Recording
 
     def read(path: Path) -> None:
@@ -329,7 +323,6 @@ def recording_metadata() -> FileTarget:
 
 
 def plan() -> FileTarget:
-    """Plans in Parquet."""
     from wrenchbed.data.plan import Plan, is_plan
 
     poses = {k: v for k, v in _numbers().items() if k[0] in "qs"}
@@ -351,7 +344,6 @@ def journal() -> FileTarget:
 
 
 def points() -> FileTarget:
-    """Known points in CSV."""
     from wrenchbed.data.plan import read
 
     seed = "x,y,z\n" + "\n".join(f"0.{k},0.2,-0.{k}" for k in range(9))
@@ -408,7 +400,6 @@ def sealed_json() -> FileTarget:
 
 
 def map_toml() -> FileTarget:
-    """Maps of columns, in TOML."""
     import wrenchbed as wb
     from wrenchbed.data.column_map import ready
 

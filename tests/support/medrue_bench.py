@@ -22,7 +22,6 @@ def options(host: str = HOST, **more: Any) -> CanOptions:
 
 
 def readied(one: CanDriver) -> CanDriver:
-    """A driver, with all drives enabled."""
     one.connect()
     if not one.health().ok:
         one.recover(unlock=True)

@@ -6,6 +6,5 @@ from wrenchbed.plant.serving import EmulatorOptions
 
 
 def emulated(kind: str | type[Emulator], options: EmulatorOptions) -> Emulator:
-    """An emulator by name or class."""
     kind = registry.load("emulators", kind) if isinstance(kind, str) else kind
     return kind(options, options.plant)

@@ -17,8 +17,6 @@ CONTROL = (Path(__file__).parent / "rtde_control.script").read_text(encoding="ut
 
 
 class Bench:
-    """A controller whose time is its own."""
-
     def __init__(self, table: float | None = None, series: str = "cb3", **settings: str) -> None:
         request = PlantRequest("ur5", CYCLE, drives=True)
         self.body = MujocoPlant(EmulatorOptions(noise="off", table=table), request)
