@@ -236,6 +236,13 @@ def told(**values):
     return got[0].values
 
 
+def test_values_of_a_fault_have_defaults():
+    assert told(node=3) == {
+        "share": 0.1, "node": 3, "how": "short", "silent": True, "by": 2.0,
+        "name": "cfgcpf",
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("values", "why"),
     [
