@@ -23,7 +23,6 @@ MASS, COG = 1.1, [0.01, 0.02, 0.05]
 
 @pytest.fixture(scope="module")
 def whole():
-    """The load of the tool at twelve poses."""
     return as_driven(static("ur5", {}, poses=12, samples=20, noise=WHITE, seed=3))
 
 

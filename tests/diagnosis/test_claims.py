@@ -39,7 +39,9 @@ def test_effects_that_look_the_same_are_rivals_and_those_that_do_not_are_none():
     _, same = diagnosed({"joint.offset": 3.0}, alike={pair: 0.9999})
     assert same.word == "ambiguous"
     assert [set(c) for c in causes(same)] == [set(pair)]
-    _, other = diagnosed({"joint.offset": 3.0}, alike={pair: 0.9})
+    ranking, other = diagnosed({"joint.offset": 3.0}, alike={pair: 0.9})
+    told = [e.log_posterior for e in ranking.explanations]
+    assert told == sorted(told, reverse=True) and told[-1] > told[0] - 30.0
     assert (other.word, causes(other)) == ("identified", [("joint.offset",)])
 
 

@@ -216,14 +216,6 @@ def test_small_causes_are_detected_and_listed_below_what_counts(answer, findings
 
 
 @pytest.mark.slow
-def test_a_small_cause_is_of_one_class_with_what_imitates_it(tmp_path):
-    recording = simulated(tmp_path / "r.parquet", "base.tilt:x=0.0016", poses(60), 2, ROWS)
-    answer = wb.diagnose(recording).diagnosis.to_json()
-    (small,) = [m for m in answer["minor"] if "base.tilt" in named_by(m)]
-    assert answer["verdict"] == "none" and "cable.pull" in named_by(small)
-
-
-@pytest.mark.slow
 def test_averaging_first_changes_no_answer_where_what_counts_is_stated(spring):
     material = Material(0.04, 0.001)
     each = [

@@ -191,6 +191,8 @@ def test_a_sensor_that_was_zeroed_twice_jumps_twice(seed):
     between = rec.t[EACH] - rec.t[EACH - 1]
     for at, value in zip(rec.t[rows], found, strict=True):
         assert at - between <= value <= at
+    stds = [cause["parameters"][name]["std"] for name in ("time", "time2")]
+    assert min(stds) > between / 12.0**0.5
     assert answer["gap"]["with_effects"] < 0.5
 
 

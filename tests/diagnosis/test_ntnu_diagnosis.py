@@ -25,7 +25,6 @@ def poses():
 
 @pytest.fixture(scope="module")
 def runs():
-    """The diagnosis of each run, made when it is first asked for."""
     return cache(lambda run: diagnose(motion(run)))
 
 

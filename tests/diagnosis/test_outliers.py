@@ -198,7 +198,6 @@ def test_a_table_that_a_few_poses_touch_is_a_contact(free, count):
 
 @pytest.mark.slow
 def test_pushes_without_point_or_way_in_common_are_set_aside_only(free):
-    """Each its own way, at the flange."""
     chosen, world = np.flatnonzero(lowest(free, 2)), np.zeros((POSES, 3))
     world[chosen] = (0.0, 0.0, 2.0), (0.0, 2.0, -1.0)
     told = diagnose(with_forces(free, world, -0.5 * TIP)).diagnosis

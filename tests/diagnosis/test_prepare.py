@@ -140,6 +140,12 @@ def test_rows_with_memory_average_less(monkeypatch, time, expected):
     assert module._noise_at_rest(None, data) == pytest.approx(np.full(6, expected))
 
 
+def test_noise_in_motion_is_never_below_that_of_a_row(monkeypatch):
+    told = np.array([0.2, 1.0, 1.5, 3.0, 0.9, 1.1])
+    monkeypatch.setattr(module, "noise_in_motion", lambda *_: (np.zeros(6), told))
+    assert module._noise_of_averages(None, 0.008, 4) == pytest.approx([1, 1, 1.5, 3.0, 1, 1.1])
+
+
 def test_rows_of_a_pose_scatter_about_their_mean_and_rows_of_a_motion_do_not():
     data = Observations(
         None, np.array([np.full(6, 1.0), np.full(6, 5.0)]), np.array([2, 3]), np.eye(6), 1.0,

@@ -117,7 +117,6 @@ def test_the_linearised_data_is_what_is_left_and_what_the_slopes_make():
 
 @pytest.fixture(scope="module")
 def refitter():
-    """Without the search."""
     robot = registry.load("robots", "ur5")
     design = ExperimentDesign.of_plan(poses(robot, 30, 3), robot)
     prepared = prepare(recording(design, draw(design, 4, "single", "sensor.drift")))

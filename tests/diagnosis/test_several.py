@@ -13,7 +13,6 @@ from linear_case import dictionary, named, noise, refitter
 from simulated import driven
 from wrenchbed import registry
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.explain.refit import together
 from wrenchbed.diagnosis.explain.shared_numbers import Structure
@@ -25,20 +24,6 @@ def recorded(tmp_path, *effects, n=40, seed=1):
     robot = registry.load("robots", "ur5")
     plan = Plan.of("ur5", robot.sample(n, np.random.default_rng(seed)))
     return driven(plan, tmp_path / "rec.parquet", 30, noise="white", seed=seed, effects=effects)
-
-
-@pytest.mark.slow
-def test_a_jump_between_two_poses_may_have_come_at_any_time_between_them(tmp_path):
-    t = recorded(tmp_path).t
-    before, after = t[599], t[600]  # the last row of a pose, the first of the next
-    moment = before + 0.8 * (after - before)
-    told = diagnose(recorded(tmp_path, f"sensor.jump:time={moment},step.fz=0.6")).diagnosis
-    (cause,) = told.to_json()["which"]
-    assert cause["effect"] == "sensor.jump"
-    time = cause["parameters"]["time"]
-    step = np.diff(t).max()  # a pose on either side may be a sealed one
-    assert abs(time["value"] - moment) < 2.0 * time["std"]
-    assert (after - before) / 12.0**0.5 < time["std"] < step
 
 
 TILT, PULL, LOOSE = "base.tilt", "cable.pull", "tool.loose"

@@ -51,7 +51,6 @@ class Motion:
 
 
 def motion(seed):
-    """Of a UR5."""
     t, q = fourier(np.random.default_rng(seed))
     effort = torques(q) + COULOMB * np.sign(q.d) + VISCOUS * q.d
     drives = {"coulomb": COULOMB, "viscous": VISCOUS, "offset": 0.0, "inertia": arm.ROTOR}
@@ -66,7 +65,6 @@ def clean():
 
 @pytest.fixture(scope="module")
 def looped():
-    """Of MedRUE with its load."""
     t, q = loops.fourier(np.random.default_rng(3))
     true = dict(zip(TOOL, (loops.MASS, *loops.COG), strict=True)) | loops.DRIVES
     constant = arm.by_joint(constant=loops.CONSTANT)

@@ -19,7 +19,6 @@ LOAD = {"tool.mass": 0.05, "tool.cog.x": 0.03, "tool.cog.y": 0.0, "tool.cog.z": 
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
-    """Name of the arm, known from its file."""
     folder = tmp_path_factory.mktemp("arm")
     (folder / "so.xml").write_text(SERVOS.xml(), encoding="utf-8")
     wb.describe_robot(folder / "so.xml", "tip", folder / "so.toml")
@@ -28,7 +27,6 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def moved(arm):
-    """A motion in MuJoCo: recording, targets and joint values."""
     targets = teleoperated(0, SECONDS)
     q = follow(SERVOS, targets, step=5e-4)
     return recording(q, targets, robot=arm), targets, q

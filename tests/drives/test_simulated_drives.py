@@ -196,3 +196,17 @@ def test_a_motion_needs_the_torques_of_inverse_dynamics_and_faults(robot, cycle)
     extra = (faulty - plain)[late]
     assert np.abs(extra[:, 1] - 4.0 * speed[late, 1]).max() < 0.02
     assert np.abs(np.delete(extra, 1, axis=1)).max() < 1e-9
+
+
+def test_currents_have_noise_and_warm_up():
+    body = settled(UR5, 0.002, UR5.home)
+    quiet = body.drives.now.current
+    noisy = Body(BodyOptions("ur5"), 0.002, drives=True)
+    rows = []
+    for _ in range(600):
+        noisy.step(UR5.home)
+        rows.append(noisy.drives.now.current)
+    seen, ripple = np.array(rows), 0.006 * noisy.drives.train.level()
+    assert 0.01 < seen[:, 1].std() < 0.2 and abs(seen[:, 1].mean() - quiet[1]) < ripple[1]
+    assert np.abs(seen / 0.001 - np.rint(seen / 0.001)).max() < 1e-6
+    assert 25.0 < noisy.drives.temperatures[0] < 25.1

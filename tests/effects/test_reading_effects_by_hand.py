@@ -243,9 +243,10 @@ def test_temperature_moves_zero_and_span_with_its_lag():
     t = np.concatenate([np.arange(0.0, 100.0, 2.5), np.arange(100.0, 300.0, 10.0)])
     y = np.zeros((len(t), 6))
     ramp = rows_at(t, 0.02 * t)
-    late = reading("sensor.temperature", ramp, y, zero_fx=0.5, lag=30.0)[:, 0]
-    after = 0.5 * 0.02 * (t - 30.0 * -np.expm1(-t / 30.0))  # the exact answer to a ramp
-    assert late == pytest.approx(after, abs=1e-12)
+    for lag in (30.0, 2e-3):
+        late = reading("sensor.temperature", ramp, y, zero_fx=0.5, lag=lag)[:, 0]
+        after = 0.5 * 0.02 * (t - lag * -np.expm1(-t / lag))  # the exact answer to a ramp
+        assert late == pytest.approx(after, abs=1e-12)
     prompt = reading("sensor.temperature", ramp, y, zero_fx=0.5)[:, 0]
     assert prompt == pytest.approx(0.5 * 0.02 * t, abs=1e-15)
 

@@ -117,6 +117,8 @@ def test_it_is_linear_and_adds_to_its_channels_only(name):
         off = [k for k, c in enumerate(CHANNELS) if c not in on]
         assert np.abs(added(1.0)).max() > 0.0
         assert not added(1.0)[:, off].any()
+        curves = effect.curves(scene, v)
+        assert sorted(n for c in curves for n in c.names) == sorted(v.free)
 
 
 def test_the_curve_of_a_drift_is_what_it_adds():

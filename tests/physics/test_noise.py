@@ -70,10 +70,11 @@ def test_the_density_of_rows_is_the_stated_one(law: str) -> None:
 
 
 def test_flicker_noise_keeps_its_law_at_irregular_times() -> None:
-    model = NoiseModel(flicker=np.ones(6), f_low=1e-2, f_high=100.0)
+    model = NoiseModel(flicker=np.ones(6), correlation=LEVER, f_low=1e-2, f_high=100.0)
     steps = np.random.default_rng(5).choice([0.003, 0.1, 3.0], size=12_000)
     t = np.cumsum(steps)
     rows = NoiseStream(model, 2).corrupt(t, np.zeros((len(t), 6)))[0]
+    assert np.abs(np.corrcoef(np.diff(rows, axis=0).T) - LEVER).max() < 0.05
     rates = 2 * np.pi * np.geomspace(1e-2, 100.0, 20_001)
     for step in (0.003, 0.1, 3.0):
         squares = (np.diff(rows, axis=0)[steps[1:] == step] ** 2).mean()

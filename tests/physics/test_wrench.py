@@ -154,6 +154,14 @@ def test_the_angle_of_a_vector_that_turns_and_grows(angle, rate, acceleration, r
     assert np.isclose(np.cos(found.v - angle), 1.0)
 
 
+def test_a_fixed_matrix_is_a_jet_that_stands_still():
+    a = Jet(*np.random.default_rng(0).normal(size=(3, 4, 3, 3)))
+    m = np.random.default_rng(1).normal(size=(3, 3))
+    still = Jet(m, 0.0 * m, 0.0 * m)
+    for x, y in ((m @ a, still @ a), (a @ m, a @ still), (m * a, still * a)):
+        assert np.allclose([x.v, x.d, x.dd], [y.v, y.d, y.dd])
+
+
 @given(finite, finite, finite)
 def test_rotations_and_quaternions_are_scipys(x, y, z):
     turns = Rotation.from_euler("XYZ", [z, y, x]), Rotation.from_rotvec([x, y, z])

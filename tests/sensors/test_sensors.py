@@ -171,7 +171,6 @@ TEXT = text(registry.load("sensors", "ati-mini45"))
 
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is known from another test."""
     monkeypatch.setattr(registry, "_records", {})
     monkeypatch.setattr(registry, "_known", {})
 

@@ -51,7 +51,6 @@ def moved(arm, servos, seed, law=follow):
 
 @pytest.fixture(scope="module")
 def healthy(arm, tmp_path_factory):
-    """The fit of a healthy day."""
     file = tmp_path_factory.mktemp("fit") / "fit.json"
     calibrate_servos(moved(arm, SERVOS, 100)).write(file)
     return file

@@ -31,7 +31,6 @@ from wrenchbed.reports.effort_answer import EffortAnswer
 
 
 def consistent(found):
-    """The contract's invariants."""
     d, raw = found.diagnosis, found.diagnosis.to_json()
     g = d.gap
     assert sum(d.probabilities.values()) == pytest.approx(1.0, abs=1e-9)

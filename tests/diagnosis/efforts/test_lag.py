@@ -48,7 +48,6 @@ def test_an_encoder_of_17_bits_makes_no_acceleration():
 
 @pytest.fixture
 def recording():
-    """Ten seconds of all joints."""
     t, q = loops.fourier(np.random.default_rng(1), 10.0)
     effort = loops.torques(q, loops.MASS, loops.MEDRUE.gravity)
     return loops.recording(t, q, effort, configured=loops.DRIVES)

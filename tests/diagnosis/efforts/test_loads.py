@@ -20,7 +20,6 @@ TEN = pytest.mark.parametrize("seed", range(10))
 
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch):
-    """Nothing is known from another test."""
     monkeypatch.setattr(registry, "_records", {})
     monkeypatch.setattr(registry, "_known", {})
 
