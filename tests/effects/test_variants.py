@@ -17,6 +17,8 @@ from wrenchbed.physics.wrench import CHANNELS
 DECLARED = Path(__file__).parents[1] / "data" / "effect_variants.json"
 """Variants by scene and effect: label, free amplitudes, where shapes begin, shape, detail, weight,
 rivals, usual amplitudes. `python tests/effects/test_variants.py` writes them anew."""
+SOFT = ("compliance.x", "compliance.y", "compliance.z")
+WEIGHT = 9.80665 * float(scene_of("ur5 static").tool.mass)
 CASES = {
     "ur5 static": [*registry.names("effects")],
     "ur5 motion": ["link.length", "timing.delay", "timing.lowpass", "timing.skew", "tool.inertia"],
@@ -50,6 +52,22 @@ def test_the_ways_of_every_effect_are_those_written_down(scene):
         assert [w[0] for w in found] == [w[0] for w in ways], name
         for now, before in zip(found, ways, strict=True):
             assert now == [nearly(x) for x in before], name
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "size", "unit"),
+    [
+        ("cable.pull", {"pull.x": 2.0, "pull.z": -1.5}, {"largest_force": 2.5}, "N"),
+        ("tool.flexure", dict.fromkeys(SOFT, 1e-4), {"sag": WEIGHT * 1e-4}, "m"),
+        ("tool.slide", {"rate.x": 3e-6, "rate.z": 4e-6}, {"moved": 5e-6 * 295.0}, "m"),
+        ("sensor.drift", {"rate.fy": -1e-3}, {"largest_change.fy": -0.295}, "N"),
+    ],
+)
+def test_a_size_is_the_physical_quantity_in_a_scene(name, given, size, unit):
+    scene, effect = scene_of("ur5 static"), registry.load("effects", name)
+    values = effect.values(scene.robot, given)
+    found = effect.size(scene, Variant("", tuple(given)), values)
+    assert found == {n: (pytest.approx(x), unit) for n, x in size.items()}
 
 
 def test_a_channel_without_load_is_never_clipped():

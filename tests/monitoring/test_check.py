@@ -294,7 +294,9 @@ def test_the_command_checks_the_simulated_robot(tmp_path, capfd):
 def test_a_recording_of_the_plan_is_checked(folder, plan, tmp_path, capfd):
     MonthlyRobot(UR5, plan, 7).recording(3).write(tmp_path / "april.parquet")
     words = ["check", "ur5", "--history", str(folder), "--recording"]
-    assert main([*words, str(tmp_path / "april.parquet")]) == 0
+    out = tmp_path / "april.html"
+    assert main([*words, str(tmp_path / "april.parquet"), "--out", str(out)]) == 0
+    assert "✓ healthy" in (page := out.read_text(encoding="utf-8")) and 'id="course"' in page
     shown = capfd.readouterr().out
     assert "healthy: no change in 4 checks since 2020-01-1" in shown and "tool.mass" in shown
     assert main([*words, str(tmp_path / "april.parquet")]) == 1

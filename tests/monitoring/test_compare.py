@@ -126,9 +126,9 @@ def test_what_cannot_be_compared_is_refused(fits, second, why):
         compare(fits / "a.json", fits / second)
 
 
-def test_the_terminal_and_json_say_the_same(fits, capsys):
-    line = ["compare", str(fits / "a.json"), str(fits / "c.json")]
-    assert main(line) == 0
+def test_the_terminal_page_and_json_say_the_same(fits, capsys):
+    line, page = ["compare", str(fits / "a.json"), str(fits / "c.json")], fits / "page.html"
+    assert main([*line, "--out", str(page)]) == 0
     shown = capsys.readouterr().out
     assert main([*line, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -136,3 +136,6 @@ def test_the_terminal_and_json_say_the_same(fits, capsys):
     mass = next(c for c in told["changes"] if c["changed"])
     assert f"{mass['sigmas']:+.1f}" in shown and told["changed"] is True
     assert "…" not in shown and " -" not in shown  # nothing is cut at 80 columns
+    html = page.read_text(encoding="utf-8")
+    assert "◔ changed" in html and "1 of 13 numbers" in html and f"{mass['sigmas']:.1f} σ" in html
+    assert html.count('<tr class="best">') == 1

@@ -231,12 +231,9 @@ def test_a_time_that_never_ends_or_begins_is_refused(option, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("address", ["here", "127.0.0.1", "127.0.0.1:0", ":80", "h:99999", "h:x"])
-def test_addresses_are_checked(address):
+def test_addresses_are_checked_and_unknown_hosts_refused_before_anything_is_lost(address):
     with pytest.raises(ParameterError, match="give HOST:PORT"):
         Datagrams(address)
-
-
-def test_a_host_that_nobody_knows_is_refused_before_anything_is_lost():
     with pytest.raises(ParameterError, match="no such host, nothing is sent"):
         Datagrams(f"{'n' * 70}:9")  # longer than a name may be: nobody is asked for it
 

@@ -60,6 +60,7 @@ class CheckArguments:
     samples: int = monthly.SAMPLES  # Rows a pose.
     rate: float = monthly.RATE_HZ  # Sampling rate [Hz].
     prepare: bool = False  # Choose the poses, write DIR/plan.parquet, and record nothing.
+    out: Path | None = None  # HTML page to write.
     recover: bool = False  # Somebody has looked: first clear a protective stop or a drive's fault.
     yes: bool = False  # Somebody has looked that the robot may move: ask no more.
 
@@ -88,6 +89,7 @@ def check(
         path = str(history / monthly.PLAN)
         console.answer({"plan": path, "poses": len(plan)}, as_json, f"{len(plan)} poses → {path}")
         return 0
+    console.check_out(how.out, Kind.PAGE)
     time = None if how.time is None else stored.parse_time(how.time, "--time")
     if how.recording is not None:
         recording = wb.Recording.read(how.recording)
@@ -100,6 +102,8 @@ def check(
     judgement = wb.check(
         arm, history, recording, time=time, temperature=how.temperature, baseline=how.new_baseline
     )
+    if how.out is not None:
+        judgement.page(history, console.command()).write(how.out)
     console.answer(judgement.to_json(), as_json, compared(judgement.comparison))
     return EXIT[judgement.verdict]
 

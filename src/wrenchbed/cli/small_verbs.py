@@ -14,7 +14,6 @@ from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.errors import MissingExtraError
-from wrenchbed.pages.numbers import minus, quantity
 
 Kinds = Literal[
     "robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects", "exports",
@@ -74,15 +73,23 @@ def simulate(
 
 
 def compare(
-    a: tyro.conf.Positional[Path], b: tyro.conf.Positional[Path], /, as_json: Json = False
+    a: tyro.conf.Positional[Path],
+    b: tyro.conf.Positional[Path],
+    /,
+    out: Path | None = None,
+    as_json: Json = False,
 ) -> None:
     """Say what changed from A to B, and by how many σ: two fits, recordings or diagnoses.
 
     Args:
         a: fit.json, a recording, diagnosis.json or its folder.
         b: Another one of the same kind and robot.
+        out: HTML page to write.
     """
+    console.check_out(out, Kind.PAGE, a, b)
     result = wb.compare(a, b)
+    if out is not None:
+        result.page(console.command()).write(out)
     console.answer(result.to_json(), as_json, compared(result))
 
 
@@ -90,11 +97,7 @@ def compared(result: wb.Comparison) -> Group:
     """Displays of a comparison: its sentences, then a table of all numbers."""
     table = console.table("|", ">A", ">B", ">B − A", ">σ", space=1)
     for c in result.changes:
-        style = "bold" if c.changed else ""
-        values = [quantity(c.name, {"value": v, "unit": c.unit}) for v in (c.before, c.after)]
-        change = {"value": c.after - c.before, "std": c.std, "unit": c.unit}
-        more = quantity(c.name, change, signed=True), minus(f"{c.sigmas:+.1f}")
-        table.add_row(c.name, *values, *more, style=style)
+        table.add_row(*c.cells, style="bold" if c.changed else "")
     parts = [Text(s, style="bold" if k == 0 else "") for k, s in enumerate(result.sentences)]
     unlike = [Text(f"not compared  {x}", style="dim") for x in result.left]
     numbers = Group("", table) if result.changes else ""

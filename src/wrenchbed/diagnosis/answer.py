@@ -27,6 +27,8 @@ _HALVINGS = 5
 """Halvings of the last step when the edge of a range within which nothing changes is searched."""
 _FINEST = 2.0**-14
 """Smallest step, in typical sizes, in a search for that edge."""
+_SLOPE = 1e-3
+"""Step, in standard uncertainties, along which a slope is taken: far below what bends."""
 UNEXPLAINED = 0.2
 """Share of the calibrated gap that causes may leave without a note."""
 WRONG_SIGMAS = 3.0
@@ -148,18 +150,43 @@ def numbers_of(a: Analysis, of: Elements, spread: float) -> dict[str, Any]:
     }  # fmt: skip
     f, k = of.fits[0], of.parts[0]
     part, values = f.parts[k], a.refitter.values(f.parts, f.x)[k]
-    scene = a.dictionary.prepared.scene
+    scene, covariance = a.dictionary.prepared.scene, _covariance(a, f, k, spread)
     if part.variant.free_form and part.effect.curves(scene, part.variant):
-        size = {p.name: p.tolerance for p in part.effect.parameters(a.prepared.robot)}
-        at = f.variables.of_parts([k])[: len(part.variant.free)]
-        scale = spread * np.array([size[n] for n in part.variant.free])
-        covariance = a.refitter.uncertainty(f)[np.ix_(at, at)] * np.outer(scale, scale)
-        curve = _free_curve(part.effect, part.variant, scene, values, covariance)
+        free = slice(len(part.variant.free))
+        curve = _free_curve(part.effect, part.variant, scene, values, covariance[free, free])
         with_rivals(curve["parameters"], of.names)
         return of_elements | curve
-    std = _uncertainty(a, f, k, spread) if total is None else {}  # a sum has it, no element
+    std = _uncertainty(a, f, k, covariance) if total is None else {}  # a sum has it, no element
     parameters = part.effect.publish(a.prepared.robot, part.variant, values, std)
-    return of_elements | {"parameters": with_rivals(parameters, of.names)}
+    size = {} if total is not None else _size(scene, f, k, values, covariance)
+    return of_elements | {"parameters": with_rivals(parameters, of.names), "size": size}
+
+
+def _covariance(a: Analysis, f: Finalist, part: int, spread: float) -> np.ndarray:
+    """Covariance (k, k) [SI] of a part's variables, amplitudes before shapes."""
+    at = f.variables.of_parts([part])
+    size = {p.name: p.tolerance for p in f.parts[part].effect.parameters(a.prepared.robot)}
+    scale = spread * np.array([size[f.variables.name[i]] for i in at])
+    return np.asarray(a.refitter.uncertainty(f)[np.ix_(at, at)] * np.outer(scale, scale))
+
+
+def _size(
+    scene: Scene, f: Finalist, k: int, values: Values, covariance: np.ndarray
+) -> dict[str, dict[str, Any]]:
+    """Quantities of `Effect.size` of part k, with ± by their slopes along its variables."""
+    part, v = f.parts[k], f.variables
+    names = [v.name[i] for i in v.of_parts([k])]
+    steps = _SLOPE * np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
+    moved = [
+        part.effect.size(scene, part.variant, {**values, name: values[name] + step})
+        for name, step in zip(names, steps.tolist(), strict=True)
+    ]
+    result = {}
+    for name, (size, unit) in part.effect.size(scene, part.variant, values).items():
+        slope = np.array([m.get(name, (size, unit))[0] - size for m in moved]) / steps
+        std = float(np.hypot(np.sqrt(slope @ covariance @ slope), part.effect.size_error * size))
+        result[name] = {"value": size, "std": std, "unit": unit}
+    return result
 
 
 def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
@@ -210,16 +237,15 @@ def _along(
     return y, std(curve.columns), float(y[high] - y[low]), float(std(across)[0])
 
 
-def _uncertainty(a: Analysis, f: Finalist, part: int, spread: float) -> dict[str, float]:
+def _uncertainty(a: Analysis, f: Finalist, part: int, covariance: np.ndarray) -> dict[str, float]:
     """Standard uncertainties, SI, of an effect's parameters by name, with errors of its formula."""
-    effect, v = f.parts[part].effect, f.variables
+    effect, v, result = f.parts[part].effect, f.variables, {}
     size = {p.name: p.tolerance for p in effect.parameters(a.prepared.robot)}
-    std = np.sqrt(np.diagonal(a.refitter.uncertainty(f)))
-    result = {}
-    for i in v.of_parts([part]):
-        form = 0.0 if v.shape[i] else effect.size_error * float(f.x[i])
-        flat = _flat(a, f, i) if v.shape[i] and effect.rough else 0.0
-        result[v.name[i]] = (flat or float(np.hypot(spread * std[i], form))) * size[v.name[i]]
+    for i, std in zip(v.of_parts([part]), np.sqrt(np.diagonal(covariance)), strict=True):
+        scale = size[v.name[i]]
+        form = 0.0 if v.shape[i] else effect.size_error * float(f.x[i]) * scale
+        flat = _flat(a, f, i) * scale if v.shape[i] and effect.rough else 0.0
+        result[v.name[i]] = flat or float(np.hypot(std, form))
     return result
 
 
@@ -287,7 +313,7 @@ def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
     f, of = verdict.explanation.finalist, cause.elements[cause.names[0]]
     if len(of.names) > 1 or of.fits[0] is not f:
         return listed(of.names)
-    return f.parts[cause.part.index].variant.label.partition(", fitted start")[0]
+    return f.parts[cause.part.index].variant.label
 
 
 def scales(*each: Prepared) -> dict[str, Scale]:

@@ -49,6 +49,7 @@ def cause(
         "probability": probability,
         "rivals": list(rivals),
         "parameters": parameters,
+        "size": {},
         "closed_share": closed_share,
         "channels": {},
     }

@@ -40,6 +40,10 @@ Values = Mapping[str, float]
 """All parameters of one effect by name, SI."""
 Published = dict[str, dict[str, Any]]
 """Value, standard uncertainty and unit of parameters by name, as a diagnosis states them."""
+Sizes = dict[str, tuple[float, str]]
+"""Value and SI unit of quantities by name."""
+_ALONG = 0.35
+"""Part of a unit vector from which it goes along an axis: all of three equal ones do."""
 WAVES = 5
 """Number of half waves of a free course in time: what warms and settles has few."""
 
@@ -300,6 +304,11 @@ class Effect(ABC):
         """Inverse of `publish`: value and std of amplitudes by name; None if it is impossible."""
         return dict(published)
 
+    def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
+        """How large the effect is in a scene: value and SI unit of quantities by name; empty where
+        the parameters say it."""
+        return {}
+
     # ---- what it does at its stages: nothing at those at which it does not act ------------------
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
@@ -382,11 +391,31 @@ class LoadEffect(Effect):
 
     stage = "load"
 
+    def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
+        """Largest force, or without one torque, of what acts on the tool from outside."""
+        if self.family != "external":
+            return {}
+        load = self.pull(scene, Pose(*scene.pose), scene.load, p)[scene.held]
+        force, torque = (float(np.linalg.norm(x, axis=1).max()) for x in np.hsplit(load, 2))
+        return {"largest_force": (force, "N")} if force else {"largest_torque": (torque, "N·m")}
+
 
 class ReadingEffect(Effect):
     """Effect of the sensor: its reading differs from the load on it."""
 
     stage = "reading"
+    sized_by_change: ClassVar[bool] = False
+    """Whether the largest change of readings says the size, because no parameter does."""
+
+    def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
+        if not self.sized_by_change:
+            return {}
+        change = (self.read(scene, scene.load, p) - scene.load)[scene.held]
+        return {
+            f"largest_change.{c}": (float(x[np.abs(x).argmax()]), unit)
+            for c, unit, x in zip(CHANNELS, UNITS, change.T, strict=True)
+            if x.any()
+        }
 
 
 class ChannelEffect(ReadingEffect):
@@ -514,12 +543,12 @@ def waves(stem: str) -> tuple[str, ...]:
     return tuple(f"{stem}.{k}" for k in range(1, WAVES + 1))
 
 
-def course(scene: Scene, rate: float, wave: np.ndarray, duration: float) -> np.ndarray:
+def course(scene: Scene, p: Values, rate: str, wave: Sequence[str]) -> np.ndarray:
     """Smooth function of time r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) at each row (M,), first 0.
 
-    r is the rate per second; the waves w (WAVES,) end at the duration D [s].
+    ``rate`` names r, per second, and ``wave`` the w (WAVES,); they end at ``duration`` D [s].
     """
-    return np.asarray(rate * scene.age + half_waves(scene, duration) @ wave)
+    return np.asarray(p[rate] * scene.age + half_waves(scene, p["duration"]) @ vector(p, wave))
 
 
 def half_waves(scene: Scene, duration: float) -> np.ndarray:
@@ -539,6 +568,12 @@ def added(robot: Robot, theta: np.ndarray, changes: Values) -> np.ndarray:
 def vector(p: Values, names: Sequence[str]) -> np.ndarray:
     """Array (len(names),) of the named parameters' values."""
     return np.array([p[n] for n in names])
+
+
+def sides(way: np.ndarray) -> str:
+    """Axes along which a unit vector (3,) goes: ``+x−z``."""
+    along = zip("xyz", way, strict=True)
+    return "".join(f"{'+' if w > 0.0 else '−'}{a}" for a, w in along if abs(w) > _ALONG)
 
 
 def direction(p: Values, names: Sequence[str]) -> np.ndarray:

@@ -28,8 +28,7 @@ class BaseCompliance(Effect):
     source = "1e-6–1e-5 rad/(N·m) of pedestals and tables: estimate"
     numbers = (
         *alike(NAMES[:1], "rad/(N·m)", 1e-5, 0.01, "about every horizontal axis"),
-        *alike(NAMES[1:2], "rad/(N·m)", 1e-5, 0.01, "more about x"),
-        *alike(NAMES[2:], "rad/(N·m)", 1e-5, 0.01, "more about y"),
+        *alike(NAMES[1:], "rad/(N·m)", 1e-5, 0.01, "more about this axis"),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:

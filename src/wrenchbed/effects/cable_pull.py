@@ -114,8 +114,7 @@ class CablePull(LoadEffect):
             held = np.clip(point, -0.3, 0.3)
             names = (*ANCHOR, "length", *POINT)
             at = dict(zip(names, map(float, (*anchor, length, *held)), strict=True))
-            label = f"partly slack, fitted start {len(result) + 1}"
-            result.append(Variant(label, ("stiffness",), at, names, {}, 0.1))
+            result.append(Variant("slack in part", ("stiffness",), at, names, {}, 0.1))
         return tuple(result)
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:

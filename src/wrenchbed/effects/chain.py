@@ -11,13 +11,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.effects.base import (
-    STAGES,
-    STATED_NUMBERS,
-    Effect,
-    Pose,
-    unknown_name,
-)
+from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, unknown_name
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Value, value
@@ -90,7 +84,8 @@ class EffectChain:
     def pose(self, scene: Scene, theta: np.ndarray) -> Pose:
         """Pose of the sensor with effects, on a robot with parameters (P,)."""
         shift = self.displacement(scene)
-        same_place = theta is scene.theta or _only_load(scene, theta)
+        changed, names = np.flatnonzero(theta != scene.theta), scene.robot.parameters.names
+        same_place = all(names[k] in scene.robot.load for k in changed)
         if same_place and isinstance(shift, float):
             pose = Pose(*scene.pose)
         else:
@@ -145,12 +140,6 @@ class EffectChain:
         """Mean readings (M, 6) [N, N·m] of every row after all stages."""
         pose, load = self.placed(scene)
         return self.read(scene, load + self.pull(scene, pose, load))
-
-
-def _only_load(scene: Scene, theta: np.ndarray) -> bool:
-    changed = np.flatnonzero(theta != scene.theta)
-    names = scene.robot.parameters.names
-    return all(names[k] in scene.robot.load for k in changed)
 
 
 def parse_effect(text: str) -> tuple[str, dict[str, Any]]:

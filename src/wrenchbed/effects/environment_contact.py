@@ -13,6 +13,7 @@ from wrenchbed.effects.base import (
     Variant,
     alike,
     direction,
+    sides,
     vector,
 )
 from wrenchbed.effects.scene import Scene
@@ -77,15 +78,11 @@ class EnvironmentContact(LoadEffect):
         result = []
         for way in (w for w in product((-1.0, 0.0, 1.0), repeat=3) if any(w)):
             normal = np.array(way) / np.linalg.norm(way)
-            label = "".join(
-                f"{'+' if w > 0 else '−'}{a}" for a, w in zip("xyz", way, strict=True) if w
-            )
             for share in SHARES:
                 depth = float(np.quantile(at @ normal, share))
                 begin = dict(zip(NORMAL, map(float, normal), strict=True)) | {"depth": depth}
                 begin |= PLAIN
-                text = f"from {label}, {share:.0%} of rows"
-                result.append(Variant(text, ("stiffness",), begin, SHAPE, {"side": label}))
+                result.append(_from(normal, begin, 1.0))
         return tuple(result)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
@@ -121,8 +118,7 @@ class EnvironmentContact(LoadEffect):
             drag = np.clip(push / float(push @ n) - n, -1.0, 1.0)
             begin = dict(zip((*NORMAL, *SLIDE), map(float, [*n, *drag]), strict=True))
             begin = PLAIN | begin | {"depth": depth}
-            text = f"fitted plane {len(result) + 1}"
-            result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 0.1))
+            result.append(_from(n, begin, 0.1))
         return tuple(result)
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
@@ -142,6 +138,12 @@ class EnvironmentContact(LoadEffect):
             normal = direction(p, NORMAL)
             point = [float(x) for x in touching(still, p)]
             plane(spec, self.name, point, normal, p["depth"], p["stiffness"])
+
+
+def _from(normal: np.ndarray, begin: Values, weight: float) -> Variant:
+    """Variant of a plane with a normal (3,), which begins at these shapes."""
+    side = sides(normal)
+    return Variant(f"from {side}", ("stiffness",), begin, SHAPE, {"side": side}, weight)
 
 
 def _depth(scene: Scene, pose: Pose, p: Values) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import JointEffect, Residual, Values, Variant, each_joint
+from wrenchbed.effects.base import JointEffect, Residual, Sizes, Values, Variant, each_joint, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.time_derivatives import Value, cos, sin
@@ -41,15 +41,12 @@ class JointGearError(JointEffect):
         return ParameterSet(tuple(items))
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        ratios = scene.robot.gear_ratio
-        result = []
-        for k in rotary(scene.robot):
-            orders = [1.0, 2.0, 3.0, 4.0]
-            if ratios:
-                orders += [ratios[k - 1], 2.0 * ratios[k - 1]]
-            for order in orders:
-                result.append(_wave(k, order))
-        return tuple(result)
+        ratios, orders = scene.robot.gear_ratio, (1.0, 2.0, 3.0, 4.0)
+        return tuple(
+            _wave(k, order)
+            for k in rotary(scene.robot)
+            for order in (*orders, *((ratios[k - 1], 2.0 * ratios[k - 1]) if ratios else ()))
+        )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """Variants of all joints at the order of the largest wave in a residual."""
@@ -67,6 +64,10 @@ class JointGearError(JointEffect):
             return ()
         weight = len(self.variants(scene)) / (len(ORDERS) * len(rotary(scene.robot)))
         return (_wave(*at, weight),)
+
+    def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
+        amplitude = np.linalg.norm(vector(p, variant.free))
+        return {"amplitude": (float(amplitude), "rad"), "waves_a_turn": (p["order"], "1")}
 
     def displace(self, scene: Scene, p: Values) -> Value:
         """Displacement of the joints (M, J); in motion exact jets, as 101 waves a turn are fast."""

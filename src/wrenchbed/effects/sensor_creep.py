@@ -53,9 +53,7 @@ class SensorCreep(ReadingEffect):
         "0.05–0.1 % of the load in 30 min (strain-gauge data sheets); three times that: a poor one"
     )
     numbers = (
-        *channel_parameters(
-            "share", SHARE, SHARE, "what a load adds in the end, relative", "1" * 6
-        ),
+        *channel_parameters("share", SHARE, SHARE, "of a load, added in the end", "1" * 6),
         Parameter("tau", TAUS[1], "s", 150.0, 1e-2, 1e6, "time constant"),
         *free_form.falling("relax", (SHARE,) * len(RELAX), 1.0, "share of a relaxation", "1" * 6),
         *alike(ALIKE, "1", SHARE, 1e4, "share of it in all channels"),

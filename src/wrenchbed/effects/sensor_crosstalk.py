@@ -62,7 +62,7 @@ class SensorCrosstalk(ReadingEffect):
             *single,
             *blocks,
             Variant("shifted origin", ORIGIN),
-            Variant("everything", tuple(names.values()), weight=1.0),
+            Variant("everything", tuple(names.values())),
         )
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:

@@ -58,6 +58,7 @@ class SensorDrift(ReadingEffect):
     name = "sensor.drift"
     title = "the sensor's zero or span drifts"
     channelwise = True
+    sized_by_change = True
     size_error = 0.1
     source = "0.05–0.5 N/h and 1–10 mN·m/h, estimate"
     zero_is_convention = True
@@ -66,11 +67,7 @@ class SensorDrift(ReadingEffect):
     numbers = (
         *channel_parameters("rate", RATE, TORQUE_RATE, "change of the zero in time", UNITS_PER_S),
         *free_form.falling(
-            "wave",
-            (RATE_FREE * _FALL).tolist(),
-            TORQUE_RATE / RATE,
-            "part of a free rate: steady, then half cosines over the recording",
-            UNITS_PER_S,
+            "wave", (RATE_FREE * _FALL).tolist(), TORQUE_RATE / RATE, "of a free rate", UNITS_PER_S
         ),
         *(
             p

@@ -49,6 +49,7 @@ class SensorHysteresis(ReadingEffect):
     name = "sensor.hysteresis"
     title = "the sensor's reading depends on its earlier loads"
     channelwise = True
+    sized_by_change = True
     shown = "loop"
     size_error = 0.2
     zero_is_convention = True

@@ -78,12 +78,9 @@ class SensorJump(ReadingEffect):
         count = min(MOMENTS, len(midway))
         chosen = ((np.arange(count) + 0.5) * len(midway) / max(count, 1)).astype(int)
         return tuple(
-            v
-            for at in ({"time": float(m)} for m in midway[chosen])
-            for v in (
-                Variant("forces", STEPS[:3], at, ("time",)),
-                Variant("all channels", STEPS, at, ("time",)),
-            )
+            Variant(label, steps, {"time": float(moment)}, ("time",))
+            for moment in midway[chosen]
+            for label, steps in (("forces", STEPS[:3]), ("all channels", STEPS))
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:

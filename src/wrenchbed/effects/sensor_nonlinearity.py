@@ -63,6 +63,7 @@ class SensorNonlinearity(ReadingEffect):
     name = "sensor.nonlinearity"
     title = "the sensor's readings are nonlinear in the load"
     channelwise = True
+    sized_by_change = True
     shown = "load"
     size_error = 0.1
     zero_is_convention = True

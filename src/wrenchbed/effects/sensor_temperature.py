@@ -55,29 +55,13 @@ class SensorTemperature(ReadingEffect):
         "warm-up of 5–30 min: estimate"
     )
     numbers = (
-        *channel_parameters(
-            "zero",
-            0.03,
-            1e-3,
-            "shift of the zero per K; whole shift of a warm-up without recorded temperature",
-            PER_K,
-        ),
-        *alike(
-            ("span", *SPAN),
-            "1/K",
-            1e-3,
-            1.0,
-            "relative change of the reading per K; whole change likewise",
-        ),
+        *channel_parameters("zero", 0.03, 1e-3, "shift of the zero per K or warm-up", PER_K),
+        *alike(("span", *SPAN), "1/K", 1e-3, 1.0, "change of the reading per K or warm-up"),
         Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
         Parameter("lag", 0.0, "s", 10.0, 0.0, 1e5, "behind the recorded temperature"),
-        *free_form.falling(
-            "late", (0.03,) * len(LAGS_S), 1 / 30, "zero per K of a lagging part", PER_K
-        ),
+        *free_form.falling("late", (0.03,) * len(LAGS_S), 1 / 30, "zero per K, lagging", PER_K),
         *alike(tuple(f"span.{n}" for n in LAGGED), "1/K", 1e-3, 1.0, "span per K of it"),
-        *free_form.falling(
-            "bent", (0.015, 0.0075), 1 / 30, "zero per K, of a square and a cube", PER_K
-        ),
+        *free_form.falling("bent", (0.015, 0.0075), 1 / 30, "zero per K, square and cube", PER_K),
         Parameter("extent", 10.0, "K", 1.0, 1e-3, 1e3, "temperature at which those are 1 K"),
     )
 

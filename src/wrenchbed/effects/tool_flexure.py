@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant, alike
+from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Sizes, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.rotations import cross
 from wrenchbed.robots.base import Robot
@@ -37,11 +37,13 @@ class ToolFlexure(LoadEffect):
             Variant("along any way", (*NAMES[:2], *SKEW), weight=2.0),
         )
 
+    def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
+        shift = _shift(scene, scene.tool_force(scene.load), p)
+        return {"sag": (float(np.linalg.norm(shift, axis=1).max()), "m")}
+
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         force = scene.tool_force(load)
-        cog = np.broadcast_to(scene.tool.cog, force.shape)
-        shift = force @ compliance(p) + cross(p["bending"] * cross(cog, force), cog)
-        return np.concatenate([np.zeros_like(force), cross(shift, force)], axis=1)
+        return np.concatenate([np.zeros_like(force), cross(_shift(scene, force, p), force)], axis=1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Hang the tool's mass on sprung hinges at the sensor and on sprung slides."""
@@ -56,6 +58,12 @@ class ToolFlexure(LoadEffect):
         for k, (soft, way) in enumerate(zip(give, ways.T, strict=True)):
             if soft:
                 slide(spec, self.name, str(k + 1), [*map(float, way)], Spring(1.0 / float(soft)))
+
+
+def _shift(scene: Scene, force: np.ndarray, p: Values) -> np.ndarray:
+    """Displacement (M, 3) [m] of the CoG by forces (M, 3) [N] on the tool."""
+    cog = np.broadcast_to(scene.tool.cog, force.shape)
+    return np.asarray(force @ compliance(p) + cross(p["bending"] * cross(cog, force), cog))
 
 
 def compliance(p: Values) -> np.ndarray:

@@ -8,6 +8,7 @@ from wrenchbed.effects.base import (
     LoadEffect,
     Pose,
     Residual,
+    Sizes,
     Values,
     Variant,
     alike,
@@ -93,9 +94,13 @@ class ToolLeak(LoadEffect):
                 result.append(replace(variant, label=text, at=at, weight=0.5))
         return tuple(result)
 
+    def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
+        lost = course(scene, p, "rate", FREE)
+        return {"lost": (float(lost[np.abs(lost).argmax()]), "kg")}
+
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """Wrench (M, 6) [N, N·m] that the lost mass no longer puts on the sensor, negative."""
-        lost = course(scene, p["rate"], vector(p, FREE), p["duration"])
+        lost = course(scene, p, "rate", FREE)
         return -lost[:, None] * per_kilogram(scene, pose, scene.tool.cog + vector(p, PLACE))
 
 

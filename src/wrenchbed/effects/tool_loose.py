@@ -9,10 +9,12 @@ from wrenchbed.effects.base import (
     MjSpec,
     Pose,
     Residual,
+    Sizes,
     Values,
     Variant,
     alike,
     direction,
+    sides,
 )
 from wrenchbed.effects.scene import Scene, held_on
 from wrenchbed.physics.parameters import Parameter
@@ -21,6 +23,7 @@ from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 
 WAY = ("way.x", "way.y", "way.z")
+SHAPE = (*WAY, "lean", "grip")
 SOFT = 0.05
 """Share of the load along the way at which the part leaves the middle: small, so that it nearly
 jumps."""
@@ -63,11 +66,10 @@ class ToolLoose(LoadEffect):
             if way > (0.0, 0.0, 0.0):  # one of each two opposite ways
                 along = np.array(way) / np.linalg.norm(way)
                 at = dict(zip(WAY, map(float, along), strict=True)) | {"lean": 0.0}
-                label = "".join(f"{w:+.0f}{a}" for a, w in zip("xyz", way, strict=True) if w)
-                for grip, text in ((0.0, "falls"), (GRIP, "sticks")):
-                    begin = at | {"grip": grip}
-                    shape = (*WAY, "lean") if not grip else (*WAY, "lean", "grip")
-                    result.append(Variant(f"{text} along {label}", ("shift",), begin, shape))
+                result += [
+                    Variant(f"{text} along {sides(along)}", ("shift",), at | {"grip": grip}, shape)
+                    for grip, text, shape in ((0.0, "falls", SHAPE[:-1]), (GRIP, "sticks", SHAPE))
+                ]
         return tuple(result)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
@@ -104,10 +106,12 @@ class ToolLoose(LoadEffect):
         result: list[Variant] = []
         for _, k, grip, lean in candidates[:4]:
             begin = dict(zip(WAY, map(float, ways[k]), strict=True)) | {"lean": lean, "grip": grip}
-            text = f"{'sticks' if grip else 'falls'} along fitted direction {len(result) + 1}"
-            shape = (*WAY, "lean", "grip") if grip else (*WAY, "lean")
-            result.append(Variant(text, ("shift",), begin, shape, {}, 0.05))
+            text = f"{'sticks' if grip else 'falls'} along {sides(ways[k])}"
+            result.append(Variant(text, ("shift",), begin, SHAPE if grip else SHAPE[:-1], {}, 0.05))
         return tuple(result)
+
+    def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
+        return {"jump": (2.0 * abs(p["shift"]), "m")}
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         force = scene.tool_force(load)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant, alike, course, vector, waves
+from wrenchbed.effects.base import LoadEffect, Pose, Sizes, Values, Variant, alike, course, waves
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import wrench
@@ -56,12 +56,19 @@ class ToolSlide(LoadEffect):
             Variant("any course", every, at, (), _FORM, 3.0),
         )
 
+    def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
+        return {"moved": (float(np.linalg.norm(_moved(scene, p), axis=1).max()), "m")}
+
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """Load of the tool (M, 6) [N, N·m] with its CoG displaced, minus that with it unmoved."""
-        moved = [course(scene, p[f"rate.{a}"], vector(p, FREE[a]), p["duration"]) for a in "xyz"]
-        tool = replace(scene.tool, cog=scene.tool.cog + np.stack(moved, axis=1))
+        tool = replace(scene.tool, cog=scene.tool.cog + _moved(scene, p))
         before = wrench(*pose, scene.tool, scene.gravity)
         return np.asarray(wrench(*pose, tool, scene.gravity) - before)
+
+
+def _moved(scene: Scene, p: Values) -> np.ndarray:
+    """Displacement (M, 3) [m] of the CoG."""
+    return np.stack([course(scene, p, f"rate.{a}", FREE[a]) for a in "xyz"], axis=1)
 
 
 EFFECT = ToolSlide()

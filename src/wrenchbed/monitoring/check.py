@@ -23,6 +23,8 @@ from wrenchbed.monitoring import history
 from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of
 from wrenchbed.monitoring.history import Check
 from wrenchbed.monitoring.steps import FITTED, NUMBERS, History, tangents
+from wrenchbed.pages import ReportPage
+from wrenchbed.pages.document import provenance
 from wrenchbed.pages.numbers import p_value
 from wrenchbed.planning.collisions import Clearance
 from wrenchbed.planning.criteria import INDICES
@@ -85,6 +87,12 @@ class Judgement:
             "misfit": float(self.history.misfit[-1]),
             **self.comparison.to_json(),
         }
+
+    def page(self, folder: str | Path, command: str = "") -> ReportPage:
+        """HTML page of the last check of the history in a folder, made by a command."""
+        latest = Path(folder) / self.checks[-1].recording
+        more = {"word": self.verdict, "latest": latest, "data": provenance([latest])}
+        return self.comparison.page(command, checks=self.checks, **more)
 
 
 def plan_of(robot: Robot, folder: str | Path) -> Plan:

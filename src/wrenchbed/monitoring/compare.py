@@ -17,7 +17,9 @@ from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.files import checked
-from wrenchbed.pages.numbers import p_value, quantity
+from wrenchbed.pages import ReportPage
+from wrenchbed.pages.document import provenance
+from wrenchbed.pages.numbers import minus, p_value, quantity
 
 LEVEL = 0.01
 """Probability that anything is called changed where nothing did."""
@@ -47,11 +49,22 @@ class Change:
     changed: bool = False
 
     @property
+    def size(self) -> float:
+        """Difference in standard uncertainties, without its sign."""
+        return abs(self.sigmas)
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Texts of name, both values, difference ± and σ."""
+        values = [{"value": x, "unit": self.unit} for x in (self.before, self.after)]
+        step = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
+        texts = [*(quantity(self.name, v) for v in values), quantity(self.name, step, signed=True)]
+        return self.name, *texts, minus(f"{self.sigmas:+.1f}")
+
+    @property
     def sentence(self) -> str:
         """Text of the change for people, such as ``tool.mass: +12.3 ± 0.4 g (31 σ)``."""
-        step = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
-        text = quantity(self.name, step, signed=True)
-        return f"{self.name}: {text} ({abs(self.sigmas):.1f} σ)"
+        return f"{self.name}: {self.cells[3]} ({self.size:.1f} σ)"
 
 
 @dataclass(frozen=True)
@@ -81,6 +94,15 @@ class Comparison:
         """Convert to a JSON object, as `wrenchbed compare --json` prints it."""
         return asdict(self)
 
+    def page(self, command: str = "", **more: Any) -> ReportPage:
+        """HTML page of it, made by a command; ``more`` replaces values of its template."""
+        values = {
+            "c": self, "word": "changed" if self.changed else "no change", "latest": self.b,
+            "together": p_value(self.together["p"]) if self.together else "", "command": command,
+            "data": provenance([_file(Path(name)) for name in (self.a, self.b)]),
+        }  # fmt: skip
+        return ReportPage(values | more, "comparison.html")
+
 
 def compare(a: str | Path, b: str | Path) -> Comparison:
     """Compare two files of one kind: fit.json, diagnosis.json (or its folder), or recordings.
@@ -104,7 +126,7 @@ def compare(a: str | Path, b: str | Path) -> Comparison:
 
 def _read(path: Path) -> tuple[str, checked.Fields]:
     """Read a file; return its kind and its fields, of a recording those of a calibration to it."""
-    path = path / "diagnosis.json" if (path / "diagnosis.json").is_file() else path
+    path = _file(path)
     if not path.is_file():
         raise ParameterError(f"{path}: there is no such file")
     if path.suffix == ".parquet":
@@ -118,6 +140,11 @@ def _read(path: Path) -> tuple[str, checked.Fields]:
         if isinstance(raw, dict) and fields <= raw.keys():
             return kind, checked.Fields(raw, f"{path}: ", ParameterError)
     raise ParameterError(f"{path}: is no recording, fit or diagnosis")
+
+
+def _file(path: Path) -> Path:
+    """The file that is meant by its name or by the folder of a diagnosis."""
+    return path / "diagnosis.json" if (path / "diagnosis.json").is_file() else path
 
 
 def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) -> Comparison:

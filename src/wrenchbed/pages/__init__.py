@@ -36,7 +36,7 @@ class ReportPage:
 
     Attributes:
         context: values that the template shows, by name; ``verdict``, if any, chooses its colour.
-        template: which kind of page it is.
+        template: which kind of page it is, with ``.html`` or ``.md``.
         figures: interactive figures; libraries that none of them needs are left out.
     """
 
@@ -45,15 +45,15 @@ class ReportPage:
     figures: Sequence[Drawn] = ()
 
     def html(self) -> str:
-        """Return the HTML of the self-contained page; a browser runs its own scripts and no other.
+        """Return the self-contained page; a browser runs its own scripts and no other.
 
         Raises:
             MissingExtraError: jinja2 is not installed.
         """
         jinja2 = registry.require("jinja2", "report")
         environment = jinja2.Environment(
-            autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_cleaned,
-            loader=jinja2.FunctionLoader(_text),
+            autoescape=self.template.endswith("html"), trim_blocks=True, lstrip_blocks=True,
+            finalize=_cleaned, loader=jinja2.FunctionLoader(_text),
         )  # fmt: skip
         environment.filters["code"] = _code
         solid = any(isinstance(f.chart, Scene) for f in self.figures)
@@ -66,7 +66,7 @@ class ReportPage:
             "allowed": " ".join(digest for _, digest in scripts),
             "charts": charts.replace("<", "\\u003c"),  # no end of the script within it
         }
-        template = environment.get_template(f"{self.template}.html.j2")
+        template = environment.get_template(f"{self.template}.j2")
         return str(template.render({**self.context, **assets}))
 
     def write(self, path: str | Path) -> None:

@@ -81,11 +81,8 @@ class Series:
 
     def at(self, keep: np.ndarray) -> "Series":
         """Return a series with the points of these indices (K,) only."""
-
-        def of(v: np.ndarray | None) -> np.ndarray | None:
-            return None if v is None else v[keep]
-
-        return replace(self, x=self.x[keep], y=self.y[keep], std=of(self.std), ids=of(self.ids))
+        std, ids = (None if v is None else v[keep] for v in (self.std, self.ids))
+        return replace(self, x=self.x[keep], y=self.y[keep], std=std, ids=ids)
 
 
 @dataclass(frozen=True)
@@ -208,12 +205,7 @@ class Chart:
 
     def to_json(self) -> dict[str, Any]:
         """Convert to a JSON object, which the page's script draws and writes as CSV."""
-        return {
-            "title": self.title,
-            "columns": self.columns,
-            "shared": self.shared,
-            "panels": to_json(self.panels),
-        }
+        return dict(to_json(self))
 
 
 def extremes(y: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:

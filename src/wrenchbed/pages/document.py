@@ -88,16 +88,6 @@ class Table:
             for k in range(len(self.columns))
         )
 
-    def markdown(self) -> str:
-        """The table in Markdown (with pipes); a sentence if it has no rows."""
-        if not self.rows:
-            return f"**{self.title}**\n\nNone."
-        line = "| " + " | ".join(["---"] + ["---:"] * (len(self.columns) - 1)) + " |"
-        cells = ([c.replace("|", r"\|") for c in row] for row in (self.columns, *self.rows))
-        body = ["| " + " | ".join(row) + " |" for row in cells]
-        parts = [f"**{self.title}**", "", body[0], line, *body[1:]]
-        return "\n".join([*parts, "", self.note] if self.note else parts)
-
 
 @dataclass(frozen=True)
 class Figure:
@@ -123,11 +113,6 @@ class Figure:
         caption = f"{self.note} {self.chart.caption}".strip()
         return replace(self.chart, name=self.name, title=self.title, caption=caption)
 
-    def markdown(self) -> str:
-        """Markdown link to the figure's SVG file."""
-        text = f"![{self.title}]({self.name}.svg)\n\n*{self.title}*"
-        return f"{text}. {self.note}" if self.note else text
-
 
 @dataclass(frozen=True)
 class Card:
@@ -142,10 +127,6 @@ class Card:
     label: str
     figure: str
     text: str
-
-    def markdown(self) -> str:
-        """This answer as an item of a Markdown list."""
-        return f"- {self.label}: **{self.figure}**. {self.text}"
 
 
 @dataclass(frozen=True)
@@ -180,12 +161,7 @@ class Document:
 
     def markdown(self) -> str:
         """The page as Markdown text; figures are links to files."""
-        blocks = [f"# {self.title}", self.lead, "\n".join(c.markdown() for c in self.cards)]
-        for section in self.sections:
-            blocks += [f"## {section.title}", section.text]
-            blocks += [part.markdown() for part in section.parts]
-        data = "\n".join(markdown(self.data)).lstrip() if self.data else ""
-        return "\n\n".join(text for text in (*blocks, self.made, data) if text) + "\n"
+        return ReportPage(self._context, "study.md").html()
 
     @property
     def figures(self) -> list[Figure]:
@@ -199,9 +175,13 @@ class Document:
         Raises:
             MissingExtraError: jinja2 is not installed.
         """
-        context = {"page": self, "is_table": lambda part: isinstance(part, Table)}
-        context["verdict"] = self.badge[0]
-        return ReportPage(context, "study", [figure.drawn for figure in self.figures]).html()
+        drawn = [figure.drawn for figure in self.figures]
+        return ReportPage(self._context, "study.html", drawn).html()
+
+    @property
+    def _context(self) -> dict[str, Any]:
+        """Values of the page's templates."""
+        return {"page": self, "verdict": self.badge[0]}
 
     def write(self, folder: Path, name: str, numbers: Any = None) -> None:
         """Write ``name``.md, .html and the figures to a folder; ``numbers``, if any, as .json."""

@@ -1,7 +1,7 @@
 """Numbers as people read them: as many digits as are known, with their unit.
 
-One rule for units on pages, in the terminal and in rerun: lengths in mm, angles in °, inertia in
-g·m², times below 0.1 s in ms, shares in %; every other unit is SI. Files hold SI alone.
+One rule for units on pages, in the terminal and in rerun: those of `HUMAN`, times below 0.1 s in
+ms, masses below 0.1 kg in g, shares in %; every other unit is SI. Files hold SI alone.
 """
 
 import math
@@ -15,11 +15,15 @@ MOST_NINES = 4
 """Decimals of a percentage close below the whole."""
 HUMAN: Mapping[str, tuple[str, float]] = {
     "m": ("mm", 1e3), "rad": ("°", 180.0 / math.pi), "kg·m²": ("g·m²", 1e3),
+    "N/s": ("N/h", 3600.0), "N·m/s": ("N·m/h", 3600.0), "m/s": ("mm/min", 6e4),
+    "kg/s": ("g/min", 6e4), "1/s": ("%/h", 3.6e5), "1/K": ("%/K", 1e2),
+    "rad/(N·m)": ("µrad/(N·m)", 1e6), "m/N": ("µm/N", 1e6),
 }  # fmt: skip
 """Units that people read instead of SI units, and the factor to them."""
-_SHORT_S = 0.1
-"""Times below are read in milliseconds."""
-_SHARES = ("gain", "share", "span")
+_SMALL = {"s": ("ms", 1e3), "kg": ("g", 1e3)}
+"""Units of times and masses below `_LEAST`, and the factor to them."""
+_LEAST = 0.1
+_SHARES = ("gain", "share", "span", "warm", "x", "relax", "even", "odd", "size")
 """Parameters without unit that people read in percent, by the start of their name."""
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 """Digits as exponents."""
@@ -58,9 +62,9 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
     """Text of a parameter's value ± standard uncertainty, with the unit for people."""
     value, std = entry.get("value"), entry.get("std")
     if not _is_number(value) or "unit" not in entry:
-        shown = f"{value:g}" if _is_number(value) else str(value)
-        return shown + _or(entry.get("rivals"))
-    factor, unit = _unit(name, entry)
+        shown, rivals = f"{value:g}" if _is_number(value) else str(value), entry.get("rivals")
+        return f"{shown} (or {', '.join(map(str, rivals))})" if rivals else shown
+    factor, unit = human(name, value or 0.0, str(entry["unit"]))
     spread = None if std is None else factor * float(std)
     shown = measured(factor * float(value or 0.0), spread, signed=signed)
     return _with(shown, unit)
@@ -68,7 +72,7 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
 
 def rough(name: str, value: float, unit: str) -> str:
     """Text of a parameter's size with two significant figures and its unit."""
-    factor, shown = _unit(name, {"value": value, "unit": unit})
+    factor, shown = human(name, value, unit)
     return minus(_with(f"{factor * value:.2g}", shown))
 
 
@@ -83,7 +87,8 @@ def measured(value: float, std: float | None, *, signed: bool = False) -> str:
     if not known or std is None:
         return minus(f"{plus}{value:.4g}{_times(power)}")
     std = std / 10.0**power
-    digits = _digits(std)
+    lead = math.floor(math.log10(std))  # two figures if it begins with 1 or 2, else one
+    digits = min(6, max(0, -lead + (std / 10.0**lead < 2.95)))
     both = minus(f"{plus}{value:.{digits}f} ± {max(std, 10.0**-digits):.{digits}f}")
     return f"({both}){_times(power)}" if power else both
 
@@ -104,14 +109,14 @@ def minus(text: str) -> str:
     return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")
 
 
-def _unit(name: str, entry: Mapping[str, Any]) -> tuple[float, str]:
-    """Factor from SI to the unit in which people read this parameter, and that unit."""
-    unit, value = str(entry.get("unit", "")), entry.get("value") or 0.0
+def human(name: str, value: float, unit: str) -> tuple[float, str]:
+    """Factor from an SI unit to the one in which people read a parameter of this value, and it."""
+    if unit == "1" and name == "skew":
+        return 1e6, "ppm"
     if unit == "1":
         return (100.0, "%") if name.split(".")[0] in _SHARES else (1.0, "")
-    if unit == "s" and abs(value) < _SHORT_S:
-        return 1e3, "ms"
-    shown, factor = HUMAN.get(unit, (unit, 1.0))
+    units = _SMALL if abs(value) < _LEAST and unit in _SMALL else HUMAN
+    shown, factor = units.get(unit, (unit, 1.0))
     return factor, shown
 
 
@@ -129,17 +134,5 @@ def _times(power: int) -> str:
     return f"·10{str(power).translate(POWERS)}" if power else ""
 
 
-def _digits(std: float) -> int:
-    """Number of decimals for an uncertainty: two figures if it begins with 1 or 2, else one."""
-    lead = math.floor(math.log10(std))
-    return min(6, max(0, -lead + (std / 10.0**lead < 2.95)))
-
-
 def _is_number(x: object) -> bool:
     return isinstance(x, int | float) and not isinstance(x, bool)
-
-
-def _or(rivals: object) -> str:
-    if not isinstance(rivals, list | tuple) or not rivals:
-        return ""
-    return f" (or {', '.join(str(r) for r in rivals)})"

@@ -219,14 +219,6 @@ class Answer(ABC):
         return [(label, numbers.gap(value)) for label, value in rows]
 
     @property
-    def channel_gaps(self) -> list[tuple[str, dict[str, str]]]:
-        """Gap of each channel, calibrated (``before``) and with the effects (``after``), if any."""
-        return [
-            (channel, {when: numbers.gap(value) for when, value in gaps.items()})
-            for channel, gaps in self.d.gap.per_channel.items()
-        ]
-
-    @property
     def candidates(self) -> list[dict[str, str]]:
         """Leading causes by probability; none and unknown always stand among them."""
         ranked = sorted(self.d.probabilities.items(), key=lambda kv: -kv[1])
@@ -237,7 +229,7 @@ class Answer(ABC):
                 "key": k.replace("|", " or "),
                 "name": _MEANING.get(k, k.replace("|", " or ")),
                 "p": numbers.chance(p),
-                "width": width(p),
+                "width": f"{100 * p:.1f}",
             }
             for k, p in kept
         ]
@@ -267,8 +259,3 @@ class Answer(ABC):
         if p >= LEAST_NEAREST:
             text += f" The nearest is {nearest.replace('|', ' or ')} with {numbers.chance(p)}."
         return text
-
-
-def width(share: float) -> str:
-    """CSS width of a bar [%], for a share 0 … 1."""
-    return f"{100 * min(max(share, 0.0), 1.0):.1f}"

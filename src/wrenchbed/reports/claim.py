@@ -67,16 +67,6 @@ class Claim:
     rivals: tuple[tuple[str, str], ...]
 
     @property
-    def more(self) -> int:
-        """Number of parameters that are not among the figures."""
-        return len(self.sizes) - len(self.figures)
-
-    @property
-    def rows(self) -> tuple[Size, ...]:
-        """Rows of a table of its parameters, at least one."""
-        return self.sizes or (Size("–", "–", "–"),)
-
-    @property
     def names(self) -> str:
         """Name of the effect and of its rivals: ``base.tilt or cable.pull``."""
         return " or ".join((self.name, *(name for name, _ in self.rivals)))
@@ -103,7 +93,8 @@ def claim(
     effects, its title with its joint and the names and titles of its rivals are given."""
     name, joint = str(entry["effect"]), _one_of_joints(entry)
     values: Mapping[str, Any] = entry["parameters"]
-    quantities = {n: v for n, v in values.items() if "unit" in v}
+    size: Mapping[str, Any] = entry.get("size") or {}
+    quantities = {**size, **{n: v for n, v in values.items() if "unit" in v}}
     if entry.get("combination") is not None:
         quantities = {"sum": entry["combination"]}
     signed = {
@@ -114,7 +105,7 @@ def claim(
                 numbers.quantity(n, v, signed=signed[n]))
         for n, v in quantities.items()
     }  # fmt: skip
-    ranked = list(sizes)
+    ranked = list(size or sizes)
     if len(ranked) > MOST_SIZES:
         ranked.sort(key=lambda n: (quantities[n]["unit"] in _WHERE, _relative_std(quantities[n])))
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""

@@ -9,7 +9,7 @@ from wrenchbed import registry
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.pages import ReportPage
+from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.document import Facts, provenance
 from wrenchbed.pages.draw import Drawn, draw
@@ -80,14 +80,14 @@ def _page(
         "name": ", ".join(PurePath(r).name for r in recordings),
         "badge": BADGES[d.verdict],
         "words": words,
-        "channels": words.channel_gaps,
+        "gap": numbers.gap,
         "comparisons": comparisons,
         "notes": words.notes,
         "data": [*data, ("duration of the diagnosis", f"{d.seconds:.1f} s")],
         "command": command or f"wrenchbed diagnose {shlex.join(recordings)} --out DIR",
     }
     besides = (value for value in more.values() if isinstance(value, Drawn))
-    return ReportPage(context | dict(more), "diagnosis", [*besides, *comparisons])
+    return ReportPage(context | dict(more), "diagnosis.html", [*besides, *comparisons])
 
 
 def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:

@@ -24,7 +24,10 @@ def residual_map(e: Evidence) -> Chart:
     spans = [[int(e.ids[g].min()), int(e.ids[g].max())] for g in groups]
     for title, residual in e.residuals.items():
         values = binned_rms(residual, groups)
-        cells = tuple(tuple(_cell(float(v)) for v in row) for row in values)
+        cells = tuple(
+            tuple("–" if v != v else f"{v:.1f}" if v < 9.95 else f"{v:.0f}" for v in row)
+            for row in values.tolist()
+        )
         worst = np.stack([e.ids[g][np.abs(residual[g]).argmax(axis=0)] for g in groups], axis=1)
         matrix = Matrix(
             e.names, tuple(names), values, NOISE, cells, ids=worst.tolist(), spans=spans
@@ -35,10 +38,6 @@ def residual_map(e: Evidence) -> Chart:
         "is as large as the noise of a single row."
     )
     return Chart("heat", "Residual of each channel", tuple(panels), caption=caption)
-
-
-def _cell(v: float) -> str:
-    return "–" if not np.isfinite(v) else f"{v:.1f}" if v < 9.95 else f"{v:.0f}"
 
 
 def of_cause(e: Evidence, c: Cause, name: str) -> Chart:

@@ -14,7 +14,6 @@ from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thi
 from wrenchbed.pages.document import provenance
 from wrenchbed.pages.draw import draw
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.reports.claim import capital
 
 MOST_PRINTED = 14
 """Parameters up to which each correlation is printed in its cell."""
@@ -35,20 +34,18 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
     several = sum(p.std is not None for p in fit.identified) > 1
     correlation = draw(_correlation(fit)) if several else None
     channel, times = worst_channel(fit)
-    verdict, badge, steps = _verdict(fit, name)
+    verdict, badge = _verdict(fit)
     context = {
         "verdict": verdict,
         "badge": badge,
-        "next": steps,
         "name": name,
         "robot": fit.robot,
-        "headline": _headline(words),
         "words": words,
         "channels": CHANNELS,
         "load": _load(fit, words),
         "worst": f"{times:.1f} × noise",
         "worst_channel": channel,
-        "blind": _blind(fit, words),
+        "observed": fit.observability,
         "of_what": "means of poses" if fit.rows != fit.poses else "rows",
         "largest": _largest(white, order, axis),
         "each": each,
@@ -61,30 +58,16 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
         ],
         "command": command,
     }
-    return ReportPage(context, "fit", [each, *([correlation] if correlation else [])])
+    return ReportPage(context, "fit.html", [each, *([correlation] if correlation else [])])
 
 
-def _verdict(fit: Fit, name: str) -> tuple[str, str, list[str]]:
-    """Colour and badge of a fit, and sentences on what to do next."""
-    if fit.refuted is not None or not fit.converged:
-        badge = "✗ not converged" if fit.refuted is None else "✗ refuted"
-        where = f"`wrenchbed report {name}` shows where simulator and recording differ."
-        return "unknown", badge, [f"Do not use these values. {where}"]
-    diagnose = f"`wrenchbed diagnose {name} --out found`"
-    if fit.noise.inflated:
-        return "partial", "◔ more is left", [f"{diagnose} says what the model lacks."]
-    export = (
-        "`wrenchbed export FIT --to ur --out FILE` writes the load as a robot's controller takes "
-        "it; `wrenchbed list exports` names other forms."
-    )
-    below = f"{diagnose} tests for effects below the noise of a row."
-    return "none", "✓ converged", [export, below]
-
-
-def _headline(words: FitWords) -> str:
-    if words.refuted:
-        return f"The data refute these values: {words.refuted.rstrip('.')}."
-    return f"{capital('; '.join(words.status.split('; ')[:2]))}."
+def _verdict(fit: Fit) -> tuple[str, str]:
+    """Colour and badge of a fit."""
+    if fit.refuted is not None:
+        return "unknown", "✗ refuted"
+    if not fit.converged:
+        return "unknown", "✗ not converged"
+    return ("partial", "◔ more is left") if fit.noise.inflated else ("none", "✓ converged")
 
 
 def _load(fit: Fit, words: FitWords) -> dict[str, str]:
@@ -96,16 +79,6 @@ def _load(fit: Fit, words: FitWords) -> dict[str, str]:
     if len(fitted) == len(fit.tool["cog"]) and UNKNOWN not in {p.std for p in fitted}:
         cog = ", ".join(f"{p.value} ± {p.std}" for p in fitted)
     return {"figure": figure, "text": f"Centre of gravity ({cog}) mm in the sensor's axes."}
-
-
-def _blind(fit: Fit, words: FitWords) -> dict[str, str]:
-    """Contents of the section on what the data of a fit cannot tell."""
-    if not words.limits:
-        return {"figure": "All that was asked", "text": "Every parameter shows by itself."}
-    silent, alike = len(fit.observability.no_effect), len(fit.observability.redundancies)
-    parts = [f"{silent} parameters change no reading"] * bool(silent)
-    parts += [f"{alike} combinations of others change none"] * bool(alike)
-    return {"figure": words.limits[0], "text": f"{capital('; '.join(parts))}. Listed below."}
 
 
 def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, Axis]:

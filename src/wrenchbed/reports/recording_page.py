@@ -112,13 +112,16 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     fits = [s for s in known if s.fitted]
     drawn = [draw(chart) for chart in _charts(recording, known, noise, nearest)]
     differs = nearest is not None and bool(nearest.differing)
+    order, unit = order_of(recording)
     context = {
         "verdict": "unknown" if differs else "none" if nearest else "identified",
         "badge": "✗ differs" if differs else "✓ agrees" if nearest else "○ readings alone",
         "name": name,
-        "robot": recording.metadata.robot,
         "best": nearest,
-        "what": _what(recording),
+        "rows": len(recording),
+        "poses": len(np.unique(order)) if unit == "pose" else 0,
+        "seconds": float(recording.t[-1] - recording.t[0]),
+        "stated": recording.metadata,
         "simulators": judged,
         "channels": CHANNELS,
         "noise": noise,
@@ -129,7 +132,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "data": [*recording_facts(recording, recording.name), *provenance([recording.name])],
         "command": command,
     }
-    return ReportPage(context, "recording", drawn)
+    return ReportPage(context, "recording.html", drawn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,13 +230,3 @@ def _sentence(
     if over.groups:
         text += " Upright lines: how the rows of a pose scatter."
     return numbers.minus(text)
-
-
-def _what(recording: Recording) -> dict[str, str]:
-    at_rest, (order, unit) = recording.metadata.mode == "static", order_of(recording)
-    span = float(recording.t[-1] - recording.t[0])
-    figure = f"{span:.0f} s {'at rest' if at_rest else 'of motion'}"
-    if unit == "pose":
-        figure = f"{len(np.unique(order))} poses at rest"
-    source = recording.metadata.source or "an unstated source"
-    return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}

@@ -8,7 +8,6 @@ import numpy as np
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.document import markdown, provenance
-from wrenchbed.reports.claim import Claim
 from wrenchbed.reports.robot_scene import blame, wrench_scene
 from wrenchbed.reports.simulators import Evidence
 from wrenchbed.reports.wrench_answer import WrenchAnswer
@@ -42,7 +41,10 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {sentence}" for sentence in words.aside]
     rows += ["", f"**{words.place}**", "", *(f"- {sentence}" for sentence in words.where)]
-    rows += ["", *(_claimed(c) for c in words.causes)] if words.causes else ["", words.no_cause]
+    rows += ["", *([] if words.causes else [words.no_cause])]
+    for c in words.causes:
+        texts = [text for _, text in c.choices] + [f"{size.name} {size.value}" for size in c.sizes]
+        rows.append(f"- {c.names} {c.probability}: {', '.join(texts)}")
     rows += ["", words.leading, "", words.distance, ""]
     rows += [f"- {name} {gap}" for name, gap in words.bars]
     if shares:
@@ -57,9 +59,3 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
         rows += ["", f"**{title}**", "", *(f"- {line}" for line in lines)] if lines else []
     names = (d.recording, *d.others)
     return "\n".join([*rows, *markdown(provenance(names, command, findings.seed))])
-
-
-def _claimed(c: Claim) -> str:
-    """Markdown of one claimed cause: its probability and all its parameters."""
-    sizes = (f"{size.name} {size.value}" for size in c.sizes)
-    return f"- {c.names} {c.probability}: {', '.join([text for _, text in c.choices] + [*sizes])}"

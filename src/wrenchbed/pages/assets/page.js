@@ -50,7 +50,7 @@
 
   // ---- series -----------------------------------------------------------------------------
   function whiskers(s, k) {
-    return {type: "custom", name: s.name, xAxisIndex: k, yAxisIndex: k, silent: true, clip: true, z: 2,
+    return {type: "custom", name: s.name, xAxisIndex: k, yAxisIndex: k, silent: true, clip: true, z: 2, encode: {x: 0, y: [1, 2]},
       data: s.x.map((x, i) => [x, s.y[i] - s.std[i], s.y[i] + s.std[i]]), tooltip: {show: false},
       renderItem: (_, api) => {
         const [x, a] = api.coord([api.value(0), api.value(1)]);
