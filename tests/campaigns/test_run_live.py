@@ -1,7 +1,7 @@
 """Campaigns on a live driver: retried, continued, within limits that nobody had to give."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -234,6 +234,18 @@ def test_a_run_states_its_limits_and_keeps_to_them(tmp_path):
         arm.guard()
     with arm, pytest.raises(PlanError, match="outside the workspace"):
         arm.move(UR5.home + np.array([1.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+def test_a_recording_holds_what_joints_report(tmp_path):
+    class Telling(Arm):
+        def _read(self):
+            sample = super()._read()
+            evidence = {"i": np.arange(6.0), "joint_temperature": np.full(6, 30.0)}
+            return replace(sample, evidence=evidence)
+
+    run(Telling(), tmp_path / "r.parquet")
+    rec = wb.Recording.read(tmp_path / "r.parquet")
+    assert (rec.columns["i4"] == 3.0).all() and (rec.columns["joint_temperature6"] == 30.0).all()
 
 
 def test_a_motion_stays_in_its_own_box(arm):

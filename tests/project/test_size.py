@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78873,
     "src/wrenchbed": 69386,
     "src/robot_emulators": 9487,
-    "tests": 37905,
+    "tests": 37917,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
