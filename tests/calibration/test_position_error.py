@@ -95,7 +95,6 @@ def test_the_papers_workspaces():
 
 @pytest.fixture(scope="module")
 def touched(tmp_path_factory):
-    """A wrong robot, recorded under gravity and touching known points."""
     folder, truth = tmp_path_factory.mktemp("touched"), wrong(11)
     sets = MEDRUE.goal_sets(100, None, seed=0)
     pick = np.random.default_rng(0).permutation(len(sets.touch))[:TOUCHES]

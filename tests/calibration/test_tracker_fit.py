@@ -130,6 +130,7 @@ def test_the_fit_is_exported_as_a_simulator_and_never_as_a_load(tmp_path):
     give = (0.0, 1 / 1e4, 0.0, 0.0, 0.0, 0.0)
     arm = TrackedUr5(wrong=TrackedUr5.anyhow(np.random.default_rng(9)).wrong, give=give)
     fit = wb.calibrate_tracker(arm.recording(9), wb.Options(hold=("compliance.q[3-6]",)))
+    assert "diagnose" in wb.calibrate_tracker(arm.recording(9, rows=4), RIGID).status
     soft = fit["compliance.q2"]
     assert abs(soft.value - give[1]) < 4.0 * soft.std < give[1]
     fit.write(tmp_path / "fit.json")
