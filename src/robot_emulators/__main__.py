@@ -1,6 +1,7 @@
 """`python -m robot_emulators NAME`: serve a device with the built-in kinematic plant."""
 
 import argparse
+import os
 import signal
 import sys
 import threading
@@ -22,20 +23,19 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--faults", help="TOML script of timed faults; - takes JSON, a line each")
     asked = parser.parse_args(words)
     live = asked.faults == "-"
-    setting = dict(word.partition("=")[::2] for word in asked.setting)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     try:
-        options = Options(asked.host, setting=setting)
+        options = Options(asked.host, setting=dict(w.partition("=")[::2] for w in asked.setting))
         with serve(asked.name, options=options, faults=None if live else asked.faults) as server:
-            addresses = " ".join(f"{k}={v}" for k, v in server.addresses.items())
-            say = partial(print, flush=True)
-            say("ready", addresses)
+            parent, say = os.getppid(), partial(print, flush=True)
+            say("ready", *(f"{k}={v}" for k, v in server.addresses.items()))
             if live:
                 server.faults.listen(sys.stdin, say)
             while not ended.wait(_LOOK_S) and not server.failed.is_set():
-                pass
+                if live and os.getppid() != parent:  # whoever gave it faults was killed
+                    break
             if server.failure is not None:
                 raise EmulatorError(f"this emulator has broken down: {server.failure!r}")
     except EmulatorError as error:

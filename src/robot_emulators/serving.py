@@ -111,9 +111,8 @@ def device(
         host: address of this machine; if empty one of 16 million, so that many serve at once.
         setting: of the emulator, as ``series="e"``; EmulatorError if it cannot be served.
     """
-    host = host or str(IPv4Address("127.1.0.1") + randrange(250 << 16))
-    result = Device(host)
-    result.host = host
+    result = Device(host or IPv4Address("127.1.0.1") + randrange(250 << 16))
+    result.host = host = str(result)
     if plant is not None:
         with serve(kind, plant, Options(host, setting=setting)) as server:
             result.addresses = server.addresses

@@ -119,7 +119,9 @@ def poses(path: Path) -> list[int]:
 
 
 def test_every_pose_is_there_and_the_first_one_twice(tmp_path):
-    done = run(Arm(), tmp_path / "r.parquet")
+    arm = Arm()
+    arm.q[5] = UR5.joints[5].upper + 5e-7  # a joint at rest flickers by some counts
+    done = run(arm, tmp_path / "r.parquet")
     assert (done.visited, done.rows, done.tried_again) == (4, 50, 0)
     assert poses(tmp_path / "r.parquet") == [20, 10, 10, 10]
     rec = wb.Recording.read(tmp_path / "r.parquet")

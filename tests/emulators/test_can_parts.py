@@ -1,7 +1,9 @@
 """The driver's parts without a bus: states, ids, rates, detection counted in cycles."""
 
+import gc
 import struct
 import threading
+import weakref
 
 import numpy as np
 import pytest
@@ -224,3 +226,13 @@ def test_what_a_drive_says_of_itself(can_id, data, state, named):
     bench.cycle._received(1.0, can_id, data)
     bench.tick()
     assert bench.cycle.latched[0] == state and named in bench.cycle.latched[1]
+
+
+def test_no_garbage_is_frozen_while_the_cycle_runs():
+    bench, kept = Bench(), Bench()
+    kept.itself, gone = kept, weakref.ref(kept)
+    gc.collect()  # it is old: a young one would be collected soon
+    del kept
+    bench.cycle._keep_time = lambda: None
+    bench.cycle._run()
+    assert gone() is None

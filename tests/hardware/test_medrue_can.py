@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from can_witness import Witness, quick_stopped, upload
+from can_witness import Witness, quick_stopped
 from medrue_bench import HOST, away, options, until
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
 from wrenchbed.hardware.drivers.can import CanDriver, board, network
@@ -183,13 +183,3 @@ def test_a_bus_off_that_ends_by_itself_lets_the_driver_go_on(driver, medrue):
     medrue.fault("can", "bus_off", seconds=0.15)
     assert until(lambda: driver.health().state == "stale", 0.3), driver.health()
     assert until(lambda: driver.health().ok), driver.health()  # shorter than the watchdog
-
-
-def test_a_node_that_restarted_is_told_its_periods_again(driver, medrue):
-    told = {index: upload(HOST, 6, index) for index in (0x1006, 0x1017)}
-    assert told == {0x1006: 4000, 0x1017: 100}
-    medrue.fault("can", "node_reboot", node=6)
-    assert until(lambda: driver.health().state == "lost", 0.5)
-    assert {upload(HOST, 6, index) for index in told} == {0}
-    driver.recover(unlock=True)
-    assert {index: upload(HOST, 6, index) for index in told} == told

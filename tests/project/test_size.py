@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78873,
+    "src": 78872,
     "src/wrenchbed": 69386,
-    "src/robot_emulators": 9487,
-    "tests": 37917,
+    "src/robot_emulators": 9486,
+    "tests": 37915,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

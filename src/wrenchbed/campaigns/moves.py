@@ -143,7 +143,7 @@ def _box(
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Lower and upper corner [m] of the box around the sensor's path through the plan and back to
     its first pose, with `MARGIN_M` on all sides."""
-    robot, here = driver.robot, driver.read().q
+    robot, here = driver.robot, driver.position()
     rows = [*range(len(plan)), 0] if plan.mode == "static" else [0]
     legs = itinerary(robot, plan, here, driver.limits, rows, clear=clear)
     way = [] if plan.mode == "static" else [plan.q]

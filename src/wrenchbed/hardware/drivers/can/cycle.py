@@ -263,6 +263,7 @@ class Cycle:
     def _run(self) -> None:
         before = sys.getswitchinterval()
         sys.setswitchinterval(min(before, _SWITCH_S))
+        gc.collect()  # what is frozen as garbage is hardly ever collected afterwards
         gc.freeze()  # else a collection of all that a large program holds takes some 200 ms
         try:
             self._keep_time()

@@ -269,8 +269,7 @@ class CanDriver(LiveDriver):
         if link.dead:
             return Health("lost", f"CAN bus: {link.dead}", counters)
         if cycle.latched is not None:
-            state, why = cycle.latched
-            return Health(state, why, counters)
+            return Health(*cycle.latched, counters)
         return by_age(self._age(), "drives", counters)
 
     def _age(self) -> float:

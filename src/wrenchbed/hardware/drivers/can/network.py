@@ -73,9 +73,7 @@ class Drives:
         self._failure = canopen.SdoCommunicationError
         self._abort = canopen.SdoAbortedError
         self._network: Any = canopen.Network()
-        self._network.send_message = lambda can_id, data, remote=False: link.send(
-            can_id, bytes(data)
-        )
+        self._network.send_message = lambda cob, data, remote=False: link.send(cob, bytes(data))
         self._nodes: dict[int, Any] = {}
         for node in options.nodes:
             remote = canopen.RemoteNode(node, canopen.ObjectDictionary())
