@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1030,
     "planning": 1036,
     "plant": 763,
-    "reports": 2098,
+    "reports": 2096,
     "robots": 4400,
     "sensors": 314,
     "simulation": 1304,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78872,
-    "src/wrenchbed": 69386,
+    "src": 78870,
+    "src/wrenchbed": 69384,
     "src/robot_emulators": 9486,
     "tests": 37915,
     "scripts": 3476,

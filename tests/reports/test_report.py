@@ -223,8 +223,8 @@ VERDICTS = {
     "unknown": ({}, "page: No known effect explains the gap; where: the residual follows; "
                 "which: Probability that it is something unknown: > 0.99; far: It stays on 24"),
     "unknown, many alike": (
-        {"probabilities": {CROWD: 0.9, "none": 0.0, "unknown": 0.1}},
-        "page: Too many effects explain the gap equally well; which: base.tilt, cable.pull, link"),
+        {"probabilities": {CROWD: 0.9, "none": 0.0, "unknown": 0.1}, "floor": 0.98},
+        "page: Too many effects explain the gap equally; which: base.tilt, cable; far: 0.98 of it"),
     "none": ({}, "page: No cause found: the residual is within normal imperfections; "
              "which: No cause is named.; far: there is nothing to close"),
     "none beside a gap": ({"calibrated": Interval(1.64, 0.71, 2.6)},
@@ -245,7 +245,7 @@ VERDICTS = {
 def test_each_verdict_has_its_sentences(case, springy, healthy):
     of = {"unknown": without_cause(springy), "none": healthy, "springy": springy}
     found, (change, texts) = of[case.split()[0].strip(",")], VERDICTS[case]
-    gap = {k: v for k, v in change.items() if isinstance(v, Interval)}
+    gap = {k: v for k, v in change.items() if isinstance(v, Interval | float)}
     rest = {k: v for k, v in change.items() if k not in gap}
     page = shown(changed(found, gap=replace(found.diagnosis.gap, **gap), **rest))
     for section, text in (x.split(": ", 1) for x in texts.split("; ")):

@@ -36,7 +36,7 @@ _FILES = {
 """What a diagnosis writes; of joint efforts drives.json and no picture."""
 _MATERIAL = re.compile(r"(\d*\.?\d+(?:e-?\d+)?)(N|N[·.*]?m|mm)")
 """A size and its unit."""
-_MOST_SIZES = 6
+_MOST_SIZES = 7
 """Parameters of a cause that are printed."""
 _COLOURS = {
     "none": "green", "identified": "cyan", "ambiguous": "yellow", "partial": "yellow",
@@ -265,7 +265,7 @@ def answer_display(a: Answer) -> Group:
     for label, value in a.bars:
         gaps.add_row(label, value)
     gaps.add_row("held-out rows", f"{d.gap.rows:,}")
-    aside = [f"set aside: {sentence}" for sentence in a.aside]
+    aside = [f"set aside: {o['sentence']}" for o in d.outliers]
     return Group(
         head, verdict, *console.section("", aside)[2:],
         *console.section("where", [f"{a.place}.", *a.where]),

@@ -73,7 +73,7 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
 def rough(name: str, value: float, unit: str) -> str:
     """Text of a parameter's size with two significant figures and its unit."""
     factor, shown = human(name, value, unit)
-    return minus(_with(f"{factor * value:.2g}", shown))
+    return minus(_with(f"{float(f'{factor * value:.2g}'):g}", shown))
 
 
 def measured(value: float, std: float | None, *, signed: bool = False) -> str:

@@ -16,6 +16,8 @@ MOST_HEADLINE = 160
 """Characters of a headline: two lines of a terminal."""
 MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
 """Largest number of listed candidates, and least probability of one: below it prints as 0 %."""
+LEAST_SCATTER = 0.05
+"""Gap of the rows' own scatter that is called so: below it prints as 0.0."""
 LEAST_NEAREST = 0.05
 """Probability from which the nearest cause is named beside unknown: below, it is a guess."""
 _DISTRUST = "do not trust the twin"
@@ -122,11 +124,6 @@ class Answer(ABC):
         return " ".join(phrases)
 
     @property
-    def aside(self) -> list[str]:
-        """Sentences on outliers."""
-        return [str(o["sentence"]) for o in self.d.outliers]
-
-    @property
     def steps(self) -> list[str]:
         """Sentences on what to do next."""
         return [str(n["sentence"]) for n in self.d.next] or [self.nothing_more]
@@ -180,8 +177,10 @@ class Answer(ABC):
 
     @property
     def stays(self) -> str:
-        """Sentence on a gap that no cause is named for."""
-        return f"It stays {self.on}: without a cause there is nothing to close it with."
+        """Sentences on a gap that no cause is named for."""
+        own = f" {numbers.gap(self.d.gap.floor)} of it is how single rows scatter beyond noise."
+        own *= self.d.gap.floor >= LEAST_SCATTER
+        return f"It stays {self.on}: without a cause there is nothing to close it with.{own}"
 
     def shrinks(self) -> tuple[str, str]:
         """Figure and sentences on how far the claimed causes close the gap."""
@@ -215,7 +214,8 @@ class Answer(ABC):
         rows = [("as configured", g.configured), ("calibrated", g.calibrated.value)]
         if g.with_effects is not None:
             rows.append(("with the effects", g.with_effects.value))
-        rows.append(("noise alone", max(g.floor, 0.0)))
+        alone = "rows' own scatter" if g.floor >= LEAST_SCATTER else "noise alone"
+        rows.append((alone, max(g.floor, 0.0)))
         return [(label, numbers.gap(value)) for label, value in rows]
 
     @property

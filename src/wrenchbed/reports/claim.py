@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from wrenchbed import registry
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.result import named_by
@@ -107,7 +109,9 @@ def claim(
     }  # fmt: skip
     ranked = list(size or sizes)
     if len(ranked) > MOST_SIZES:
-        ranked.sort(key=lambda n: (quantities[n]["unit"] in _WHERE, _relative_std(quantities[n])))
+        known = quantities.items()
+        unsure = {n: abs((v.get("std") or np.inf) / (v["value"] or 1e-300)) for n, v in known}
+        ranked.sort(key=lambda n: (quantities[n]["unit"] in _WHERE, unsure[n]))
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
     choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
                for n, v in values.items() if "unit" not in v}  # fmt: skip
@@ -200,9 +204,3 @@ def capital(text: str) -> str:
 def listed(names: Sequence[str], last: str = " and ") -> str:
     """Join names as ``a, b and c``."""
     return last.join([x for x in (", ".join(names[:-1]), names[-1]) if x])
-
-
-def _relative_std(parameter: Mapping[str, Any]) -> float:
-    """Standard uncertainty relative to the value; infinite where it is not known."""
-    value, std = abs(float(parameter["value"])), parameter.get("std")
-    return float(std) / value if std and value else float("inf")

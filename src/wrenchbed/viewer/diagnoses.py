@@ -39,7 +39,7 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
     """Markdown of a diagnosis's three answers, in the words of its page, which has the tables."""
     d, words = findings.diagnosis, WrenchAnswer(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
-    rows += [f"- set aside: {sentence}" for sentence in words.aside]
+    rows += [f"- set aside: {o['sentence']}" for o in d.outliers]
     rows += ["", f"**{words.place}**", "", *(f"- {sentence}" for sentence in words.where)]
     rows += ["", *([] if words.causes else [words.no_cause])]
     for c in words.causes:
