@@ -195,6 +195,7 @@ def arm():
 
 
 def test_without_limits_the_box_is_around_the_way_and_the_load_within_the_range(arm):
+    arm.state = Health("fault")  # limits are shown before somebody recovers it
     found = live_limits(arm, PLAN)
     poses = np.vstack([UR5.home, PLAN.q])
     _, at = UR5.sensor_pose(poses, UR5.parameters.nominal)

@@ -143,7 +143,8 @@ def _box(
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Lower and upper corner [m] of the box around the sensor's path through the plan and back to
     its first pose, with `MARGIN_M` on all sides."""
-    robot, here = driver.robot, driver.position()
+    robot = driver.robot
+    here = np.clip(driver.read().q, *np.transpose([(j.lower, j.upper) for j in robot.joints]))
     rows = [*range(len(plan)), 0] if plan.mode == "static" else [0]
     legs = itinerary(robot, plan, here, driver.limits, rows, clear=clear)
     way = [] if plan.mode == "static" else [plan.q]
@@ -166,12 +167,11 @@ def _loads(driver: Driver, missing: Mapping[str, bool]) -> dict[str, tuple[float
     zero = driver.read_wrench().wrench - weight(robot.gravity_seen(q, theta, gravity), tool)[0]
     heavy = float(tool.mass) * float(np.linalg.norm(gravity))
     most = {"force": heavy, "torque": heavy * float(np.linalg.norm(tool.cog))}
-    full_scale = driver.full_scale()
     for name, unit, half in _HALVES:
         if not missing[name]:
             continue
         load = most[name] + float(np.linalg.norm(zero[half]))
-        end = float(full_scale[half].min())
+        end = float(driver.full_scale()[half].min())
         if load >= end:
             raise LimitError(
                 f"the sensor reads up to {load:.3g} {unit} with the tool in other orientations, "
