@@ -263,7 +263,7 @@ RULES: Mapping[str, Rule[Any]] = {
 def beside_own_rest(
     first: Decision[S],
     again: Callable[[], Decision[S]],
-    rivals: Callable[[Verdict[S]], Sequence[str]],
+    rivals: Callable[[Verdict[S]], Sequence[Key]],
     changing: Callable[[Verdict[S], Collection[str]], str],
 ) -> tuple[Decision[S], str]:
     """Decision beside a residual that no effect explains, as real robots leave it, and a sentence
@@ -372,15 +372,15 @@ def only(verdict: Verdict[S], kept: tuple[Cause, ...]) -> Verdict[S]:
     return replace(verdict, word=_word(kept), causes=kept, probabilities=probability)
 
 
-def widened(verdict: Verdict[S], rivals: Sequence[str]) -> Verdict[S]:
+def widened(verdict: Verdict[S], rivals: Sequence[Key]) -> Verdict[S]:
     """Verdict with more rivals of its leading cause; ``unknown`` if they are too many."""
     if not verdict.causes:
         return verdict
     lead, *others = verdict.causes
-    more = [n for n in rivals if n not in lead.names]
-    if not more:
+    new = [key for key in rivals if key not in lead.keys]
+    if not new:
         return verdict
-    keys = (*lead.keys, *((n, None) for n in more))
+    keys, more = (*lead.keys, *new), [n for n in dict(new) if n not in lead.names]
     probability = dict(verdict.probabilities)
     key = "|".join((*lead.names, *more))
     probability[key] = probability.pop("|".join(lead.names), lead.probability)
@@ -388,7 +388,7 @@ def widened(verdict: Verdict[S], rivals: Sequence[str]) -> Verdict[S]:
     if len(keys) > 1 + MOST_RIVALS:
         return replace(verdict, word=UNKNOWN, causes=(), probabilities=probability)
     shares = lead.shares or (1.0,) * len(lead.keys)
-    each = np.array([*shares, *(min(shares) for _ in more)])
+    each = np.array([*shares, *(min(shares) for _ in new)])
     wider = replace(
         lead, keys=keys, shares=tuple((each / each.sum()).tolist()),
         probability=max(lead.probability, probability[key]),

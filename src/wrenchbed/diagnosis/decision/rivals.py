@@ -15,7 +15,7 @@ from wrenchbed.diagnosis.evidence.search import SingleEvidence, best_variants
 from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import Verdict
+from wrenchbed.diagnosis.explain.verdict import Key, Verdict
 from wrenchbed.diagnosis.gap.closure import twin_of
 from wrenchbed.diagnosis.gap.gaps import Bootstrap
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
@@ -31,8 +31,8 @@ APART = 0.5
 two causes and no rivals: the larger half is its own."""
 
 
-def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:
-    """Names of effects that do as well in the leading cause's place on held-out rows, best first.
+def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key, ...]:
+    """Effects that do as well in the leading cause's place on held-out rows, best first.
 
     A wrong stated number has none.
     """
@@ -40,7 +40,7 @@ def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str,
         return ()
     lead = verdict.causes[0]
     more = [n for n in _as_good(a, verdict, seed) if n not in lead.names]
-    return tuple(more[: 1 + MOST_RIVALS - len(lead.names)])
+    return tuple((n, None) for n in more[: 1 + MOST_RIVALS - len(lead.names)])
 
 
 def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:

@@ -9,13 +9,13 @@ import numpy as np
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.answer import cannot_tell
-from wrenchbed.diagnosis.decision.decide import conclude, decide
+from wrenchbed.diagnosis.decision.decide import conclude, decide, widened
 from wrenchbed.diagnosis.efforts import answer
 from wrenchbed.diagnosis.efforts.commanded import as_efforts
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulator, Simulators
-from wrenchbed.diagnosis.efforts.options import blocks, facts_of, outside, weighed
+from wrenchbed.diagnosis.efforts.options import as_good, blocks, facts_of, outside, weighed
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Evidence, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
@@ -118,6 +118,8 @@ def diagnose_efforts(
     unnamed = outside(simulators, likely[0])
     seen = () if scene.commanded else signs(d)  # counts of encoders are no ordinary noise
     decision = decide(facts_of(simulators, likely, seed))
+    alike = as_good(simulators, decision.verdict, decision.gap, seed)
+    decision = replace(decision, verdict=widened(decision.verdict, alike))
     final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])
     gap, fit = decision.gap, simulators.of(blocks(final.causes))
     members = {c.part.name: gap.members[c.part.label] for c in final.causes}

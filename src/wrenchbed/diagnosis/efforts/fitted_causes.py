@@ -119,7 +119,7 @@ class Simulators:
         tool is measured from the configured value (`docs/contracts.md`), so no ordinary error of a
         link takes its place. The black box has all causes.
         """
-        d, fit, use = self.d, self.of(blocks), np.stack([c.use for c in self.d.channels], axis=-1)
+        d, fit, use = self.d, self.of(blocks), self._use
         each = {
             "configured": 0.0 * fit.each, "calibrated": self.of().each,
             "box": self._box.each,
@@ -133,13 +133,29 @@ class Simulators:
             if d.blocks[k].effect.startswith("tool."):
                 each[label] = fit.each.copy()
                 each[label][:, d.at[k]] = 0.0
-        counts = use * np.square([c.noise.std / c.counts for c in d.channels])
-        every = {name: (remaining(d, x) ** 2 - 1.0) * counts for name, x in each.items()}
-        rows = {name: x.sum(axis=1) * len(x) / use.sum() for name, x in every.items()}
+        every = {name: self._left(x) for name, x in each.items()}
+        rows = {name: self._of_rows(x) for name, x in every.items()}
         rows["floor"] = np.zeros(len(use))
         channels = {s: every[name].sum(axis=0) / use.sum(axis=0) for s, name in stages.items()}
         without = {label: rows.pop(label) for label in labels.values()}
         return Judged(d.fold, np.ones(len(use)), rows, without, channels)
+
+    def gap(self, blocks: Iterable[int]) -> np.ndarray:
+        """Gap (M,) of each row that no fit used, with these causes."""
+        return self._of_rows(self._left(self.of(blocks).each))
+
+    @cached_property
+    def _use(self) -> np.ndarray:
+        return np.stack([c.use for c in self.d.channels], axis=-1)
+
+    def _left(self, each: np.ndarray) -> np.ndarray:
+        """Gap (M, C) of each reading, for amplitudes (B, P) fitted without each time block."""
+        counts = self._use * np.square([c.noise.std / c.counts for c in self.d.channels])
+        return np.asarray((remaining(self.d, each) ** 2 - 1.0) * counts)
+
+    def _of_rows(self, left: np.ndarray) -> np.ndarray:
+        """Gap (M,) of each row: its mean is that of all readings (M, C) that are used."""
+        return np.asarray(left.sum(axis=1) * len(left) / self._use.sum())
 
 
 def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:

@@ -4,16 +4,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
+import numpy as np
+
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
+from wrenchbed.diagnosis.decision.rivals import ALIKE, APART
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulators, added
 from wrenchbed.diagnosis.efforts.search import TEMPER, Structure
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.elements import DOUBT
 from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
-from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure, closure
+from wrenchbed.diagnosis.explain.verdict import Cause, Key, Option, Part, Verdict
+from wrenchbed.diagnosis.gap.gaps import Bootstrap, Closure, closure
 from wrenchbed.drives.solution import FOLDS
 
 _SMALL = 1e-3
@@ -97,6 +100,29 @@ def facts_of(
         some or (Option((), 0.0, ()),), unknown, lambda verdict: measured(blocks(verdict.causes)),
         _right, doubt=DOUBT / TEMPER, ordinary_fitted=True,
     )  # fmt: skip
+
+
+def as_good(s: Simulators, verdict: Verdict[Structure], gap: Closure, seed: int) -> list[Key]:
+    """Effects that do as well in the leading cause's place on held-out rows, best first, where the
+    claimed causes leave more than noise: their laws are then not quite those of the robot."""
+    if not verdict.causes or gap.with_effects is None or gap.with_effects.low <= 0.0:
+        return []
+    d, (lead, *others) = s.d, verdict.causes
+    beside, taken = blocks(others), {key for c in verdict.causes for key in c.keys}
+    mean = Bootstrap([(d.fold, np.ones(len(d.fold)))], seed).mean
+    without, leading = s.gap(beside), s.gap(blocks(verdict.causes))
+    closes, worse = mean(without - leading).value, dict[Key, float]()
+    for k, b in enumerate(d.blocks):
+        if b.joint != lead.part.joint or b.outside or not len(d.at[k]) or b.key in taken:
+            continue
+        gaps = s.gap((*beside, k))
+        back, behind = mean(without - gaps), mean(gaps - leading)
+        if back.low <= 0.0 or (behind.low > 0.0 and back.value < ALIKE * closes):
+            continue
+        both = s.gap((*blocks(verdict.causes), k))
+        if mean(gaps - both).value < APART * closes:
+            worse[b.key] = min(behind.value, worse.get(b.key, np.inf))
+    return sorted(worse, key=lambda key: worse[key])
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
