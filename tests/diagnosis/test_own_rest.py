@@ -10,6 +10,7 @@ from ntnu import GRAVITY, STD, static
 from real_faults import Host
 from wrenchbed.benchmark.referee.case import DRAWS, FAMILIES, as_case, robot_with_minor
 from wrenchbed.diagnosis.decision.decide import confirmed, widened
+from wrenchbed.diagnosis.decision.rivals import not_apart
 from wrenchbed.diagnosis.diagnose import diagnose, settle
 from wrenchbed.diagnosis.explain.claims import complete
 from wrenchbed.diagnosis.explain.familiarity import LEAST_P
@@ -18,6 +19,7 @@ from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE, shipped
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.constancy import CHANGES, changing, grown
+from wrenchbed.diagnosis.gap.gaps import Bootstrap
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.result import named_by
 
@@ -73,8 +75,8 @@ def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
     lead = Cause((("sensor.drift", None),), 0.6, Part("sensor.drift", 3.0, index=0), (1.0,))
     share = {"sensor.drift": 0.6, "sensor.jump": 0.3, "unknown": 0.1}
     verdict = Verdict("identified", (lead,), SimpleNamespace(), share)
-    assert widened(verdict, ("sensor.drift",)) is verdict
-    told = widened(verdict, ("sensor.jump",))
+    assert widened(verdict, (("sensor.drift", None),)) is verdict
+    told = widened(verdict, (("sensor.jump", None),))
     assert (told.word, told.causes[0].names) == ("ambiguous", ("sensor.drift", "sensor.jump"))
     assert told.causes[0].probability == pytest.approx(0.9)
     assert dict(told.probabilities) == {
@@ -82,8 +84,30 @@ def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
         "unknown": 0.1,
     }
     assert told.causes[0].shares == pytest.approx((0.5, 0.5))
-    many = widened(verdict, tuple("abcde"))
+    many = widened(verdict, [(n, None) for n in "abcde"])
     assert (many.word, many.causes) == ("unknown", ())
+
+
+def test_rivals_leave_little_more_than_the_leading_cause_and_are_no_causes_beside_it():
+    """Gaps over 100 blocks: 10 with neither, 0.5 with the leading cause."""
+    rng = np.random.default_rng(0)
+    block = np.arange(100)
+    level = rng.normal(0.0, 0.01, (6, 100))
+    mean = Bootstrap([(block, np.ones(100))], 0).mean
+    without, leading = 10.0 + level[0], 0.5 + level[1]
+
+    def rival(key, left, both, row):
+        return key, left + level[row], lambda: both + level[row]
+
+    each = (
+        rival("alike", 0.8, 0.4, 2),
+        rival("as large, but another cause", 0.9, -7.0, 3),
+        rival("twice as far off as the leading cause leaves", 1.5, 0.4, 4),
+        rival("no better than neither", 10.1, 0.4, 5),
+        rival("equal", 0.5, 0.5, 1),
+    )
+    assert not_apart(mean, without, leading, 0.5, each) == ("equal", "alike")
+    assert not_apart(mean, without, leading, 0.1, each) == ("equal",)
 
 
 @pytest.mark.slow

@@ -6,7 +6,9 @@ judged on held-out rows, and what closes as much there, within the interval of t
 rival. Channels weigh by the noise of the analysis, the recording's own residual included.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Key, Verdict
 from wrenchbed.diagnosis.gap.closure import twin_of
-from wrenchbed.diagnosis.gap.gaps import Bootstrap
+from wrenchbed.diagnosis.gap.gaps import Bootstrap, Interval
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
 
@@ -29,6 +31,11 @@ recording's own rest."""
 APART = 0.5
 """Share of what the leading cause closes that it closes beside a rival too, from which the two are
 two causes and no rivals: the larger half is its own."""
+
+K = TypeVar("K", bound=Hashable)
+Tried = tuple[K, np.ndarray, Callable[[], np.ndarray]]
+"""Candidate in the leading cause's place: its key, the gap of each observation (S,) with it, and a
+function to that with both."""
 
 
 def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key, ...]:
@@ -52,22 +59,45 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str
     wrong = [c.names[0] for c in others if c.part.index is None]
     base = a.refitter.keeping(f, beside)
     assert lead.part.index is not None
-    leading = a.refitter.keeping(f, [lead.part.index, *beside])
     judge = _Judge(a, wrong, seed)
-    without, with_lead = judge.gaps(base), judge.gaps(leading)
-    closes = judge.mean(without - with_lead).value
-    rivals: dict[str, float] = {}
-    for s in _candidates(a, base, {*claimed, lead.names[0]}):
+    without = judge.gaps(base)
+    with_lead = judge.gaps(a.refitter.keeping(f, [lead.part.index, *beside]))
+
+    def tried(s: SingleEvidence) -> Tried[str]:
         h = a.searcher.hypotheses[s.index]
         rival = a.refitter.extended(base, h, s.rung)
-        gaps = judge.gaps(rival)
-        back, worse = judge.mean(without - gaps), judge.mean(gaps - with_lead)
-        if back.low <= 0.0 or (worse.low > 0.0 and back.value < ALIKE * closes):
+        both = partial(a.refitter.extended, rival, f.parts[lead.part.index or 0])
+        return h.name, judge.gaps(rival), lambda: judge.gaps(both())
+
+    each = map(tried, _candidates(a, base, {*claimed, lead.names[0]}))
+    spare = (1.0 - ALIKE) * judge.mean(without - with_lead).value
+    return not_apart(judge.mean, without, with_lead, spare, each)
+
+
+def not_apart(
+    mean: Callable[[np.ndarray], Interval],
+    without: np.ndarray,
+    leading: np.ndarray,
+    spare: float,
+    each: Iterable[Tried[K]],
+) -> tuple[K, ...]:
+    """Keys of the candidates that do as well as the leading cause on held-out rows, best first.
+
+    Args:
+        mean: mean of gaps (S,) with its interval.
+        without: gap of each observation (S,) with neither.
+        leading: gap of each observation (S,) with the leading cause.
+        spare: gap more than the leading cause's that a rival may leave.
+        each: candidates.
+    """
+    closes, worse = mean(without - leading).value, dict[K, float]()
+    for key, gaps, both in each:
+        behind = mean(gaps - leading)
+        if mean(without - gaps).low <= 0.0 or (behind.low > 0.0 and behind.value > spare):
             continue
-        both = judge.gaps(a.refitter.extended(rival, f.parts[lead.part.index]))
-        if judge.mean(gaps - both).value < APART * closes:
-            rivals[h.name] = worse.value
-    return tuple(sorted(rivals, key=lambda n: rivals[n]))
+        if mean(gaps - both()).value < APART * closes:
+            worse[key] = min(behind.value, worse.get(key, np.inf))
+    return tuple(sorted(worse, key=lambda key: worse[key]))
 
 
 def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:

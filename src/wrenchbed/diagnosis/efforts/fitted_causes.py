@@ -140,9 +140,10 @@ class Simulators:
         without = {label: rows.pop(label) for label in labels.values()}
         return Judged(d.fold, np.ones(len(use)), rows, without, channels)
 
-    def gap(self, blocks: Iterable[int]) -> np.ndarray:
-        """Gap (M,) of each row that no fit used, with these causes."""
-        return self._of_rows(self._left(self.of(blocks).each))
+    def gap(self, blocks: Iterable[int], joint: int | None) -> np.ndarray:
+        """Gap (M,) of each row that no fit used, with these causes: of one joint, or of all."""
+        left = self._left(self.of(blocks).each)
+        return self._of_rows(left) if joint is None else left[:, joint - 1]
 
     @cached_property
     def _use(self) -> np.ndarray:

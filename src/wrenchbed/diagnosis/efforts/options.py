@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
-from wrenchbed.diagnosis.decision.rivals import ALIKE, APART
+from wrenchbed.diagnosis.decision.rivals import not_apart
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulators, added
 from wrenchbed.diagnosis.efforts.search import TEMPER, Structure
 from wrenchbed.diagnosis.evidence.search import NONE
@@ -102,27 +102,23 @@ def facts_of(
     )  # fmt: skip
 
 
-def as_good(s: Simulators, verdict: Verdict[Structure], gap: Closure, seed: int) -> list[Key]:
+def as_good(s: Simulators, verdict: Verdict[Structure], gap: Closure, seed: int) -> tuple[Key, ...]:
     """Effects that do as well in the leading cause's place on held-out rows, best first, where the
     claimed causes leave more than noise: their laws are then not quite those of the robot."""
     if not verdict.causes or gap.with_effects is None or gap.with_effects.low <= 0.0:
-        return []
+        return ()
     d, (lead, *others) = s.d, verdict.causes
-    beside, taken = blocks(others), {key for c in verdict.causes for key in c.keys}
-    mean = Bootstrap([(d.fold, np.ones(len(d.fold)))], seed).mean
-    without, leading = s.gap(beside), s.gap(blocks(verdict.causes))
-    closes, worse = mean(without - leading).value, dict[Key, float]()
-    for k, b in enumerate(d.blocks):
-        if b.joint != lead.part.joint or b.outside or not len(d.at[k]) or b.key in taken:
-            continue
-        gaps = s.gap((*beside, k))
-        back, behind = mean(without - gaps), mean(gaps - leading)
-        if back.low <= 0.0 or (behind.low > 0.0 and back.value < ALIKE * closes):
-            continue
-        both = s.gap((*blocks(verdict.causes), k))
-        if mean(gaps - both).value < APART * closes:
-            worse[b.key] = min(behind.value, worse.get(b.key, np.inf))
-    return sorted(worse, key=lambda key: worse[key])
+    claim, joint = blocks(verdict.causes), lead.part.joint
+    taken = {key for c in verdict.causes for key in c.keys}
+    mean, leading = Bootstrap([(d.fold, np.ones(len(d.fold)))], seed).mean, s.gap(claim, joint)
+    simpler = {*d.blocks[lead.part.index or 0].columns}
+    each = (
+        (b.key, s.gap((*blocks(others), k), joint), partial(s.gap, (*claim, k), joint))
+        for k, b in enumerate(d.blocks)
+        if b.joint == joint and not b.outside and b.key not in taken
+        if len(d.at[k]) and not simpler < {*b.columns}
+    )
+    return not_apart(mean, s.gap(blocks(others), joint), leading, mean(leading).value, each)
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
