@@ -118,7 +118,7 @@ def diagnose_efforts(
     unnamed = outside(simulators, likely[0])
     seen = () if scene.commanded else signs(d)  # counts of encoders are no ordinary noise
     decision = decide(facts_of(simulators, likely, seed))
-    alike = as_good(simulators, decision.verdict, decision.gap, seed)
+    alike = as_good(simulators, decision.verdict, seed)
     decision = replace(decision, verdict=widened(decision.verdict, alike))
     final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])
     gap, fit = decision.gap, simulators.of(blocks(final.causes))

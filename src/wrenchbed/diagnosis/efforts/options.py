@@ -102,15 +102,18 @@ def facts_of(
     )  # fmt: skip
 
 
-def as_good(s: Simulators, verdict: Verdict[Structure], gap: Closure, seed: int) -> tuple[Key, ...]:
+def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key, ...]:
     """Effects that do as well in the leading cause's place on held-out rows, best first, where the
-    claimed causes leave more than noise: their laws are then not quite those of the robot."""
-    if not verdict.causes or gap.with_effects is None or gap.with_effects.low <= 0.0:
+    claimed causes surely leave more than noise in its joint: their laws are not quite its own."""
+    if not verdict.causes:
         return ()
     d, (lead, *others) = s.d, verdict.causes
     claim, joint = blocks(verdict.causes), lead.part.joint
-    taken = {key for c in verdict.causes for key in c.keys}
     mean, leading = Bootstrap([(d.fold, np.ones(len(d.fold)))], seed).mean, s.gap(claim, joint)
+    left = mean(leading)
+    if left.low <= 0.0:
+        return ()
+    taken = {key for c in verdict.causes for key in c.keys}
     simpler = {*d.blocks[lead.part.index or 0].columns}
     each = (
         (b.key, s.gap((*blocks(others), k), joint), partial(s.gap, (*claim, k), joint))
@@ -118,7 +121,7 @@ def as_good(s: Simulators, verdict: Verdict[Structure], gap: Closure, seed: int)
         if b.joint == joint and not b.outside and b.key not in taken
         if len(d.at[k]) and not simpler < {*b.columns}
     )
-    return not_apart(mean, s.gap(blocks(others), joint), leading, mean(leading).value, each)
+    return not_apart(mean, s.gap(blocks(others), joint), leading, left.value, each)
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
