@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 939,
     "cli": 2683,
     "data": 5401,
-    "diagnosis": 13017,
+    "diagnosis": 13086,
     "drives": 1669,
     "effects": 4995,
     "environments": 589,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78870,
-    "src/wrenchbed": 69384,
+    "src": 78939,
+    "src/wrenchbed": 69453,
     "src/robot_emulators": 9486,
-    "tests": 37915,
+    "tests": 37939,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

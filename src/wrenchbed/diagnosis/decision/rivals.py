@@ -6,9 +6,8 @@ judged on held-out rows, and what closes as much there, within the interval of t
 rival. Channels weigh by the noise of the analysis, the recording's own residual included.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
@@ -32,8 +31,7 @@ APART = 0.5
 """Share of what the leading cause closes that it closes beside a rival too, from which the two are
 two causes and no rivals: the larger half is its own."""
 
-K = TypeVar("K", bound=Hashable)
-Tried = tuple[K, np.ndarray, Callable[[], np.ndarray]]
+Tried = tuple[Key, np.ndarray, Callable[[], np.ndarray]]
 """Candidate in the leading cause's place: its key, the gap of each observation (S,) with it, and a
 function to that with both."""
 
@@ -46,12 +44,12 @@ def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key,
     if not verdict.causes or verdict.causes[0].part.index is None:
         return ()
     lead = verdict.causes[0]
-    more = [n for n in _as_good(a, verdict, seed) if n not in lead.names]
-    return tuple((n, None) for n in more[: 1 + MOST_RIVALS - len(lead.names)])
+    more = [key for key in _as_good(a, verdict, seed) if key[0] not in lead.names]
+    return tuple(more[: 1 + MOST_RIVALS - len(lead.names)])
 
 
-def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:
-    """Names of effects that close as much of the gap in the leading cause's place, best first."""
+def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key, ...]:
+    """Effects that close as much of the gap in the leading cause's place, best first."""
     f = verdict.explanation.finalist
     lead, *others = verdict.causes
     claimed = {n for c in others for n in c.names}
@@ -63,11 +61,11 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str
     without = judge.gaps(base)
     with_lead = judge.gaps(a.refitter.keeping(f, [lead.part.index, *beside]))
 
-    def tried(s: SingleEvidence) -> Tried[str]:
+    def tried(s: SingleEvidence) -> Tried:
         h = a.searcher.hypotheses[s.index]
         rival = a.refitter.extended(base, h, s.rung)
         both = partial(a.refitter.extended, rival, f.parts[lead.part.index or 0])
-        return h.name, judge.gaps(rival), lambda: judge.gaps(both())
+        return (h.name, None), judge.gaps(rival), lambda: judge.gaps(both())
 
     each = map(tried, _candidates(a, base, {*claimed, lead.names[0]}))
     spare = (1.0 - ALIKE) * judge.mean(without - with_lead).value
@@ -75,12 +73,9 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str
 
 
 def not_apart(
-    mean: Callable[[np.ndarray], Interval],
-    without: np.ndarray,
-    leading: np.ndarray,
-    spare: float,
-    each: Iterable[Tried[K]],
-) -> tuple[K, ...]:
+    mean: Callable[[np.ndarray], Interval], without: np.ndarray, leading: np.ndarray, spare: float,
+    each: Iterable[Tried],
+) -> tuple[Key, ...]:  # fmt: skip
     """Keys of the candidates that do as well as the leading cause on held-out rows, best first.
 
     Args:
@@ -90,7 +85,7 @@ def not_apart(
         spare: gap more than the leading cause's that a rival may leave.
         each: candidates.
     """
-    closes, worse = mean(without - leading).value, dict[K, float]()
+    closes, worse = mean(without - leading).value, dict[Key, float]()
     for key, gaps, both in each:
         behind = mean(gaps - leading)
         if mean(without - gaps).low <= 0.0 or (behind.low > 0.0 and behind.value > spare):
