@@ -68,6 +68,21 @@ def test_an_itinerary_is_refused_by_row():
     assert [len(leg.via) for leg in free] == [1, 1]
 
 
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_a_joint_that_stands_past_its_limit_may_come_back_but_go_no_further(name):
+    robot = wb.load("robots", name)
+    past, other = robot.home.copy(), robot.home.copy()
+    past[1] = robot.joints[1].lower - 0.02
+    other[1] = robot.joints[1].lower + 0.02
+    plan = wb.Plan.of(name, np.stack([other]))
+    (leg,) = itinerary(robot, plan, past, Limits(), [0], clear=False)
+    assert np.array_equal(leg.via[-1], other)
+    with pytest.raises(PlanError, match=r"q2 = .* is outside its limits"):
+        itinerary(
+            robot, wb.Plan.of(name, np.stack([past - 0.01])), past, Limits(), [0], clear=False
+        )
+
+
 def test_slower_limits_take_longer_in_proportion():
     plan = wb.Plan.of("ur5", UR5.sample(3, np.random.default_rng(1)))
     fast, slow = (

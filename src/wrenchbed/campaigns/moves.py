@@ -17,7 +17,7 @@ from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.physics.wrench import weight
 from wrenchbed.planning.collisions import clearance
 from wrenchbed.robots.base import Robot, SimulatedRobot
-from wrenchbed.robots.motion_limits import Limits, duration, straight
+from wrenchbed.robots.motion_limits import Limits, duration, entered, straight
 
 MARGIN_M = 0.05
 """Added to each side of the box around the plan [m]: smaller stops moves that swing around it;
@@ -60,7 +60,7 @@ def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
     if plan.mode == "static":
         return
     driver.limits.check_motion(robot, plan.q, rate, plan.name)
-    start = straight(driver.position(), plan.q[0])
+    start = entered(robot, straight(driver.position(), plan.q[0]))
     robot.check(start, robot.parameters.nominal, f"{plan.name}: move to row 0")
     if clear and isinstance(robot, SimulatedRobot):
         for row, q in enumerate(plan.q):
@@ -88,7 +88,7 @@ def itinerary(
         via = [q] if among is None else among.path(here, q, where)
         seconds = 0.0
         for end in via:
-            path = straight(here, end)
+            path = entered(robot, straight(here, end))
             if bad := robot.infeasible(path, robot.parameters.nominal):
                 why = next(iter(bad.values()))
                 raise PlanError(f"{where}: on the straight way to this pose {why}")

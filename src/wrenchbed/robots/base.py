@@ -195,7 +195,8 @@ class Robot(ArmBodies):
             more = f" ({len(bad)} such rows)" if len(bad) > 1 else ""
             raise PlanError(f"{where}: row {row}: {why}{more}")
 
-    def _outside_limits(self, q: np.ndarray) -> dict[int, str]:
+    def outside_limits(self, q: np.ndarray) -> dict[int, str]:
+        """Row → reason, of the rows of q (N, J) with a joint outside its limits."""
         bad: dict[int, str] = {}
         for j, joint in enumerate(self.joints):
             usual, hint = _USUAL[joint.unit]

@@ -140,7 +140,7 @@ class SerialChain(MountedArm):
         return np.array([link.mass for link in self.bodies]), centres
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
-        return self._outside_limits(q)
+        return self.outside_limits(q)
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
         return q

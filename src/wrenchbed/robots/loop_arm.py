@@ -96,7 +96,7 @@ class LoopArm(DescribedArm):
         return turn @ arm.end_turn, origin + apply(turn, arm.end_shift)
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
-        bad = self._outside_limits(q)
+        bad = self.outside_limits(q)
         inside = np.setdiff1d(np.arange(len(q)), list(bad))
         if len(inside):
             driven = q[inside] + self.zeros(theta.real)

@@ -21,6 +21,13 @@ def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.asarray(start + fraction * (np.asarray(end) - start))
 
 
+def entered(robot: Robot, path: np.ndarray) -> np.ndarray:
+    """Points of a path (N, J) from the first with all joints within their limits on: a robot that
+    stands past a limit may come back. All points if there is none."""
+    inside = ~np.isin(np.arange(len(path)), list(robot.outside_limits(path)))
+    return path[int(np.argmax(inside)) :]
+
+
 def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
     """Filter poses q (N, J): keep each that is reached straight from the last one kept."""
     kept: list[np.ndarray] = []

@@ -17,7 +17,7 @@ from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import Device
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.robots.base import INERTIA_AXES, Robot
-from wrenchbed.robots.motion_limits import Limits, duration, straight
+from wrenchbed.robots.motion_limits import Limits, duration, entered, straight
 
 Block = Mapping[str, np.ndarray]
 """Columns of a recording by name, each (n,)."""
@@ -210,7 +210,7 @@ class Driver(Device, ABC):
         the robot is not ready."""
         self._check_active()
         start, goal = self._position(), np.asarray(q, dtype=float)
-        self.limits.check_path(self.robot, straight(start, goal), "move")
+        self.limits.check_path(self.robot, entered(self.robot, straight(start, goal)), "move")
         return self._move(start, goal, duration(self.robot, start, goal, self.limits.speed))
 
     def stop(self, kind: str = "soft") -> None:

@@ -203,7 +203,7 @@ class MedRUE(SimulatedRobot):
         return self.parameters.vector({k: float(v) for k, v in values.items()}, start=theta)
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
-        return self._outside_limits(q) | failures(self.values(theta), q)
+        return self.outside_limits(q) | failures(self.values(theta), q)
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         p = self.values(self.parameters.nominal)
