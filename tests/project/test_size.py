@@ -27,7 +27,7 @@ WRENCHBED = {
     "planning": 1036,
     "plant": 763,
     "reports": 2096,
-    "robots": 4400,
+    "robots": 4408,
     "sensors": 314,
     "simulation": 1304,
     "studies": 1346,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78939,
-    "src/wrenchbed": 69453,
+    "src": 78947,
+    "src/wrenchbed": 69461,
     "src/robot_emulators": 9486,
-    "tests": 37939,
+    "tests": 37954,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
