@@ -49,7 +49,7 @@ def test_every_effect_of_a_design_can_be_drawn_and_shows(kind):
         assert case.causes == (effect,) and case.kind == "single" and case.outside is None
         assert shows(case, effect), effect
         assert case.clean.shape == design.nominal.shape and np.isfinite(case.clean).all()
-        assert case.true(effect) and all(np.isfinite(v) for v in case.true(effect).values())
+        assert np.isfinite([*case.true_parameters(effect).values()] or [np.nan]).all()
 
 
 @pytest.mark.sampled
@@ -59,7 +59,7 @@ def test_the_same_seed_gives_the_same_case_bit_for_bit(kind):
     for case_kind in ("single", "pair", "outside"):
         a, b = draw(one, 4, case_kind), draw(two, 4, case_kind)
         assert a.causes == b.causes and a.outside == b.outside and a.gaps == b.gaps
-        assert [a.true(effect) for effect in a.causes] == [b.true(effect) for effect in b.causes]
+        assert all(a.true_parameters(e) == b.true_parameters(e) for e in a.causes)
         np.testing.assert_array_equal(a.clean, b.clean)
     np.testing.assert_array_equal(recording(one, a).wrench, recording(two, b).wrench)
 
@@ -149,12 +149,12 @@ def test_rows_between_holds_show_what_only_rows_can():
     design = design_of("ur5 static")
     coarse = draw(design, 3, "single", "sensor.quantization")
     rows = recording(design, coarse).wrench
-    steps = coarse.true("sensor.quantization")
+    steps = coarse.true_parameters("sensor.quantization")
     k = max(steps, key=steps.get)
     step, column = steps[k], "fx fy fz tx ty tz".split().index(k)
     np.testing.assert_allclose(rows[:, column] / step, np.round(rows[:, column] / step), atol=1e-6)
     clipped = draw(design, 3, "single", "sensor.saturation")
-    for name, limit in clipped.true("sensor.saturation").items():
+    for name, limit in clipped.true_parameters("sensor.saturation").items():
         column = "fx fy fz tx ty tz".split().index(name)
         top = np.abs(recording(design, clipped).wrench[:, column]).max()
         assert top <= limit * (1.0 + 1e-9)

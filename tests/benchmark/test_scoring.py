@@ -143,7 +143,7 @@ def test_true_parameters_have_the_published_names_and_signs(effect):
     q = robot.sample(30, np.random.default_rng(3))
     design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=20)
     case = draw(design, 5, "single", effect, 2.0)
-    true = case.true(effect)
+    true = case.true_parameters(effect)
     own = effects()[effect]
     scene = prepare(recording(design, case)).scene
     active = [ActiveEffect(own, own.values(robot, true))]

@@ -243,8 +243,8 @@ def test_a_recording_holds_what_joints_report(tmp_path):
     class Telling(Arm):
         def _read(self):
             sample = super()._read()
-            evidence = {"i": np.arange(6.0), "joint_temperature": np.full(6, 30.0)}
-            return replace(sample, evidence=evidence)
+            extra_columns = {"i": np.arange(6.0), "joint_temperature": np.full(6, 30.0)}
+            return replace(sample, extra_columns=extra_columns)
 
     run(Telling(), tmp_path / "r.parquet")
     rec = wb.Recording.read(tmp_path / "r.parquet")

@@ -11,7 +11,7 @@ import pytest
 import mutated
 from commanded import said
 from wrenchbed import registry
-from wrenchbed.benchmark.scoring import reliability_lessons
+from wrenchbed.benchmark.scoring import learn_reliability
 from wrenchbed.cli import main
 from wrenchbed.cli.diagnose import material_of
 from wrenchbed.data.recording import Recording
@@ -127,7 +127,7 @@ def asked(monkeypatch):
         counts.append(count)
         return replace(shipped(), source="a test's cases")
 
-    monkeypatch.setattr(reliability_lessons, "reliability_at_design", learn)
+    monkeypatch.setattr(learn_reliability, "reliability_at_design", learn)
     monkeypatch.setattr("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>"))
     return counts
 

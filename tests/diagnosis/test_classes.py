@@ -13,7 +13,7 @@ from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis import answer
+from wrenchbed.diagnosis import json_entries
 from wrenchbed.diagnosis.decision.decide import conclude
 from wrenchbed.diagnosis.diagnose import examine
 
@@ -90,7 +90,7 @@ def answered(rows):
     """Each cause as (effect, element) pairs, and its probability."""
     weighed = examine(rows, 0, None, lambda _: None).weighed
     verdict = conclude(
-        weighed.decision, answer.elements_of(weighed.analysis, weighed.decision.verdict)
+        weighed.decision, json_entries.elements_of(weighed.analysis, weighed.decision.verdict)
     )
     return [
         ({(n, e) for n in c.names for e in (c.elements[n].names if n in c.elements else [""])},

@@ -18,7 +18,7 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.gap import where
+from wrenchbed.diagnosis.gap import varies_with
 from wrenchbed.diagnosis.gap.held_out import HeldOut
 from wrenchbed.diagnosis.prepare.noise import noise_in_motion
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
@@ -111,11 +111,11 @@ def test_a_clipped_channel_is_no_repeat(channel):
 
 
 def test_what_shows_between_rows_says_so_and_becomes_part_of_the_twin():
-    (entry,) = where.entries((), (), [("base.vibration", "fx, tx", 0.68, 1e-3)])
+    (entry,) = varies_with.entries((), (), [("base.vibration", "fx, tx", 0.68, 1e-3)])
     assert entry["subsystem"] == "base" and entry["share"] == 0.68
     assert "of the gap" not in entry["sentence"]
     assert "68 % of a row's variance" in entry["sentence"]
-    stale = where.entries((), (), [("timing.stale", "fx", 0.0, 1e-3)])[0]["sentence"]
+    stale = varies_with.entries((), (), [("timing.stale", "fx", 0.0, 1e-3)])[0]["sentence"]
     assert stale == "timing.stale acts on single rows of fx, not on their means."
     told = {"std.fx": {"value": 0.2, "std": 0.01, "unit": "N"}}
     noisy = RowFinding("sensor.noise", 0.99, 4.0, ("fx",), told, "fx scatters.")

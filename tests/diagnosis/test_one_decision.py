@@ -36,8 +36,8 @@ def test_a_maker_is_seen():
 
 
 def test_only_the_decision_makes_or_changes_a_verdict():
-    """The entries of a diagnosis follow from it: `answer` fills them in."""
-    allowed = {"diagnosis/decision/decide.py", "diagnosis/answer.py"}
+    """The entries of a diagnosis follow from it: `json_entries` fills them in."""
+    allowed = {"diagnosis/decision/decide.py", "diagnosis/json_entries.py"}
     found = {
         path.relative_to(HOME).as_posix(): lines
         for path in sorted(HOME.rglob("*.py"))
@@ -58,7 +58,7 @@ ABOVE = {
     "explain": {"prepare", "evidence"},
     "gap": {"prepare", "evidence", "explain", "next"},
     "decision": {"prepare", "evidence", "explain", "gap"},
-    "efforts": {"prepare", "evidence", "explain", "gap", "decision", "next", "answer", "result"},
+    "efforts": {*"prepare evidence explain gap decision next json_entries result".split()},
     "between_rows": {"prepare"},
     "next": {"prepare", "evidence", "explain"},
 }

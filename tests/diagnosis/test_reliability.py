@@ -8,7 +8,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.benchmark.scoring import reliability_lessons
+from wrenchbed.benchmark.scoring import learn_reliability
 from wrenchbed.diagnosis.explain import familiarity
 from wrenchbed.diagnosis.explain.familiarity import LEAST_P, p_value
 from wrenchbed.diagnosis.explain.reliability import (
@@ -151,17 +151,17 @@ def test_look_alikes_teach_beside_other_cases(monkeypatch):
             future.set_result(known[k] if k < 20 else None)
             finished(k, future)
 
-    monkeypatch.setattr(reliability_lessons, "in_workers", at_once)
+    monkeypatch.setattr(learn_reliability, "in_workers", at_once)
     asked = []
-    model = reliability_lessons.reliability_at_design(still(), 21, report=asked.append)
+    model = learn_reliability.reliability_at_design(still(), 21, report=asked.append)
     assert sum(asked) == 21
     assert model.of(weak) == learnt([*lessons(), *known], "").of(weak) != shipped().of(weak)
     assert "20 look-alikes of this recording" in model.source
     with pytest.raises(DiagnosisError, match="at least 20"):
-        reliability_lessons.reliability_at_design(still(), 3)
+        learn_reliability.reliability_at_design(still(), 3)
 
 
 def test_one_look_alike_is_drawn_and_judged():
-    lesson = reliability_lessons.lesson_at(ExperimentDesign.of(still(poses=30)), 0, 6)
+    lesson = learn_reliability.lesson_at(ExperimentDesign.of(still(poses=30)), 0, 6)
     assert (lesson.lead, lesson.truth, lesson.features) == ("none", ("none",), ())
     assert len(lesson.design) == len(lessons()[0].design)

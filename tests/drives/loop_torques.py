@@ -1,5 +1,4 @@
-"""Torques of MedRUE's motors by other code than the fit's: MuJoCo's constraint forces, friction
-written here."""
+"""Torques of MedRUE's motors by other code than the fit's: MuJoCo's constraints, friction here."""
 
 import arm_torques
 import numpy as np

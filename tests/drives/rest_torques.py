@@ -112,8 +112,7 @@ def random_load(seed):
 
 
 def empty_and_loaded(robot, seed):
-    """Recordings of an arm with links 10 % off, without and with a further load, at other poses;
-    that load."""
+    """Recordings of an arm with links 10 % off, one with a further load, elsewhere; that load."""
     mass, centre = load = random_load(seed)
     q, total = robot.sample(100, np.random.default_rng(seed)), TOOL[0] + mass
     both = total, (TOOL[0] * np.array(TOOL[1]) + mass * np.array(centre)) / total

@@ -190,14 +190,14 @@ def test_states_are_taken_once_in_order_and_not_too_far_apart():
         even.rows(9)
 
 
-def test_evidence_and_joints_lie_on_lines_and_cubics_between_states():
+def test_extra_columns_and_joints_lie_on_lines_and_cubics_between_states():
     even = Resampler(100.0)
     for k in range(4):
         t, still = 0.04 * k, np.zeros(1)
         current = {"i": np.array([float(k)])}
-        even.add(ArmSample(t, t, 0.0, still, still, evidence=current))
+        even.add(ArmSample(t, t, 0.0, still, still, extra_columns=current))
     rows = even.rows(9)
-    assert [row.evidence["i"][0] for row in rows] == pytest.approx([0.25 * k for k in range(9)])
+    assert [row.extra_columns["i"][0] for row in rows] == pytest.approx(0.25 * np.arange(9))
     ends = np.array([[1.0], [1.5]])
     for s in (0.0, 0.3, 1.0):
         q, qd = hermite(tuple(ends**3 - ends), tuple(3 * ends * ends - 1), 0.5, s)

@@ -17,7 +17,7 @@ from simulated import driven
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.gap.gaps import Interval
-from wrenchbed.diagnosis.gap.where import Finding
+from wrenchbed.diagnosis.gap.varies_with import Finding
 from wrenchbed.diagnosis.next.blind import BlindSpot, unseen
 from wrenchbed.effects.scene import examples
 from wrenchbed.errors import MissingExtraError
@@ -26,7 +26,7 @@ from wrenchbed.pages.draw import Drawn
 from wrenchbed.reports.claim import claim
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.robot_scene import blame, wrench_scene
-from wrenchbed.reports.simulators import Evidence, along
+from wrenchbed.reports.simulators import HeldOutReadings, along
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.viewer.diagnoses import diagnosis_view
 
@@ -193,7 +193,8 @@ def test_the_first_screen_says_no_more_than_is_there(springy):
 
 def test_the_picture_has_each_pose_with_what_is_left_before_and_after(springy, tmp_path):
     diagnosis_view(springy, tmp_path / "d.rrd")
-    e, rrd, curves = Evidence(springy), Rrd(tmp_path / "d.rrd"), ("/residual", "Scalars:scalars")
+    e, rrd = HeldOutReadings(springy), Rrd(tmp_path / "d.rrd")
+    curves = ("/residual", "Scalars:scalars")
     scene, rms = wrench_scene(e), [(r**2).mean(axis=1) ** 0.5 for r in e.residuals.values()]
     sensor = f"/world/{scene.frames.shape[1] - 1}"
     for arrow in scene.arrows:

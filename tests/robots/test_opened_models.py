@@ -74,7 +74,7 @@ def test_loops_stay_closed_and_servos_hold_while_the_tool_is_pushed(name, force)
 def test_the_tool_does_not_pass_through_what_stands_there(name, point, top):
     """Driven down, the tip stops at bench or leg; without contact it arrives inside."""
     robot = wb.load("robots", name)
-    inside = wb.Simulation(robot, robot.parameters.nominal).seated(robot.home, np.array(point))
+    inside = wb.Simulation(robot, robot.parameters.nominal).joints_touching(robot.home, point)
     heights = {}
     for touching in (True, False):
         model = mujoco.MjModel.from_xml_path(str(file_of(name)))

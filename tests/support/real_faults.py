@@ -57,8 +57,7 @@ class Host:
         return (t - t[0]) / np.ptp(t)
 
     def gap(self, change: np.ndarray, configured: bool) -> float:
-        """Mean square of a change (N, 6) in noises of a row, after bias, mass and CoG were fitted
-        unless ``configured``."""
+        """Mean square of a change (N, 6) over noise; bias, mass, CoG fitted if not configured."""
         x = (change / self.std).ravel()
         if not configured:
             basis = np.linalg.qr((columns_of(self.pull) / self.std[:, None]).reshape(-1, 10))[0]

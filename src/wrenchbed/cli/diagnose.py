@@ -225,7 +225,7 @@ def _tried(name: str, write: Callable[[], object]) -> None:
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
     """Measure, on ``count`` simulated look-alikes of a recording, how often claims are right."""
-    from wrenchbed.benchmark.scoring.reliability_lessons import reliability_at_design
+    from wrenchbed.benchmark.scoring.learn_reliability import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
     prepare(data)  # refuses what cannot be diagnosed, before anything is learnt

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis.answer import numbers_of
 from wrenchbed.diagnosis.decision.decide import MOST_RIVALS
 from wrenchbed.diagnosis.decision.options import weights
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
@@ -20,6 +19,7 @@ from wrenchbed.diagnosis.explain.elements import RIVAL, elements
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
+from wrenchbed.diagnosis.json_entries import numbers_of
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
 from wrenchbed.diagnosis.result import cause, rival

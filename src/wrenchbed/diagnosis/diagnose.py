@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis import answer, beside_claims
+from wrenchbed.diagnosis import beside_claims, json_entries
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects, unexplained
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.decision import rivals
@@ -41,7 +41,7 @@ from wrenchbed.diagnosis.explain.reliability import (
 )
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap import constancy, where
+from wrenchbed.diagnosis.gap import constancy, varies_with
 from wrenchbed.diagnosis.gap.closure import Claims
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.held_out import simulated
@@ -101,7 +101,7 @@ class Findings:
     analysis: Analysis
     verdict: Verdict[Explanation]
     rows: tuple[RowFinding, ...]
-    places: tuple[where.Finding, ...]
+    places: tuple[varies_with.Finding, ...]
     plans: Mapping[str, Plan]
     scattered: str = ""
     seed: int = 0
@@ -193,17 +193,18 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     often = OFTEN if touch is None and outliers_.spells(outliers) > MOST_SPELLS else ""
     loud = scattered or (LOUD if not between and gap.calibrated.low > LARGEST_NONE else "")
     signs = [sentence for sentence in (loud, often) if sentence]
-    elements = answer.elements_of(analysis, decision.verdict)
+    elements = json_entries.elements_of(analysis, decision.verdict)
     shown = [(r.effect, r.probability) for r in between]
     verdict = conclude(decision, elements, signs, shown)
     progress("where")
-    places = where.locate(prepared.leading, analysis.calibrated, seed=seed)
+    places = varies_with.locate(prepared.leading, analysis.calibrated, seed=seed)
     unknown = verdict.word == UNKNOWN
-    lying = where.entries(
-        answer.places(analysis, verdict, gap), places if unknown else (),
-        [answer.row_place(r) for r in between],
+    lying = varies_with.entries(
+        json_entries.places(analysis, verdict, gap), places if unknown else (),
+        [json_entries.row_place(r) for r in between],
     )  # fmt: skip
-    hints = where.of_channels(gap, [("sensor", c) for c in gap.per_channel]) if unknown else []
+    sensors = [("sensor", channel) for channel in gap.per_channel]
+    hints = varies_with.of_channels(gap, sensors) if unknown else []
     progress("what next")
     said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
@@ -212,7 +213,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     here = known.believed_at(weighed.p_value, mode)
     spread, surest = here.spread, here.of((1.0,) * len(NAMES))
     learnt = _learnt(known, weighed.p_value, mode)
-    which = answer.causes(analysis, verdict, gap, spread, between)
+    which = json_entries.causes(analysis, verdict, gap, spread, between)
     diagnosis = Diagnosis(
         recording=prepared.recording.name,
         robot=prepared.recording.metadata.robot,
@@ -221,7 +222,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         where=lying or hints,
         which=which if verdict.word in ("identified", "ambiguous", PARTIAL) else [],
         probabilities=verdict.probabilities,
-        cannot_tell=answer.cannot_tell(which),
+        cannot_tell=json_entries.cannot_tell(which),
         blind=blind_spots(_designs(analysis)),
         next=proposed,
         twin=twin,
@@ -230,22 +231,22 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         set90=set90(verdict, known),
         minor=beside_claims.minor(analysis, verdict, spread, surest),
         fitted=beside_claims.fitted(analysis, verdict, spread),
-        scale=answer.scales(*(x.prepared for x in (*analysis.others, analysis))),
+        scale=json_entries.scales(*(x.prepared for x in (*analysis.others, analysis))),
         familiar=learnt,
         familiar_p=weighed.p_value,
         outliers=[o.entry(touch if prepared.touch is None else None) for o in outliers],
         notes=(
             *of_data,
-            *answer.of_data(analysis, gap.folds),
+            *json_entries.of_data(analysis, gap.folds),
             learnt,
-            *answer.notes(gap, between, unknown=verdict.word == UNKNOWN),
-            *answer.confirmations(prepared, verdict, gap),
+            *json_entries.notes(gap, between, unknown=verdict.word == UNKNOWN),
+            *json_entries.confirmations(prepared, verdict, gap),
         ),
     )
     if touch is not None:
         at_a_point = touch.parameters is not None
         both = beside_contact(verdict, CONTACT, touch.probability, gap, at_a_point=at_a_point)
-        diagnosis = answer.with_contact(diagnosis, both, touch)
+        diagnosis = json_entries.with_contact(diagnosis, both, touch)
     return Findings(diagnosis, analysis, verdict, between, places, plans, scattered, seed)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis import answer
+from wrenchbed.diagnosis import json_entries
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.diagnose import Examined, Findings, Progress, examine, findings_of, settle
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
@@ -316,7 +316,7 @@ def _between(each: Sequence[Examined], names: Sequence[str]) -> tuple[RowFinding
 def _of_data(e: Examined, folds: int) -> list[str]:
     p = e.weighed.analysis.prepared
     notes = [*p.notes, *([e.scattered] if e.scattered else ())]
-    return [*notes, *answer.of_data(e.weighed.analysis, folds)]
+    return [*notes, *json_entries.of_data(e.weighed.analysis, folds)]
 
 
 def settles(

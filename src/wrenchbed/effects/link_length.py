@@ -28,7 +28,7 @@ class LinkLength(ModelEffect):
     source = "0.1–1 mm, 0.02–0.1° as made: estimate"
 
     def parameters(self, robot: Robot) -> ParameterSet:
-        twists, lengths = geometry(robot)
+        twists, lengths = twist_and_length_names(robot)
         sizes = [(n, "rad", 1e-3, 0.5) for n in twists] + [(n, "m", 5e-4, 0.1) for n in lengths]
         return ParameterSet(
             tuple(
@@ -38,7 +38,7 @@ class LinkLength(ModelEffect):
         )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        twists, lengths = geometry(scene.robot)
+        twists, lengths = twist_and_length_names(scene.robot)
         if has_loops(scene.robot):
             return (
                 *single(lengths),
@@ -58,11 +58,11 @@ class LinkLength(ModelEffect):
         return tuple(result)
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        twists, lengths = geometry(robot)
+        twists, lengths = twist_and_length_names(robot)
         return added(robot, theta, {n: p[public(n)] for n in (*twists, *lengths)})
 
 
-def geometry(robot: Robot) -> tuple[list[str], list[str]]:
+def twist_and_length_names(robot: Robot) -> tuple[list[str], list[str]]:
     """Names of the robot's parameters that are twists, and of those that are lengths."""
     if has_loops(robot):
         known = robot.parameters.names

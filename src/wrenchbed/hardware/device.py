@@ -22,8 +22,7 @@ State = Literal["closed", "starting", "ok", "stale", "lost", "stopped", "fault"]
 STALE_S = 0.08
 """Age of the newest reading from which a link is stale [s]: ten states of a 125 Hz controller."""
 GONE_S = 1.0
-"""Age of the newest reading from which a link is lost [s]: no short stall of a network or
-machine."""
+"""Age of the newest reading from which a link is lost [s]: longer than a network stalls."""
 SPAN_S, LEAST_S = 5.0, 2.0
 """Longest and shortest time of which a drift is fitted [s]: a delay of 1 ms is 500 ppm of 2 s."""
 _FEW = 4

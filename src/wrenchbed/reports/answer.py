@@ -78,7 +78,7 @@ class Answer(ABC):
 
     @property
     @abstractmethod
-    def nothing_more(self) -> str:
+    def advice_without_experiment(self) -> str:
         """Sentence on what to do where no experiment is proposed."""
 
     @property
@@ -126,7 +126,7 @@ class Answer(ABC):
     @property
     def steps(self) -> list[str]:
         """Sentences on what to do next."""
-        return [str(n["sentence"]) for n in self.d.next] or [self.nothing_more]
+        return [str(n["sentence"]) for n in self.d.next] or [self.advice_without_experiment]
 
     @property
     def blind(self) -> tuple[str, ...]:

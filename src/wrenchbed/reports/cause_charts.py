@@ -19,7 +19,7 @@ from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thi
 from wrenchbed.pages.numbers import minus
 from wrenchbed.physics.time_derivatives import value
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.reports.simulators import Cause, Evidence, joint_axis, largest
+from wrenchbed.reports.simulators import Cause, HeldOutReadings, joint_axis, largest
 
 STEP = 1e-5
 """Step of a joint's value in a difference quotient [rad or m]."""
@@ -39,7 +39,7 @@ _CROSS = Scale("change of the reading [noise of one row]", -30.0, 30.0, (-30.0, 
 _OF_UNIT = {"N": "force", "N·m": "torque", "s": "time", "K": "temperature"}
 
 
-def own_chart(e: Evidence, c: Cause, name: str) -> Chart | None:
+def own_chart(e: HeldOutReadings, c: Cause, name: str) -> Chart | None:
     """Chart of a claimed cause over its own variable; None if it has none, or the data lack it."""
     draw = None if c.active is None else _OWN.get(c.active.effect.shown)
     chart = None if draw is None or c.active is None else draw(e, c, c.active)
@@ -69,7 +69,7 @@ def _over(title: str, x: Axis, y: Axis, series: Sequence[Series], caption: str) 
 # ---- a joint's own error ------------------------------------------------------------------
 
 
-def _joint(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
+def _joint(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart | None:
     """Error of a joint by row, against the torque on it or against its own value.
 
     A spring is a line over the torque of weight, a gear a wave over the angle.
@@ -103,7 +103,7 @@ def _joint(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
 
 
 def _joint_error(
-    e: Evidence, c: Cause, shift: np.ndarray
+    e: HeldOutReadings, c: Cause, shift: np.ndarray
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
     """Error of a wrong joint's value, of a cause that shifts joints by (H, J): number of the joint
     from 0; rows that show it (R,); their errors (R,) [rad or m]; standard uncertainties (R,)."""
@@ -130,7 +130,7 @@ def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
 # ---- what the sensor makes of its load ------------------------------------------------------
 
 
-def _load(e: Evidence, c: Cause, active: ActiveEffect) -> Chart:
+def _load(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
     """Residual of a channel against its load; for a loop, rising and falling rows apart."""
     scene, k = e.prepared.scene, largest(c.effect / e.std)
     channel, unit, at = CHANNELS[k], UNITS[k], np.flatnonzero(scene.held)
@@ -157,7 +157,7 @@ def _load(e: Evidence, c: Cause, active: ActiveEffect) -> Chart:
     return _over(f"{c.name}: {channel} against its load", across, up, series, caption)
 
 
-def _matrix(e: Evidence, c: Cause, active: ActiveEffect) -> Chart:
+def _matrix(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
     """Matrix of what a claimed effect adds to each channel per unit of each channel's load."""
     scene = e.prepared.scene
 
@@ -187,7 +187,7 @@ def _cross(i: int, j: int, v: float) -> str:
     return minus(f"{1e3 * v:.2f}" if i >= 3 else f"{v:.3f}")
 
 
-_OWN: Mapping[str, Callable[[Evidence, Cause, ActiveEffect], Chart | None]] = {
+_OWN: Mapping[str, Callable[[HeldOutReadings, Cause, ActiveEffect], Chart | None]] = {
     "torque": _joint, "angle": _joint, "load": _load, "loop": _load, "matrix": _matrix,
 }  # fmt: skip
 """Charts by `Effect.shown`; other causes are drawn by `figures.of_cause` alone."""
@@ -196,7 +196,7 @@ _OWN: Mapping[str, Callable[[Evidence, Cause, ActiveEffect], Chart | None]] = {
 # ---- where no single cause stands -----------------------------------------------------------
 
 
-def everywhere(e: Evidence, name: str) -> Chart:
+def everywhere(e: HeldOutReadings, name: str) -> Chart:
     """Chart of the channel with the largest residual over each joint, direction, time and load."""
     claimed = e.after is not None
     residual = (e.prepared.y - (e.before if e.after is None else e.after)) / e.std
@@ -217,7 +217,7 @@ def everywhere(e: Evidence, name: str) -> Chart:
     return Chart(name, title, tuple(panels), columns=3, caption=caption, note=note)
 
 
-def _variables(e: Evidence, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
+def _variables(e: HeldOutReadings, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
     """Yield axis and values (H,) of each variable that was recorded or is derived."""
     scene, held = e.prepared.scene, e.prepared.scene.held
     for k, joint in enumerate(scene.robot.joints if scene.jointed else ()):
@@ -238,7 +238,7 @@ def _variables(e: Evidence, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
         yield Axis("speed of the joints together", "rad/s"), np.linalg.norm(speed, axis=1)
 
 
-def scatter(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart:
+def scatter(e: HeldOutReadings, entry: Mapping[str, Any], name: str) -> Chart:
     """Chart of rows about their means, of a cause that shows only between rows.
 
     Over time; of a motion their spectrum beneath: a vibration is a peak, noise is flat.

@@ -17,7 +17,7 @@ from wrenchbed.reports import cause_charts, figures
 from wrenchbed.reports.answer import BADGES, Answer
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 from wrenchbed.reports.robot_scene import effort_scene, wrench_scene
-from wrenchbed.reports.simulators import Evidence
+from wrenchbed.reports.simulators import HeldOutReadings
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 
@@ -38,18 +38,18 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
         MissingExtraError: matplotlib is not installed.
     """
     registry.require("matplotlib", "report")
-    words, evidence = WrenchAnswer(findings), Evidence(findings)
-    scene = wrench_scene(evidence)
+    words, readings = WrenchAnswer(findings), HeldOutReadings(findings)
+    scene = wrench_scene(readings)
     more = {
         "robot": None if scene is None else draw(scene),
-        "heat": draw(figures.residual_map(evidence)),
+        "heat": draw(figures.residual_map(readings)),
         "observed": findings.analysis.prepared.observed,
         "rows": words.row_sentences,
         "next": words.d.next,
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
         "notes": words.notes_besides_rows,
     }
-    return _page(words, command, _data(findings), _of_causes(words, evidence), more)
+    return _page(words, command, _data(findings), _of_causes(words, readings), more)
 
 
 def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
@@ -90,7 +90,7 @@ def _page(
     return ReportPage(context | dict(more), "diagnosis.html", [*besides, *comparisons])
 
 
-def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:
+def _of_causes(words: WrenchAnswer, e: HeldOutReadings) -> list[Chart]:
     """Charts of each cause in their order, or of the residual that nothing explains."""
     charts: list[Chart | None] = []
     for k, cause in enumerate(e.causes()):

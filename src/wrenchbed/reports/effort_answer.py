@@ -115,7 +115,7 @@ class EffortAnswer(Answer):
         return self.shrinks()
 
     @property
-    def nothing_more(self) -> str:
+    def advice_without_experiment(self) -> str:
         if self.d.verdict == NONE and self.unstated:
             gap = numbers.gap(self.d.gap.configured)
             return f"State tool and drives: what is fitted makes up a gap of {gap} and is no cause."

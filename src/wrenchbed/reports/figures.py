@@ -1,21 +1,19 @@
-"""Figures of a report as charts.
-
-Measured is blue, simulated without the effects orange, with them green.
-"""
+"""Figures of a report as charts: measured is blue, simulated without the effects orange, with them
+green."""
 
 import numpy as np
 
 from wrenchbed.effects.chain import effects
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import NOISE, Axis, Chart, Matrix, Panel, Series, thinned
-from wrenchbed.reports.simulators import Cause, Evidence, along, largest
-from wrenchbed.twin.comparison import binned_rms, bins
+from wrenchbed.reports.simulators import Cause, HeldOutReadings, along, largest
+from wrenchbed.twin.predictions import binned_rms, bins
 
 BINS = 8
 """Columns of the map of residuals."""
 
 
-def residual_map(e: Evidence) -> Chart:
+def residual_map(e: HeldOutReadings) -> Chart:
     """Residual rms of the simulators before and after in units of noise, over poses or time, on the
     scale of every page."""
     (over, axis), panels = along(e.prepared), []
@@ -40,7 +38,7 @@ def residual_map(e: Evidence) -> Chart:
     return Chart("heat", "Residual of each channel", tuple(panels), caption=caption)
 
 
-def of_cause(e: Evidence, c: Cause, name: str) -> Chart:
+def of_cause(e: HeldOutReadings, c: Cause, name: str) -> Chart:
     """Signature of a cause, against a twin without it: measured and simulated values of the channel
     that shows it most, with their residual beneath.
 
@@ -75,7 +73,9 @@ def of_cause(e: Evidence, c: Cause, name: str) -> Chart:
     return Chart(f"{name}-{channel}", f"{title}: {channel}", panels, 1, True, caption, note)
 
 
-def _across(e: Evidence, title: str, effect: np.ndarray) -> tuple[np.ndarray, Axis, np.ndarray]:
+def _across(
+    e: HeldOutReadings, title: str, effect: np.ndarray
+) -> tuple[np.ndarray, Axis, np.ndarray]:
     """Places of the observations on the axis (H,), the axis, and their order: by time in a motion,
     of poses by the size of the effect (H,)."""
     p, known = e.prepared, effects()

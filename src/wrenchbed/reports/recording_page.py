@@ -14,7 +14,7 @@ from wrenchbed.pages.draw import draw
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports.diagnosis_page import recording_facts
 from wrenchbed.reports.simulators import joint_axis
-from wrenchbed.twin.comparison import Simulator, modelled, noise_of, order_of, robot_of, simulators
+from wrenchbed.twin.predictions import Simulator, modelled, noise_of, order_of, robot_of, simulators
 
 AGREES, NEAR = 1.25, 3.0
 """Residuals of a channel [noise of one row, rms] up to which simulator and measurement agree, or

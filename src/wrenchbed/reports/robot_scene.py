@@ -16,7 +16,7 @@ from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.claim import joints, joints_or
 from wrenchbed.reports.effort_answer import residuals_of, shown_rows
-from wrenchbed.reports.simulators import Evidence, along
+from wrenchbed.reports.simulators import HeldOutReadings, along
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.shapes import bodies, geoms_of, motion, triangles
 from wrenchbed.simulation.simulation import Simulation
@@ -99,7 +99,7 @@ def _carriers(simulation: Simulation) -> dict[int, Sequence[str]]:
     return parts
 
 
-def wrench_scene(e: Evidence) -> Scene | None:
+def wrench_scene(e: HeldOutReadings) -> Scene | None:
     """The robot at the observations of a wrench; None without joints or without a model."""
     p, robot = e.prepared, e.prepared.robot
     if not isinstance(robot, SimulatedRobot) or not p.scene.jointed:

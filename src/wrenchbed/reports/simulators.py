@@ -36,7 +36,7 @@ class Cause:
     measured: np.ndarray
 
 
-class Evidence:
+class HeldOutReadings:
     """Readings of the simulators at the observations (H, C), by fits that did not see them.
 
     Attributes:

@@ -174,7 +174,7 @@ class WrenchAnswer(Answer):
         return figure, f"{text}. No cause is named; there is nothing to close."
 
     @property
-    def nothing_more(self) -> str:
+    def advice_without_experiment(self) -> str:
         closed = self.d.gap.closed is None or self.d.gap.closed.value > 0.0
         if self.d.verdict == NONE:
             return (

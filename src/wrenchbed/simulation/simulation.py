@@ -16,7 +16,7 @@ from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.robots.base import SimulatedRobot
 
 _STEP, _TRIES, _SEATED = 1e-6, 30, 1e-9
-"""Newton's iteration of `Simulation.seated`: step of its differences, most steps, error [m]."""
+"""Newton's iteration of `joints_touching`: step of its differences, most steps, error [m]."""
 
 
 class Simulation:
@@ -63,8 +63,8 @@ class Simulation:
             tips.append(self.data.site_xpos[site].copy())
         return np.array(tips).reshape(-1, 3)
 
-    def seated(self, q: np.ndarray, point: np.ndarray) -> np.ndarray | None:
-        """Joint values (J,) near q that put the tool tip at a point (3,) [m]; None if none do."""
+    def joints_touching(self, q: np.ndarray, point: np.ndarray) -> np.ndarray | None:
+        """Joint values (J,) near ``q`` with the tool tip at a point (3,) [m]; None if none do."""
         x = np.array(q, dtype=float)
         steps = np.vstack([np.zeros(len(x)), np.eye(len(x)) * _STEP])
         for _ in range(_TRIES):

@@ -9,7 +9,7 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.document import markdown, provenance
 from wrenchbed.reports.robot_scene import blame, wrench_scene
-from wrenchbed.reports.simulators import Evidence
+from wrenchbed.reports.simulators import HeldOutReadings
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.viewer import stream
 from wrenchbed.viewer.elements import ROLES, log_curves
@@ -19,19 +19,19 @@ from wrenchbed.viewer.stream import ROW, log_words, to_file
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
     """Write a diagnosis's rerun picture, with its command; a `MissingExtraError` without rerun."""
-    evidence, view, axis = Evidence(findings), None, None
-    scene, shares = wrench_scene(evidence), dict[str, float]()
+    readings, view, axis = HeldOutReadings(findings), None, None
+    scene, shares = wrench_scene(readings), dict[str, float]()
     if scene is not None:
         shares, axis = blame(findings.diagnosis.to_json()), ROW
         places = scene.frames[..., 3].reshape(-1, 3)
-        view = stream.blamed(findings.diagnosis.robot, evidence.ids, places)
+        view = stream.blamed(findings.diagnosis.robot, readings.ids, places)
     page = stream.page(view, [stream.document("/report", "answers")], axis)
     with to_file(path, page, ROW) as canvas:
         if scene is not None:
             log_scene(canvas, scene)
-            rms = {n: np.sqrt((x**2).mean(axis=1)) for n, x in evidence.residuals.items()}
+            rms = {n: np.sqrt((x**2).mean(axis=1)) for n, x in readings.residuals.items()}
             y, colours = np.stack([*rms.values()], axis=1), (ROLES["before"], ROLES["after"])
-            log_curves(canvas, "residual", evidence.ids, y, list(rms), colours)
+            log_curves(canvas, "residual", readings.ids, y, list(rms), colours)
         log_words(canvas, "report", answers(findings, shares, command))
 
 

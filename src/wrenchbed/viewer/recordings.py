@@ -10,7 +10,7 @@ from wrenchbed.pages.document import markdown, provenance
 from wrenchbed.reports.recording_page import agreements
 from wrenchbed.simulation.shapes import motion
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.twin.comparison import Simulator, modelled, noise_of, robot_of, simulators
+from wrenchbed.twin.predictions import Simulator, modelled, noise_of, robot_of, simulators
 from wrenchbed.viewer import stream
 from wrenchbed.viewer.elements import (
     MEASURED,

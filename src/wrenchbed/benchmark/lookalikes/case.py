@@ -188,7 +188,7 @@ class LookalikeCase:
         """Name of the family outside the library, if one is the cause."""
         return next(iter(self.gaps)) if self.kind == "outside" else None
 
-    def true(self, effect: str) -> dict[str, float]:
+    def true_parameters(self, effect: str) -> dict[str, float]:
         """True parameters of a cause by name, SI, with minor imperfections of its name added."""
         cause = next(item for item, _ in reversed(self.items) if item.name == effect)
         return {k: float(v) for k, v in common.true_numbers(cause, self.items).items()}

@@ -289,7 +289,7 @@ class RefereeCase:
     measured: np.ndarray
     world: FaultyRobot
 
-    def true(self, cause: TrueCause) -> dict[str, float]:
+    def true_parameters(self, cause: TrueCause) -> dict[str, float]:
         """True numbers of a cause by name, SI, with what minor imperfections of its name add.
 
         The weight of the sensor's own tool side acts like a mass at the sensor's origin.

@@ -92,7 +92,7 @@ class Family:
         kind = self.kinds()[index]
         case = referee.make(self.robot, self.mode, kind, (self.seed, index, attempt))
         facts = tuple(
-            Fact(c.fault.name, c.fault.size, c.gap, c.rows, case.true(c), case.alike(c))
+            Fact(c.fault.name, c.fault.size, c.gap, c.rows, case.true_parameters(c), case.alike(c))
             for c in case.causes
         )
         per_pose = 1 if self.mode == "dynamic" else len(case.recording) // len(case.measured)
@@ -149,7 +149,7 @@ class LookalikeFamily(Family):
         case = draw(place, first + attempt, kind)
         rows = recording(place, case)
         facts = tuple(
-            Fact(effect, None, gap, case.rows.get(effect, 0.0), case.true(effect), ())
+            Fact(effect, None, gap, case.rows.get(effect, 0.0), case.true_parameters(effect), ())
             for effect, gap in case.gaps.items()
         )
         minor, count = case.background, len(rows)

@@ -1,6 +1,6 @@
 """Diagnosis of joint torques and motor currents: which joint, which effect, how far.
 Read first: `diagnose_efforts`, which walks `scene`, `columns`, `noise`, `dictionary`, `search`,
-`fitted_causes`, `options`, `signs`, `sizes` and `answer`.
+`fitted_causes`, `options`, `signs`, `sizes` and `json_entries`.
 Free: the inside of each file (how columns, commands and fits are computed); tests/diagnosis/efforts
 judges the answers.
 Others rely on: diagnosis.json and drives.json (docs/contracts.md), and names of effects.

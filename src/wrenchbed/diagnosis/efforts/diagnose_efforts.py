@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.answer import cannot_tell
 from wrenchbed.diagnosis.decision.decide import conclude, decide, widened
-from wrenchbed.diagnosis.efforts import answer
+from wrenchbed.diagnosis.efforts import json_entries
 from wrenchbed.diagnosis.efforts.commanded import as_efforts
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
@@ -22,6 +21,7 @@ from wrenchbed.diagnosis.efforts.signs import signs
 from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, fitted
 from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
+from wrenchbed.diagnosis.json_entries import cannot_tell
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.diagnosis.prepare.scenes import notes, stretch
 from wrenchbed.diagnosis.result import Diagnosis, plain
@@ -125,17 +125,17 @@ def diagnose_efforts(
     members = {c.part.name: gap.members[c.part.label] for c in final.causes}
     theta = np.asarray(scene.model.configured(scene.recording.metadata))
     twin = Twin(scene.model, theta, (), recording.name)
-    which = answer.which(simulators, final, gap)
+    which = json_entries.which(simulators, final, gap)
     diagnosis = Diagnosis(
         recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
-        answer.where(d, final, gap, seen), which, dict(final.probabilities),
-        cannot_tell(which), answer.next_steps(final), twin,
+        json_entries.where(d, final, gap, seen), which, dict(final.probabilities),
+        cannot_tell(which), json_entries.next_steps(final), twin,
         time.perf_counter() - begun,
-        (*notes(given, recording, recording), *answer.notes(d, final, gap, seen, unnamed)),
+        (*notes(given, recording, recording), *json_entries.notes(d, final, gap, seen, unnamed)),
         set90=set90(final, UNLEARNT),
-        minor=answer.minor(simulators, likely, final),
+        minor=json_entries.minor(simulators, likely, final),
         fitted=fitted(fit),
-        scale=answer.scales(d), blind=blind_spots(evidence),
+        scale=json_entries.scales(d), blind=blind_spots(evidence),
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip
     return EffortFindings(diagnosis, d, final, simulators, unnamed, seed)

@@ -14,8 +14,8 @@ from scipy.special import logsumexp
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import Moments, ScaledEvidence, Whitened, over_scales
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
-from wrenchbed.diagnosis.explain.case import Case
 from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.readings_model import ReadingsModel
 from wrenchbed.diagnosis.explain.shared_numbers import SHAPE_SPREAD, Structure
 
 _STEPS = 12
@@ -26,7 +26,7 @@ _DONE = 1e-3
 """Largest step, in standard uncertainties, at which a fit has converged."""
 
 
-class Refitter(Case):
+class Refitter(ReadingsModel):
     """Fits sets of causes to a recording, or to several of one robot together.
 
     Its arguments and results (parts, variables) are those of its own recording.

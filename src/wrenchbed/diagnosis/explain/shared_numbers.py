@@ -1,22 +1,22 @@
 """Effects in one or several recordings of a robot: which numbers are shared, what they add.
 
-In the linear Gaussian model the posterior of one recording is the prior of the next, whatever their
-order: log p(y_A, y_B | S) = log p(y_A | S) + log p(y_B | S, y_A), and information and scores of the
-recordings add up. So a structure has one set of numbers for what belongs to the robot, and one for
-each recording of what belongs to that (`Effect.of_recording`); background and stated numbers are
-each recording's own.
+In the linear Gaussian model one recording's posterior is the prior of the next: log p(y_A, y_B) =
+log p(y_A) + log p(y_B | y_A), and information and scores of the recordings add up. So a structure
+has one set of numbers for what belongs to the robot, and one for each recording of what belongs to
+that (`Effect.of_recording`); background and stated numbers are each recording's own.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import MORE, PRIOR
-from wrenchbed.diagnosis.explain.case import Case
 from wrenchbed.diagnosis.explain.finalist import Variables
+from wrenchbed.diagnosis.explain.readings_model import ReadingsModel
 
 SHAPE_SPREAD = 2.0
 """Prior standard deviation of a shape over its typical size."""
@@ -38,7 +38,7 @@ class Structure:
         sets: part and recording of each set of numbers with a common prior size.
     """
 
-    cases: Sequence[Case]
+    cases: Sequence[ReadingsModel]
     parts: Sequence[tuple[Hypothesis, ...]]
     at: tuple[np.ndarray, ...]
     blamed: tuple[np.ndarray, ...]
@@ -47,7 +47,7 @@ class Structure:
     sets: tuple[tuple[int, int], ...]
 
     @classmethod
-    def of(cls, cases: Sequence[Case], parts: Sequence[tuple[Hypothesis, ...]]) -> "Structure":
+    def of(cls, cases: Sequence[ReadingsModel], parts: Sequence[tuple[Hypothesis, ...]]) -> Self:
         """Set of causes from the ``parts`` of each recording, one variant of an effect each."""
         every = enumerate(zip(*parts, strict=True))
         sets = [(p, r) for p, same in every for r in _homes(cases, same)]
@@ -145,7 +145,7 @@ class Structure:
         return result[:, self.free :]
 
 
-def _homes(cases: Sequence[Case], same: Sequence[Hypothesis]) -> list[int]:
+def _homes(cases: Sequence[ReadingsModel], same: Sequence[Hypothesis]) -> list[int]:
     """Indices of recordings with own values of a part's numbers: one if they are the robot's."""
     shows = [r for r, (c, h) in enumerate(zip(cases, same, strict=True)) if h.name in c.shown]
     if same[0].effect.stated:

@@ -297,7 +297,8 @@ def analyse(prepared: Prepared) -> Analysis:
         beside = corrected(result.refitter, best.finalist, prepared.configuration)
         if _moves(result.ranking, result.dictionary.prepared, beside) < LINEAR:
             break
-        again = _ranked(prepared, coarse, baseline, baseline.at(prepared.configuration, beside))
+        moved = baseline.with_configuration(prepared.configuration, beside)
+        again = _ranked(prepared, coarse, baseline, moved)
         result = replace(again, at_baseline=result.at_baseline)
     return result
 

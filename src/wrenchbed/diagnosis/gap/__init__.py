@@ -1,6 +1,6 @@
 """How large the gap is, where it lies, and how far the twin closes it on held-out rows.
-Read first: `result` (the answer), then `closure` and `where`.
-Free: the inside of each file (counts of permutations and draws); tests/diagnosis/test_where,
+Read first: `result` (the answer), then `closure` and `varies_with`.
+Free: the inside of each file (counts of permutations and draws); tests/diagnosis/test_varies_with,
 test_held_out, test_claims.
 Others rely on: `Closure`, `Judged` (every decision), diagnosis.json (docs/contracts.md).
 Never: choose a cause; it measures what others claim.

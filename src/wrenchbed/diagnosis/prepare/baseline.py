@@ -41,7 +41,7 @@ class Baseline:
         """Parameters of the robot alone, with its tool but without the sensor."""
         return self.configuration.robot_theta
 
-    def at(self, stated: Configuration, beside: Configuration) -> "Baseline":
+    def with_configuration(self, stated: Configuration, beside: Configuration) -> "Baseline":
         """Copy with the tool's mass and CoG as fitted beside a cause."""
         mass = np.array([beside.mass - stated.mass])
         moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}

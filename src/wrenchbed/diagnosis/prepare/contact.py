@@ -39,16 +39,14 @@ MARGIN = 3
 CLEAR = 10.0
 """Force over the other poses' residual from which its direction is used: it is then known to 6°."""
 FORM = 0.05
-"""Relative error of a torque about the point, for what slides and rolls in contact: a twentieth of
-the lever."""
+"""Error of a torque about the point over its lever, for what slides and rolls in contact."""
 REACH_M, REACH = 0.01, 0.2
 """Distance of a contact from the tip (1 σ): a length [m] and a fraction of the tip's lever arm; a
 fingertip's size, and a tool touched along its last fifth."""
 ONE_WAY = float(np.cos(np.radians(45.0)))
 """Cosine between each push and their mean: friction of up to 0.5 (27°) leans both sides."""
 LEAN = float(np.cos(np.radians(35.0)))
-"""Cosine between a push and a surface's normal: friction of 0.5 (27°), and the direction's
-error."""
+"""Cosine between a push and a surface's normal: friction of 0.5 (27°), direction's error."""
 PROBABLE, ONE_POSE = 0.97, 0.8
 """Probability of a contact where all three hold, and where but one pose shows them: of pushes and
 wrong rows at one random pose up to 9 % pass, at two 0.3 %."""

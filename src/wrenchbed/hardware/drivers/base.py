@@ -36,7 +36,7 @@ class ArmSample:
         mode: ``off``, ``idle``, ``running``, ``fault`` or what the device calls it.
         safety: ``normal``, ``protective stop``, ``emergency stop`` …
         program: ``playing``, ``paused``, ``stopped``; empty where the robot runs none.
-        evidence: further columns of recordings (J,), by name without number: ``i`` is i1… [A].
+        extra_columns: further columns of recordings (J,), by name without number: ``i`` is i1… [A].
     """
 
     t: float
@@ -48,7 +48,7 @@ class ArmSample:
     mode: str = "running"
     safety: str = "normal"
     program: str = ""
-    evidence: Mapping[str, np.ndarray] = field(default_factory=dict)
+    extra_columns: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -389,8 +389,9 @@ class LiveDriver(Driver):
             health = self.transducer.health()
             raise LinkError("the sensor's readings have a gap" if health.ok else health.detail)
         arm = replace(
-            self._read(), t=row.host, device_time=None, q=row.q, qd=row.qd, evidence=row.evidence
-        )
+            self._read(), t=row.host, device_time=None,
+            q=row.q, qd=row.qd, extra_columns=row.extra_columns,
+        )  # fmt: skip
         columns = self._row(row.t, arm, wrench)
         target = next((q for t, q in reversed(sent) if t <= row.host), sent[0][1])
         return columns | {f"q_target{j + 1}": float(v) for j, v in enumerate(target)}
@@ -399,7 +400,7 @@ class LiveDriver(Driver):
         self.limits.check_wrench(wrench.wrench)
         self._last_row = max(t, np.nextafter(self._last_row, np.inf))
         row = {"t": self._last_row - self._start}
-        for name, values in {"q": arm.q, "qd": arm.qd, **arm.evidence}.items():
+        for name, values in {"q": arm.q, "qd": arm.qd, **arm.extra_columns}.items():
             row |= {f"{name}{j + 1}": float(v) for j, v in enumerate(values)}
         row |= {c: float(v) for c, v in zip(CHANNELS, wrench.wrench, strict=True)}
         row |= {"status": wrench.status, "saturated": wrench.saturated, "lost": wrench.lost}

@@ -273,7 +273,7 @@ class SimDriver(Driver):
         `TOUCH_STD` an axis, and return the joint values there; an unknown force pushes the tip."""
         seat = point + self._touch_rng.normal(0.0, TOUCH_STD, 3)
         start = self._plant.q
-        target = self._simulation.seated(start, seat)
+        target = self._simulation.joints_touching(start, seat)
         if target is None or self.robot.infeasible(target[None], self._simulation.theta):
             raise DriverError(f"the simulated {self.robot.name} cannot reach the point {point} m")
         reached = self._move(start, target, 1.0).wait()

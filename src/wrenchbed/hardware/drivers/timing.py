@@ -33,7 +33,7 @@ class EvenRow(NamedTuple):
     host: float
     q: np.ndarray
     qd: np.ndarray
-    evidence: Mapping[str, np.ndarray]
+    extra_columns: Mapping[str, np.ndarray]
 
 
 class Resampler:
@@ -76,13 +76,13 @@ class Resampler:
             if span > STALE_S and t > times[k - 1] + _SAME_S:
                 raise LinkError(f"the robot's states have a gap of {span:.3f} s in the motion")
             s = float(np.clip((t - times[k - 1]) / span, 0.0, 1.0))
-            evidence = {
-                name: value + s * (then.evidence[name] - value)
-                for name, value in before.evidence.items()
+            extra_columns = {
+                name: value + s * (then.extra_columns[name] - value)
+                for name, value in before.extra_columns.items()
             }
             host = self._origin + self._clock.host(float(t))
             q, qd = hermite((before.q, then.q), (before.qd, then.qd), span, s)
-            rows.append(EvenRow(self._origin + float(t), host, q, qd, evidence))
+            rows.append(EvenRow(self._origin + float(t), host, q, qd, extra_columns))
         self._count += len(rows)
         return rows
 

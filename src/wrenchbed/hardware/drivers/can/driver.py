@@ -245,7 +245,7 @@ class CanDriver(LiveDriver):
         return ArmSample(
             answers.t, None, time.monotonic() - answers.t, answers.q.copy(), answers.qd.copy(),
             (self._setpoints.command if cycle.following else answers.q).copy(), self._mode(cycle),
-            "quick stop" if cycle.want is Want.QUICK_STOP else "normal", evidence=efforts,
+            "quick stop" if cycle.want is Want.QUICK_STOP else "normal", extra_columns=efforts,
         )  # fmt: skip
 
     def _mode(self, cycle: Cycle) -> str:

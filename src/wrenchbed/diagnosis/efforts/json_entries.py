@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from wrenchbed.diagnosis.answer import notes as of_gap
-from wrenchbed.diagnosis.answer import with_rivals
 from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulators
@@ -19,7 +17,9 @@ from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Option, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.gap.where import entries, located, of_channels
+from wrenchbed.diagnosis.gap.varies_with import entries, located, of_channels
+from wrenchbed.diagnosis.json_entries import notes as of_gap
+from wrenchbed.diagnosis.json_entries import with_rivals
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 from wrenchbed.diagnosis.result import Scale, cause, families, rival
 

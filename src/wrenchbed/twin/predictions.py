@@ -1,4 +1,5 @@
-"""Simulators to compare with a recording: as configured, of a fit, of a twin."""
+"""What several simulators predict for a recording (as configured, of fits, of twins), and groups of
+its rows and their rms to show it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -78,8 +79,7 @@ def noise_of(recording: Recording) -> np.ndarray:
 
 
 def order_of(recording: Recording) -> tuple[np.ndarray, str]:
-    """Variable (N,) to sort rows by, and its unit: ``pose`` at rest where known, else time,
-    ``s``."""
+    """Variable (N,) to sort rows by, with its unit: ``pose`` at rest if known, else time, ``s``."""
     if recording.metadata.mode == "static" and "segment" in recording.columns:
         return recording.columns["segment"], "pose"
     return recording.t, "s"

@@ -1,4 +1,4 @@
-"""How often claims are right at the design of one recording too, learnt from look-alikes of it."""
+"""Learns how often claims are right at the design of one recording, from look-alikes of it."""
 
 from concurrent.futures import Future
 from functools import partial
@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
 from wrenchbed.benchmark.scoring.truth_and_claims import numbers
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis import answer
+from wrenchbed.diagnosis import json_entries
 from wrenchbed.diagnosis.decision.decide import conclude
 from wrenchbed.diagnosis.diagnose import Weighed, weigh
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
@@ -87,11 +87,11 @@ def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: flo
 def _errors(weighed: Weighed, case: LookalikeCase) -> tuple[float, ...]:
     """Errors (published − true) of a case's parameters over their standard uncertainties."""
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
-    final = conclude(weighed.decision, answer.elements_of(a, verdict))
+    final = conclude(weighed.decision, json_entries.elements_of(a, verdict))
     result = list[float]()
-    for entry in answer.causes(a, final, gap, 1.0, ()):
+    for entry in json_entries.causes(a, final, gap, 1.0, ()):
         name = entry["effect"]
         if name in case.causes:
-            fitted = numbers(name, entry["parameters"], case.true(name))
+            fitted = numbers(name, entry["parameters"], case.true_parameters(name))
             result += [(n.value - n.truth) / n.std for n in fitted if n.std]
     return tuple(result)

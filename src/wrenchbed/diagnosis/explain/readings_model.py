@@ -1,4 +1,4 @@
-"""One recording's readings, and the readings that structures of effects would add."""
+"""Linear model of one recording's readings: what structures of effects would add to them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ _RIDGE = 1e-3
 """Precision that keeps an amplitude bounded whose shape shows nothing."""
 
 
-class Case:
+class ReadingsModel:
     """Readings of one recording, and the responses of sets of causes that are fitted to them.
 
     Args:
