@@ -94,7 +94,7 @@ TRANSITIONS = {
 
 
 class Axis:
-    """State machine and set-point of one drive, without its bus."""
+    """CiA 402 state machine and set-point [count] of one drive, without its bus."""
 
     def __init__(self, objects: Objects, position: float) -> None:
         self._set = objects

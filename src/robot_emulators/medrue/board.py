@@ -64,7 +64,7 @@ class BoardEmulator:
         return np.asarray(true if self.active == self.slot else 0.5 * true, dtype=np.float32)
 
     def reset(self, now: float) -> None:
-        """Restart the board at time ``now``: calibration 0 is active, a new base takes effect."""
+        """Restart at ``now`` [s]: calibration 0 is active, a new base takes effect."""
         self.active = self.status = 0
         self.base = self._next_base
         self.silent_until = now + BOOT_S

@@ -18,7 +18,8 @@ class Redundancy:
     """A combination of parameters that no reading depends on.
 
     Attributes:
-        direction: name → change of each parameter, in its unit, along which no reading changes.
+        names: the parameters that change together.
+        direction: change of each, in the order of ``names`` and its unit, that no reading shows.
     """
 
     names: tuple[str, ...]

@@ -76,12 +76,11 @@ class Channel(ABC):
         return np.stack([recording.columns[c][data.keep] for c in self.columns], axis=1)
 
     def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
-        """Copy with nuisance parameters fitted to readings; None if the readings do not determine
-        them.
+        """Copy with nuisance parameters fitted to readings; None if these do not determine them.
 
         Args:
-            read: readings of the held rows (H, k).
-            scene: the rows, before any effect.
+            read: readings (H, k) of the H rows that are compared (``scene.held``), in k columns.
+            scene: all M rows, before any effect.
             pose: of the sensor in all rows; by default that without effects.
         """
         return self

@@ -13,9 +13,10 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 
 class Wrench(Channel):
-    """Wrench of the tool and of whatever else pulls, as the sensor reads it.
+    """Readings (M, 6) [N, N·m] of the tool's load and of whatever else pulls, in sensor axes.
 
-    Its zero and the tool are no nuisance: they are stated and fitted, and causes where wrong.
+    Other channels fit what nobody knows of their sensor (nuisance) and never blame it. Here zero
+    and tool are stated and fitted; where they are wrong they are causes.
     """
 
     name = "wrench"

@@ -31,8 +31,7 @@ OFFSET, CONSTANT, TOOL = "drive.offset", "drive.constant", "tool"
 GROUPS = (OFFSET, CONSTANT, TOOL)
 """Groups that may be free at rest."""
 LEAST_POSES = 10
-"""Fewest poses: each joint's noise, zero and friction, and a payload of four numbers, come from its
-own readings."""
+"""Fewest poses: noise, zero and friction of each joint, and a payload, come from its readings."""
 JOINT_ZERO = 1e-3
 """Ordinary error of a joint's zero [rad or m]: 0.06°, of a calibrated arm."""
 FOLDS = 10

@@ -49,8 +49,10 @@ class AtRest:
     """Results that only a drive fit to poses at rest has.
 
     Attributes:
-        noise: of each joint from pose to pose, friction at rest included (J,), as the efforts.
-        ordinary: size of ordinary errors by kind, as a multiple of the usual one.
+        poses: count of the poses.
+        noise: standard deviation (J,) of each effort from pose to pose, friction at rest included.
+        ordinary: size of the errors that every robot has, by kind (``links``: of masses …), over
+            the usual size.
     """
 
     poses: int

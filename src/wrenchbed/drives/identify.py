@@ -52,8 +52,7 @@ _LEVER, _POWER = 0.2, np.repeat([0, 1, 2], [1, 3, 6])
 """Distance of a load from the sensor over the arm's reach, and its power in each of `LOAD`: that a
 load is hardly heavier than the arm is known, and where currents' scale is free nothing else is."""
 WIDE = float(stdtrit(FOLDS - 1, 0.975))
-"""Half the width of a 95 % interval in standard errors, with one degree of freedom less than
-folds."""
+"""Half a 95 % interval in standard errors, with one degree of freedom less than folds."""
 _COG = tuple(f"tool.cog.{a}" for a in "xyz")
 _INERTIA = tuple(f"tool.inertia.{a}" for a in INERTIA_AXES)
 _UNITS = {"drive.coulomb": "N·m", "drive.viscous": "N·m·s/rad", "drive.offset": "N·m",

@@ -280,8 +280,7 @@ def _ratios(
     problem: Problem, solution: Solution, identified: Sequence[IdentifiedValue],
     joints: Sequence[Joint],
 ) -> tuple[str, ...]:  # fmt: skip
-    """Sentences on friction and damping relative to stiffness, of joints whose stiffness is
-    undetermined."""
+    """Sentences on friction and damping over stiffness, of joints of unknown stiffness."""
     determined = {p.name: p.std is not None for p in identified}
     numbers, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
     sentences = []

@@ -37,8 +37,7 @@ _LOWEST = 2.0
 _HIGHEST = 0.2
 """Largest cutoff over the rate: decimation needs 2.5 rows a cycle."""
 _SPECTRUM_S = 8.0
-"""Time of a segment of the spectrum of joint values [s]: one period of the slowest sine of usual
-motions."""
+"""Time of a segment of the spectrum of joint values [s]: a period of motions' slowest sine."""
 _NOISE_FROM = 0.25
 """Frequency over the rate from which joint values are noise: the upper half of the spectrum, where
 no arm moves."""

@@ -154,7 +154,8 @@ class Residual(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """R_world_sensor (M, 3, 3) and the sensor's origin in the world (M, 3) [m]; jets in motion."""
+    """R_world_sensor (M, 3, 3) and the sensor's origin in the world (M, 3) [m]; in motion each is a
+    `Jet`: the value with its first and second time derivative."""
 
     rotation: Value
     position: Value
@@ -252,7 +253,8 @@ class Effect(ABC):
         """Ways in which the effect may show in a scene (`Variant`); empty where it cannot."""
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
-        """Further variants, free curves linear in many amplitudes; by default none."""
+        """Variants without a formula: free curves over time, load or temperature, linear in many
+        amplitudes; by default none."""
         return ()
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:

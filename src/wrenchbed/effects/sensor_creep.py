@@ -21,8 +21,7 @@ from wrenchbed.physics.parameters import Parameter
 TAUS = (30.0, 150.0, 600.0)
 """Time constants where a search begins [s]: steps of four to five, from a hold to a recording."""
 RELAXATIONS_S = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
-"""Time constants of which a free form is a sum [s]: half a decade apart, so that their sum has no
-ripple."""
+"""Time constants of which a free form is a sum [s]: half a decade apart, so without ripple."""
 RELAX = free_form.orders("relax", len(RELAXATIONS_S))
 ALIKE = tuple(f"{n}.all" for n in RELAX)
 SHARE = 3e-3

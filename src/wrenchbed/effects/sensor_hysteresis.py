@@ -26,8 +26,7 @@ PLAYS = (0.02, 0.06, 0.12, 0.25, 0.45, 0.75)
 """Half widths of the play operators of a free form, relative to a channel's range: steps of two,
 which overlap in shape."""
 TURNED = (1, 3)
-"""Numbers (from 0) of the plays in `PLAYS` whose lag may also turn with the load: one narrow, one
-wide."""
+"""Indices of the plays in `PLAYS` whose lag may also turn with the load: one narrow, one wide."""
 LAGS = (*(f"play{k + 1}" for k in range(len(PLAYS))), *(f"turn{k + 1}" for k in range(len(TURNED))))
 FORMS = tuple(f"{w}{s}" for w in WIDTHS for s in ("", ".slope"))
 

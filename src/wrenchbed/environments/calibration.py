@@ -48,13 +48,12 @@ def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """What readings at some poses tell about the robot's parameters, by a linear design.
+    """What readings at some poses tell about the robot's parameters, by their linear model.
 
     Attributes:
         columns: parameters that differ from robot to robot.
         unit: of errors.
-        rows: derivatives of each pose's readings by the parameters, in noise and tolerances (N, 6,
-            K).
+        rows: derivatives (N, 6, K) of poses' readings by parameters, in noise and tolerances.
         criterion: function of an information matrix, 1 / mean square error.
         information: on the parameters in tolerances (K, K).
     """
@@ -163,7 +162,8 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return self._observation(), self._info()
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Read at a pose: observation, reward, ended (budget spent), truncated and info."""
+        """Move to pose ``action`` of the pool and read there; the reward is the rise of knowledge
+        (`Knowledge.value`). Return observation, reward, ended (budget spent), truncated, info."""
         chosen, before = int(action), self.knowledge.value
         self._last = self.seconds(chosen)
         self._time += self._last

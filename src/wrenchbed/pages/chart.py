@@ -142,8 +142,9 @@ class Matrix:
         scale: colour scale.
         texts: values as printed, row by row.
         printed: whether they stand in the cells; at the cursor they always do.
-        ids: number of the observation that each cell is worst at (R, C), if it is of some.
-        spans: first and last observation of each column (C, 2), likewise.
+        ids: number of the observation at which each cell is worst (R, C); empty if cells are not of
+            observations (poses or samples).
+        spans: numbers of the first and last observation of each column (C, 2); empty likewise.
     """
 
     rows: tuple[str, ...]
@@ -237,8 +238,7 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Indices of the points of a series to draw: extremes, and evenly spaced ones, since extremes
-    alone look like two curves."""
+    """Indices of a series' points to draw: extremes, which alone look like two curves, and more."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)
     even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)

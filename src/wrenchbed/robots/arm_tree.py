@@ -37,8 +37,7 @@ _SPEED = {HINGE: np.pi / 2, SLIDE: 0.25}
 """Top speed of a joint whose file states none [rad/s, m/s]: half that of a UR5, so that
 a plan is slow rather than fast. The TOML states it."""
 _RANGE = {HINGE: 6.2832, SLIDE: 1.0}
-"""Limits ± of a driven joint whose file states none [rad, m]: a whole turn either way. The TOML
-states it."""
+"""Limits ± of a driven joint whose file states none [rad, m]: a turn; the TOML states it."""
 _UNLIMITED = 1000.0
 """Limit to either side of a passive joint that has none [rad, m]."""
 _NOTHING = 1e-9

@@ -29,8 +29,7 @@ from wrenchbed.robots.model_source import content
 FORMAT = 1
 DEFAULT_SENSOR = "ati-gamma"
 _DENSITY = 2700.0
-"""Density of a tool of unknown inertia, a ball of aluminium [kg/m³]; at rest nothing depends on
-it."""
+"""Density of a tool of unknown inertia, an aluminium ball [kg/m³]; matters in motion only."""
 _FLOOR = 0.03
 """Height of the floor above the base of an arm that stands upright, over its reach: 3 cm of
 an arm of 1 m, so that no planned pose touches what it stands on. The TOML states it."""

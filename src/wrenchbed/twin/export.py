@@ -32,7 +32,8 @@ _IN_FULL = (
 
 
 def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
-    """Write ``<robot>.xml``, ``effects.json`` and a README; returns the first two paths."""
+    """Write a twin to a folder: ``<robot>.xml`` (MJCF with what MuJoCo can carry), ``effects.json``
+    (the effects that it cannot) and a README; return the first two paths."""
     folder, robot = Path(folder), twin.model.robot
     spec, inside = _spec(twin)
     mjcf, outside = folder / f"{robot.name}.xml", folder / "effects.json"

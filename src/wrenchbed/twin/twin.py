@@ -51,8 +51,7 @@ class Twin:
 
     @classmethod
     def from_json(cls, raw: Any, where: str = "twin") -> "Twin":
-        """Twin from a JSON object in the format of twin.json; a `TwinError` names the field, its
-        value and what is allowed."""
+        """Twin from a JSON object as in twin.json; a `TwinError` names field, value and remedy."""
         fields = checked.Fields(raw, f"{where}: ", TwinError).only(_FIELDS, "a twin")
         if fields.raw.get("format") != FORMAT:
             raise fields.error("format", f"must be {FORMAT}")

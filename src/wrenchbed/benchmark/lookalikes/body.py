@@ -1,6 +1,7 @@
 """Imperfections of joints, links, base and flange, and of what the sensor carries.
 
-Tools, loose parts, cables and obstacles are carried. Typical sizes and ranges are estimates.
+Tools, loose parts, cables and obstacles are carried. Each public function draws a fault ``size``
+times as large as the typical one that it states; typical sizes and ranges are estimates.
 """
 
 import re
@@ -38,7 +39,7 @@ _G = 9.81
 
 
 def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: the sensor is mounted on the flange with a rotation of about 0.5°."""
+    """Fault ``size`` × typical: the sensor is mounted on the flange with a rotation of 0.5°."""
     axis = rng.standard_normal(3)
     if rng.uniform() < 0.4:  # mostly about the bolts' axis
         axis = np.array([0.15, 0.15, 1.0]) * rng.standard_normal(3)
@@ -48,7 +49,7 @@ def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def joint_offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: zeros of joints are wrong by about 0.2°, of a rail by 1 mm."""
+    """Fault ``size`` × typical: zeros of joints are wrong by about 0.2°, of a rail by 1 mm."""
     true: dict[str, float] = {}
     dq = np.zeros_like(design.q)
     for j in _joints(design, rng):
@@ -60,7 +61,7 @@ def joint_offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def joint_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: joints deflect under their torque, a little stiffer at higher torque.
+    """Fault ``size`` × typical: joints deflect under their torque, stiffer at a higher one.
 
     The true compliance is the one at small torque under the nominal masses.
     """
@@ -80,7 +81,7 @@ def joint_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfe
 
 
 def joint_backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: backlash of a joint, which lies on one side until the load pulls it over."""
+    """Fault ``size`` × typical: backlash of a joint, on one side until the load pulls it over."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
     width = np.deg2rad(0.1) * size * spread(rng)
     torque = design.path.torque[:, j]
@@ -94,7 +95,7 @@ def joint_backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def joint_gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a periodic gear error, a few times a turn of the joint, seldom of the motor."""
+    """Fault ``size`` × typical: a periodic gear error, a few times a turn of the joint or motor."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
     if rng.uniform() < 0.88 or design.moving:
         harmonic = int(rng.choice([1, 2, 3, 4], p=[0.45, 0.35, 0.1, 0.1]))
@@ -110,7 +111,7 @@ def joint_gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfe
 
 
 def joint_clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: clearance of the five-bars' passive joints; weight pushes links to one end."""
+    """Fault ``size`` × typical: clearance of five-bars' passive joints; weight takes it up."""
     names = design.distal_links
     count = int(rng.choice([1, 2, len(names)], p=[0.3, 0.2, 0.5]))
     chosen = rng.choice(len(names), count, replace=False)
@@ -138,7 +139,7 @@ def _distal_forces(design: ExperimentDesign) -> np.ndarray:
 
 
 def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: links of a closed chain that are about 1 mm too long or short."""
+    """Fault ``size`` × typical: links of a closed chain that are about 1 mm too long or short."""
     names = [n for n in design.robot.parameters.names if re.fullmatch(r"L\d\d", n)]
     names += [n for n in design.robot.parameters.names if re.fullmatch(r"[AC]\d[yz]", n)]
     count = int(rng.choice([1, 2, 4], p=[0.7, 0.15, 0.15]))
@@ -152,7 +153,7 @@ def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
 
 
 def base_tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: the base is about 0.5° out of level."""
+    """Fault ``size`` × typical: the base is about 0.5° out of level."""
     angle = np.deg2rad(0.5) * size * spread(rng)
     heading = rng.uniform(-np.pi, np.pi)
     vector = angle * np.array([np.cos(heading), np.sin(heading), 0.0])
@@ -163,7 +164,7 @@ def base_tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a base that leans under the arm's moment, unequally about two axes."""
+    """Fault ``size`` × typical: a base that leans under the arm's moment, unequally by axis."""
     c = 2e-5 * size * spread(rng) * np.array([1.0, rng.uniform(0.5, 1.0)])
     heading = rng.uniform(0.0, np.pi)
     axes = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
@@ -176,7 +177,7 @@ def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfec
 
 
 def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a floor that shakes the base along one axis, at 5 to 45 Hz or broadband."""
+    """Fault ``size`` × typical: the floor shakes the base along an axis, 5 to 45 Hz or broad."""
     axis = rng.standard_normal(3) * [1.0, 1.0, 0.6]
     axis /= np.linalg.norm(axis)
     noise = float(np.min(design.noise_std[:3]))
@@ -235,20 +236,20 @@ def _sign(rng: Rng) -> float:
 
 
 def tool_mass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: the tool weighs about 2 % more or less than stated."""
+    """Fault ``size`` × typical: the tool weighs about 2 % more or less than stated."""
     amount = max(0.02 * size * design.load.mass, 2.5 * design.tolerance[0])
     return heavier(float(amount * rng.choice([-1.0, 1.0])))
 
 
 def tool_cog(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: the centre of gravity is about 1.5 mm from where it is stated."""
+    """Fault ``size`` × typical: the centre of gravity is about 1.5 mm from where it is stated."""
     axis = rng.standard_normal(3)
     amount = max(1.5e-3 * size, 2.5 * design.tolerance[1])
     return off(amount * axis / np.linalg.norm(axis))
 
 
 def tool_inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: the tool's moments of inertia are about 30 % off, with small products."""
+    """Fault ``size`` × typical: moments of inertia of the tool 30 % off, with small products."""
     stated = design.load.inertia
     error = 0.3 * size * stated * rng.normal(0.0, 1.0, (3, 3))
     typical = float(np.trace(stated)) / 3.0
@@ -261,7 +262,7 @@ def tool_inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def tool_loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a loose part that shifts the CoG by about 1 mm when gravity turns over."""
+    """Fault ``size`` × typical: a loose part shifts the CoG by 1 mm when gravity turns over."""
     travel = 1e-3 * size * spread(rng)
     path = design.path
     for _ in range(_AXES):
@@ -279,7 +280,7 @@ def tool_loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def tool_leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: 1.5 % of the mass runs out (Torricelli, or a power of time) or falls off."""
+    """Fault ``size`` × typical: 1.5 % of the mass runs out (Torricelli, power of time) or falls."""
     progress = elapsed(design.t)
     kind = rng.choice(["tank", "power", "part"], p=[0.4, 0.4, 0.2])
     if kind == "tank":  # its level falls; it is empty at about the end or later
@@ -299,7 +300,7 @@ def tool_leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def tool_slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: the CoG moves by about 2 mm: a clamp creeps or slips, or the tool bows."""
+    """Fault ``size`` × typical: the CoG moves by 2 mm: a clamp creeps or slips, a tool bows."""
     progress = elapsed(design.t)
     kind = rng.choice(["creeps", "slips", "bows"])
     if kind == "creeps":
@@ -319,7 +320,7 @@ def tool_slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def tool_flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a tool that bends under its weight, about 5e-5 m/N, less along its axis."""
+    """Fault ``size`` × typical: a tool bends under its weight, 5e-5 m/N, less along its axis."""
     base = 5e-5 * size * spread(rng)
     along = design.load.cog / max(float(np.linalg.norm(design.load.cog)), 1e-9)
     stiff = rng.uniform(0.05, 0.3)
@@ -344,7 +345,7 @@ def tool_flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a hose from a hook in the world to the tool, taut at times: about 0.2 N."""
+    """Fault ``size`` × typical: a hose from a hook in the world to the tool, often taut: 0.2 N."""
     point = np.array([rng.normal(0.0, 0.02), rng.normal(0.0, 0.02), rng.uniform(0.02, 0.1)])
     place = design.motion.position
     reach = max(1.5 * float(np.linalg.norm(place.std(axis=0))), 0.2)
@@ -370,7 +371,7 @@ def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a cable wound about the last joint, with friction: 1 % of its torque."""
+    """Fault ``size`` × typical: a cable about the last joint, with friction: 1 % of its torque."""
     path, last = design.path, design.q.shape[1] - 1
     angle = path.q[:, last]
     middle = float(np.median(angle)) + rng.normal(0.0, 0.3)
@@ -390,7 +391,7 @@ def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfecti
 
 
 def environment_contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: an obstacle in one corner that the tool's end presses on: about 0.3 N."""
+    """Fault ``size`` × typical: an obstacle in one corner that the tool's end presses on: 0.3 N."""
     tip = np.array([0.0, 0.0, 2.0 * max(float(design.load.cog[2]), 0.03)])
     lever = np.broadcast_to(tip, (len(design), 3))
     ends = design.motion.position + rotate(design.motion.rotation, lever)

@@ -22,8 +22,8 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 
 Draw = Callable[..., Imperfection]
-"""Draws an imperfection for a design with a generator; an effect's also of a size in multiples of
-typical."""
+"""Draws an imperfection for a design with a generator; an effect's ``size`` is in multiples of the
+typical one."""
 DRAWS: dict[str, Draw] = common.draws(body, sensor)
 """Draws of the library's effects by name."""
 FAMILIES: dict[str, Draw] = common.draws(outside, mark="_")
@@ -31,7 +31,7 @@ FAMILIES: dict[str, Draw] = common.draws(outside, mark="_")
 _BY_JOINTS = ("gas_spring", "magnet")
 """Families that only robots with joints have."""
 LARGEST = 8.0
-"""Largest size of a cause in multiples of typical."""
+"""Largest size of a cause in multiples of the typical one."""
 _PROBES = 4
 """Draws that find out whether a design shows an effect."""
 _PROBED_GAP = 1.3
@@ -49,8 +49,7 @@ _HARD = (
 LEAST_REPEATS = 4
 """Rows of a hold from which the scatter of rows shows: three degrees of freedom."""
 _LEAST_RISE = 0.5
-"""Range of a recorded temperature [K] below which it shows nothing: a few counts of a
-thermometer."""
+"""Range of a temperature [K] below which it shows nothing: some counts of a thermometer."""
 _NOT_IN_BACKGROUND = (*STATED, "sensor.saturation", "environment.contact", "timing.stale")
 _PRESENT = 0.7
 """Probability of each effect to be in the background."""
@@ -205,7 +204,7 @@ def draw(
     or effect, or one that this design cannot show.
 
     ``effect`` is the name of the (first) cause or of the outside family, ``size`` that of the cause
-    in multiples of typical: random if None, the size then grown until it shows.
+    in multiples of the typical one: random if None, the size then grown until it shows.
     """
     if kind not in common.KINDS:
         raise ParameterError(f"there is no kind of case {kind!r}. Known: {', '.join(common.KINDS)}")

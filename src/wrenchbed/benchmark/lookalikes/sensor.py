@@ -1,7 +1,8 @@
 """Imperfections of the force/torque sensor: gauges, electronics, and time stamps in motion.
 
-Typical sizes and ranges are estimates. Gain, crosstalk, drift, jump, bias, saturation and
-quantization have the same formula as the library of effects; only sizes and shapes differ.
+Each public function draws a fault ``size`` times as large as the typical one that it states;
+typical sizes and ranges are estimates. Gain, crosstalk, drift, jump, bias, saturation and
+quantization have the library's formulas; only sizes and shapes differ.
 """
 
 import numpy as np
@@ -23,13 +24,13 @@ one way."""
 
 
 def timing_delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: the wrench is about 8 ms older than the joints."""
+    """Fault ``size`` × typical: the wrench is about 8 ms older than the joints."""
     lag = 8e-3 * size * spread(rng)
     return Imperfection({"delay": lag}, clock=lambda y: at_times(y, design.t, design.t - lag))
 
 
 def timing_lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault of the readings: a low-pass of one or two stages, lag about 6 ms."""
+    """Fault ``size`` × typical: a low-pass of one or two stages, lag about 6 ms."""
     time = 6e-3 * size * spread(rng)
     order = int(rng.integers(1, 3))
 
@@ -47,7 +48,7 @@ def timing_lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def timing_stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: now and then the last reading is repeated for some 30 ms."""
+    """Fault ``size`` × typical: now and then the last reading is repeated for some 30 ms."""
     length = max(1.0, 0.03 * size * design.rate * spread(rng))
     share = min(0.6, 0.06 * size * spread(rng))
     chance = share / (length * (1.0 - share))
@@ -56,7 +57,7 @@ def timing_stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def timing_skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a sensor clock that runs fast or slow, or channels read one by one."""
+    """Fault ``size`` × typical: a sensor's clock is off, or channels are read one by one."""
     t = design.t
     if rng.uniform() < 0.65:
         rate = 0.012 * size / float(np.ptp(t)) * spread(rng) * rng.choice([-1.0, 1.0])
@@ -72,13 +73,13 @@ def timing_skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
 
 
 def sensor_bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a zero off by 0.4 % of full scale, more than the stated tolerance."""
+    """Fault ``size`` × typical: a zero off by 0.4 % of full scale, more than its tolerance."""
     amount = np.maximum(0.004 * size * design.full_scale, 1.5 * design.tolerance[2])
     return biased(channels(rng) * amount)
 
 
 def sensor_drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a zero that drifts, swings or wanders by 0.4 % of full scale in the run."""
+    """Fault ``size`` × typical: a zero drifts, swings or wanders by 0.4 % of full scale."""
     span = 4e-3 * size * design.full_scale * channels(rng)
     progress, kind = elapsed(design.t), rng.uniform()
     if kind < _STEADY:
@@ -94,13 +95,13 @@ def sensor_drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def sensor_gain(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: sensitivities that are off by about 1.5 %."""
+    """Fault ``size`` × typical: sensitivities that are off by about 1.5 %."""
     error = 0.015 * size * channels(rng)
     return Imperfection(by_channel(error, "gain."), sensor=lambda y: y * (1.0 + error))
 
 
 def sensor_crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: crosstalk: one quarter of the matrix, one entry or all."""
+    """Fault ``size`` × typical: crosstalk: one quarter of the matrix, one entry or all."""
     lever = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
     matrix = np.zeros((6, 6))
     kind = rng.uniform()
@@ -120,7 +121,7 @@ def sensor_crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfe
 
 
 def sensor_hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a reading that lags behind its own history, about 0.15 % of full scale wide."""
+    """Fault ``size`` × typical: a reading lags behind its history, 0.15 % of full scale wide."""
     width = 1.5e-3 * size * design.full_scale * np.abs(channels(rng))
     reach = rng.uniform(0.05, 0.3)
     used = np.flatnonzero(width)
@@ -130,7 +131,7 @@ def sensor_hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperf
 
 
 def sensor_saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: a channel whose range ends a few per cent below its largest load.
+    """Fault ``size`` × typical: a channel whose range ends a few per cent below its largest load.
 
     At most one pose in five is clipped: more is a fault that anyone sees.
     """
@@ -144,19 +145,19 @@ def sensor_saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperf
 
 
 def sensor_quantization(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: coarse steps, typically 2.5 times the noise of a row."""
+    """Fault ``size`` × typical: coarse steps, typically 2.5 times the noise of a row."""
     step = 2.5 * size * design.noise_std * np.abs(channels(rng, one=0.4))
     return Imperfection(by_channel(step), rows=imperfection.RowImperfection(step=step))
 
 
 def sensor_noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: more noise than stated: half as much again, typically."""
+    """Fault ``size`` × typical: more noise than stated: half as much again, typically."""
     factor = 1.0 + 0.5 * size * np.abs(channels(rng, one=0.4))
     return Imperfection(by_channel(factor - 1.0), rows=imperfection.RowImperfection(gain=factor))
 
 
 def sensor_temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: zeros and gains that follow the recorded temperature."""
+    """Fault ``size`` × typical: zeros and gains that follow the recorded temperature."""
     zero = 2.5e-3 * size * design.full_scale * channels(rng, one=0.4)
     gain_error = 2e-3 * size * rng.normal(0.0, 1.0, 6)
     warm = np.asarray(design.temperature, dtype=float)
@@ -170,7 +171,7 @@ def sensor_temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imper
 
 
 def sensor_nonlinearity(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: an even or odd curvature, about 0.2 % of full scale at the largest load.
+    """Fault ``size`` × typical: an even or odd curvature, 0.2 % of full scale at the largest load.
 
     Now and then another gain in one direction than in the other.
     """
@@ -190,7 +191,7 @@ def sensor_nonlinearity(design: ExperimentDesign, rng: Rng, size: float) -> Impe
 
 
 def sensor_creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: creep of two rates: 1 % of a load change comes late, in 20 s to 10 min."""
+    """Fault ``size`` × typical: two creeps: 1 % of a load change comes 20 s to 10 min late."""
     share = 0.01 * size * np.abs(channels(rng, one=0.3))
     path = design.path
     slow = log_uniform(rng, 20.0, 600.0)
@@ -201,7 +202,7 @@ def sensor_creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
 
 
 def sensor_jump(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Draw a fault: the zero jumps once, by about 0.25 % of full scale."""
+    """Fault ``size`` × typical: the zero jumps once, by about 0.25 % of full scale."""
     step = 2.5e-3 * size * design.full_scale * channels(rng)
     when = float(np.quantile(design.t, rng.uniform(0.15, 0.85)))
     return biased((design.t > when)[:, None] * step, {"time": when} | by_channel(step, "step."))

@@ -1,6 +1,7 @@
 """Faults of the machine: its flange, zeros, gears, links and base; tool, cables, contact.
 
-Typical sizes and ranges are estimates.
+Each public function draws a fault ``size`` times as large as the typical one that it states; sizes
+and ranges are estimates.
 """
 
 from dataclasses import replace
@@ -17,14 +18,13 @@ from wrenchbed.benchmark.rigid_bodies import wrench_at
 from wrenchbed.physics.wrench import symmetric
 
 _TONE = 0.9
-"""Share of the lowest tone in the vibration of a machine nearby: one tone that others only
-colour."""
+"""Share of the lowest tone in the vibration of a machine nearby: others only colour it."""
 _G = 9.81
 """Gravity for typical forces [m/s²]: three digits are enough for a size."""
 
 
 def mount_rotation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a sensor rotated on its mount by about 0.4°, often about the bolts' axis."""
+    """Fault ``size`` × typical: a sensor turned on its mount by 0.4°, often about the bolts."""
     axis = direction(rng)
     if rng.uniform() < 0.35:
         axis = np.array([0.0, 0.0, sign(rng)]) + 0.2 * axis
@@ -40,7 +40,7 @@ def mount_rotation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 def joint_offset(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """Draw a fault: the zero of a joint, about 0.2° or 1 mm off."""
+    """Fault ``size`` × typical: the zero of a joint, about 0.2° or 1 mm off."""
     k = _joint(setting, rng) if j is None else j
     unit = np.deg2rad(0.2) if setting.robot.joints[k].unit == "rad" else 1e-3
     value = sign(rng) * machine.about(rng, unit * size)
@@ -54,7 +54,7 @@ def joint_offset(
 def joint_compliance(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """Draw a fault: a compliant gear: a hinge behind the drive, about 15,000 or 5,000 N·m/rad."""
+    """Fault ``size`` × typical: a compliant gear, a hinge of 15,000 or 5,000 N·m/rad."""
     k = _rotating(setting, rng) if j is None else j
     strong = k < setting.robot.large_gears
     compliance = machine.about(rng, size / (1.5e4 if strong else 5e3))
@@ -66,7 +66,7 @@ def joint_compliance(
 
 
 def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: backlash of about 0.08° between drive and link; the weight decides the side."""
+    """Fault ``size`` × typical: backlash of 0.08° from drive to link; weight decides the side."""
     k = _rotating(setting, rng)
     width = machine.about(rng, np.deg2rad(0.08) * size)
     strong = k < setting.robot.large_gears
@@ -79,7 +79,7 @@ def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 def joint_gear_error(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """Draw a fault: a periodic gear error of about 4′, 1 to 4 periods a turn, with an overtone."""
+    """Fault ``size`` × typical: a gear error of 4′, 1 to 4 periods a turn, with an overtone."""
     k = _rotating(setting, rng) if j is None else j
     order = int(rng.choice([1, 2, 3, 4], p=[0.4, 0.4, 0.1, 0.1]))
     wave = machine.about(rng, np.deg2rad(4.0 / 60.0) * size)
@@ -95,7 +95,7 @@ def joint_gear_error(
 
 
 def joint_clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: pins that close loops, with a clearance of about 40 µm."""
+    """Fault ``size`` × typical: pins that close loops, with a clearance of about 40 µm."""
     pins = setting.loops
     count = int(rng.integers(1, len(pins) + 1))
     chosen = rng.choice(len(pins), count, replace=False)
@@ -104,7 +104,7 @@ def joint_clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
 
 
 def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a link of a closed chain, about 0.7 mm too long or too short."""
+    """Fault ``size`` × typical: a link of a closed chain, about 0.7 mm too long or too short."""
     names = [n for n in setting.robot.parameters.names if n[0] == "L" and n[1:].isdigit()]
     return machine.not_as_drawn(
         setting, {str(rng.choice(names)): sign(rng) * machine.about(rng, 7e-4 * size)}
@@ -112,7 +112,7 @@ def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def base_tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a base about 0.4° out of level: gravity rotates in its axes."""
+    """Fault ``size`` × typical: a base about 0.4° out of level: gravity rotates in its axes."""
     heading = rng.uniform(-np.pi, np.pi)
     vector = machine.about(rng, np.deg2rad(0.4) * size) * np.array(
         [np.cos(heading), np.sin(heading), 0.0]
@@ -125,7 +125,7 @@ def base_tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a floor with a compliance of 2e-5 rad/(N·m) about one axis, less across."""
+    """Fault ``size`` × typical: a floor gives 2e-5 rad/(N·m) about one axis, less across."""
     most = machine.about(rng, 2e-5 * size)
     lean = np.array([most, most * rng.uniform(0.3, 0.9)])
     heading = float(rng.uniform(-np.pi, np.pi))
@@ -135,7 +135,7 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
 
 
 def base_vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a nearby machine shakes the base by a tone of 7 to 40 Hz, or broadband."""
+    """Fault ``size`` × typical: a machine shakes the base by a tone of 7 to 40 Hz, or broadband."""
     level = machine.about(rng, 1.3 * float(setting.noise[:3].min()) / setting.mass * size)
     axis = direction(rng) * [1.0, 1.0, 0.7]
     axis /= np.linalg.norm(axis)
@@ -168,20 +168,20 @@ def _rotating(setting: RefereeSetting, rng: Rng) -> int:
 
 
 def tool_mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: the tool is about 2 % heavier or lighter than stated."""
+    """Fault ``size`` × typical: the tool is about 2 % heavier or lighter than stated."""
     least = 2.0 * setting.tolerance[0]
     error = sign(rng) * max(least, machine.about(rng, 0.02 * size * setting.mass))
     return machine.heavier(setting, error)
 
 
 def tool_cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: the tool's centre of gravity is about 1.5 mm away from where it is stated."""
+    """Fault ``size`` × typical: the tool's centre of gravity 1.5 mm from where it is stated."""
     away = max(2.0 * setting.tolerance[1], machine.about(rng, 1.5e-3 * size))
     return machine.off(setting, away * direction(rng))
 
 
 def tool_inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: moments of inertia up to 25 % off at size 1, axes turned by 0.15 rad."""
+    """Fault ``size`` × typical: moments of inertia up to 25 % off, axes turned by 0.15 rad."""
     stated = setting.metadata.tool.inertia
     assert stated is not None
     old = symmetric(stated)
@@ -193,7 +193,7 @@ def tool_inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def tool_loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a part that slides to and fro in the tool; the CoG shifts by about 1.5 mm."""
+    """Fault ``size`` × typical: a part slides to and fro in the tool; the CoG shifts by 1.5 mm."""
     travel = machine.about(rng, 1.5e-3 * size)
     mass_fraction = float(rng.uniform(0.08, 0.2))
     part = machine.LoosePart(
@@ -203,8 +203,8 @@ def tool_loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def tool_leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: the tool loses mass in the recording, in one case of four gains it: 1.5 % at
-    size 1, exponentially, at a rate that grows at some moment, or drop by drop."""
+    """Fault ``size`` × typical: the tool loses (or, one in four, gains) 1.5 % of its mass in a run,
+    exponentially, at a rate that grows at some moment, or drop by drop."""
     progress = elapsed(setting.path.t)  # 0 … 1
     law = rng.choice(["exponential", "two stages", "drops"])
     if law == "exponential":
@@ -226,7 +226,7 @@ def tool_leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def tool_slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a CoG that moves by about 2 mm: a clamp creeps, or it sticks and slips."""
+    """Fault ``size`` × typical: a CoG that moves by 2 mm: a clamp creeps, or sticks and slips."""
     progress = elapsed(setting.path.t)
     if rng.uniform() < 0.5:
         law = -np.expm1(-((progress / rng.uniform(0.1, 1.0)) ** rng.uniform(0.4, 1.0)))
@@ -244,7 +244,7 @@ def tool_slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def tool_flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a tool whose root bends by about 5e-5 m/N, unequally across."""
+    """Fault ``size`` × typical: a tool whose root bends by about 5e-5 m/N, unequally across."""
     root = float(rng.uniform(0.0, 0.3)) * float(setting.cog[2])
     lever = max(float(np.linalg.norm(setting.cog - [0.0, 0.0, root])), 0.02)
     bend = machine.about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
@@ -256,7 +256,7 @@ def tool_flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def cable_pull(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a hose from a hook above the robot, taut in places, pulling about 0.3 N."""
+    """Fault ``size`` × typical: a hose from a hook above the robot, taut in places, pulls 0.3 N."""
     place = _places(setting)
     spread = max(float(np.linalg.norm(place.std(axis=0))), 0.05)
     aside = rng.normal(0.0, 0.7, 2)
@@ -272,7 +272,7 @@ def cable_pull(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: something soft in a corner that the tool's end presses on: about 0.4 N."""
+    """Fault ``size`` × typical: something soft in a corner, on which the tool presses: 0.4 N."""
     tip = np.array([0.0, 0.0, 1.9 * max(float(setting.cog[2]), 0.03)])
     rotation, position = setting.robot.sensor_pose(setting.mean(setting.path.q), setting.theta)
     ends = position + rotation @ tip
@@ -290,7 +290,7 @@ def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> Refer
 
 
 def cable_torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a cable wound about the last joint, with dry friction (Dahl) in its jacket."""
+    """Fault ``size`` × typical: a cable about the last joint with dry friction (Dahl)."""
     last = setting.path.q.shape[1] - 1
     angle = setting.path.q[:, last]
     spread = max(float(np.std(angle[setting.path.rows])), 0.05)

@@ -37,7 +37,7 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 
 Draw = Callable[..., RefereeFault]
-"""Draws a fault for a setting with a generator, of a size in multiples of typical."""
+"""Draws a fault for a setting with a generator, of a size in multiples of the typical one."""
 DRAWS: dict[str, Draw] = common.draws(body, sensor)
 """Draws of the library's effects by name."""
 FAMILIES: dict[str, Draw] = common.draws(outside)
@@ -49,8 +49,7 @@ _ALWAYS = (
 )  # fmt: skip
 """Names of the effects in every background."""
 _CAD = {"m": 2e-4, "rad": 1.5e-4}
-"""Scatter of true geometry about the drawing, by unit: a machining tolerance of 0.2 mm, and as much
-over 1.3 m."""
+"""Scatter of true geometry about the drawing, by unit: machined to 0.2 mm, as much over 1.3 m."""
 _MASS = 0.06
 """Relative scatter of the links' masses: drawings without cables, grease and covers."""
 SHARES = (0.25, 0.4, 0.15, 0.2)

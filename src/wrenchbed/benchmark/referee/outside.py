@@ -29,7 +29,7 @@ def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:
 
 
 def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a rubber boot over a wrist joint drags at the tool along its last motion."""
+    """Fault ``size`` × typical: a boot over a wrist drags at the tool along its last motion."""
     j = int(rng.integers(3, setting.path.q.shape[1]))
     drag = dahl(setting.path.q[:, j], rng.uniform(0.05, 0.2))
     push = 4.0 * size * setting.noise * touched(rng)
@@ -37,14 +37,14 @@ def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def popcorn(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a gauge whose zero hops between two levels at random moments."""
+    """Fault ``size`` × typical: a gauge whose zero hops between two levels at random moments."""
     on = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
     hop = 4.0 * size * setting.noise * touched(rng)
     return shifted({}, np.outer(on, hop))
 
 
 def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: one channel reads the square of a second times a third."""
+    """Fault ``size`` × typical: one channel reads the square of a second times a third."""
     a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
     swing = setting.swing
     amount = 10.0 * size * setting.noise[into] * sign(rng)
@@ -58,7 +58,7 @@ def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a dress pack catches as one joint passes a screw and springs off later."""
+    """Fault ``size`` × typical: a dress pack catches at a screw on a joint, springs off later."""
     j = int(rng.integers(1, setting.path.q.shape[1]))
     angle = setting.path.q[:, j]
     low, high = np.quantile(angle[setting.path.rows], np.sort(rng.uniform(0.15, 0.85, 2)))
@@ -75,7 +75,7 @@ def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a fan blows at the tool from one side of the room, in gusts of some seconds."""
+    """Fault ``size`` × typical: a fan blows at the tool from one side, in gusts of some seconds."""
     wind = ornstein(setting.path.t, rng.uniform(3.0, 12.0), 1, rng)[:, 0] + 0.7
     axis = direction(rng) * [1.0, 1.0, 0.2]
     force = 4.0 * size * float(setting.noise[:3].mean()) * np.outer(wind, axis)
@@ -85,7 +85,7 @@ def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a bad plug: at times one channel reads only part of its load."""
+    """Fault ``size`` × typical: a bad plug: at times one channel reads only part of its load."""
     off = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
     k = int(rng.integers(6))
     part = min(0.9, 0.15 * size)
@@ -99,7 +99,7 @@ def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: the sensor's bolts work loose: it rotates further and further on its flange."""
+    """Fault ``size`` × typical: the sensor's bolts work loose: it turns more and more."""
     progress = elapsed(setting.path.t)
     angle = np.deg2rad(0.8) * size * sign(rng) * progress ** rng.uniform(0.7, 2.0)
     turn = Rotation.from_rotvec(angle[:, None] * (np.array([0, 0, 1.0]) + 0.1 * direction(rng)))
@@ -110,7 +110,7 @@ def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: the floor settles to one side while the run goes on."""
+    """Fault ``size`` × typical: the floor settles to one side while the run goes on."""
     heading = rng.uniform(-np.pi, np.pi)
     progress = elapsed(setting.path.t)
     angle = np.deg2rad(0.8) * size * progress ** rng.uniform(0.7, 2.0)

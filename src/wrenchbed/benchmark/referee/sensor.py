@@ -1,8 +1,9 @@
 """Faults of the sensor: its gauges, its electronics, and in motion the time of its readings.
 
-Typical sizes and ranges are estimates. The laws of hysteresis, creep, temperature and nonlinearity
-differ from those of the library and of the look-alikes. Gain, crosstalk, drift, jump, bias,
-saturation and quantization have the same formula there; here only their sizes and shapes differ.
+Each public function draws a fault ``size`` times as large as the typical one that it states; sizes
+and ranges are estimates. Laws of hysteresis, creep, temperature and nonlinearity differ from those
+of library and look-alikes; gain, crosstalk, drift, jump, bias, saturation and quantization
+have the same formula there.
 """
 
 import numpy as np
@@ -18,7 +19,7 @@ _ARM = 0.05
 
 
 def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: wrenches about 7 ms older than the joints."""
+    """Fault ``size`` × typical: wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
     return RefereeFault(
         {"delay": lag},
@@ -28,7 +29,7 @@ def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault of the readings: low-pass of up to three stages, total lag about 7 ms."""
+    """Fault ``size`` × typical: low-pass of up to three stages, total lag about 7 ms."""
     time, stages = about(rng, 7e-3 * size), int(rng.integers(1, 4))
 
     step = float(setting.path.t[1] - setting.path.t[0])
@@ -38,7 +39,7 @@ def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 
 
 def timing_stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: readings that are repeated now and then, for about 30 ms."""
+    """Fault ``size`` × typical: readings that are repeated now and then, for about 30 ms."""
     rate = setting.metadata.rate_hz or 1.0
     length = max(1.0, about(rng, 0.03 * size) * rate)
     share = min(0.5, about(rng, 0.06 * size))
@@ -46,7 +47,7 @@ def timing_stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a sensor's clock that gains or loses about 12 ms over the run."""
+    """Fault ``size`` × typical: a sensor's clock that gains or loses about 12 ms over the run."""
     t = setting.path.t
     ahead = sign(rng) * about(rng, 0.012 * size)
     rate = ahead / float(t[-1])
@@ -59,14 +60,14 @@ def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def sensor_bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a zero that is off by about 0.4 % of full scale."""
+    """Fault ``size`` × typical: a zero that is off by about 0.4 % of full scale."""
     least = 1.5 * setting.tolerance[2]
     value = touched(rng) * np.maximum(least, about(rng, 4e-3 * size) * setting.full_scale)
     return shifted(by_channel(value, "bias."), value)
 
 
 def sensor_drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a zero that drifts by about 0.3 % of full scale over the run, nearly evenly."""
+    """Fault ``size`` × typical: a zero drifts by 0.3 % of full scale in a run, nearly evenly."""
     t = setting.path.t
     span = about(rng, 3e-3 * size) * setting.full_scale * touched(rng)
     progress, curl = elapsed(t), rng.uniform(-0.12, 0.12)
@@ -75,7 +76,7 @@ def sensor_drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def sensor_gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: sensitivities about 1 % off."""
+    """Fault ``size`` × typical: sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
     return RefereeFault(
         by_channel(error, "gain."), change=lambda ride, y: y * (1.0 + error), stage=machine.GAIN
@@ -83,7 +84,7 @@ def sensor_gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: crosstalk of about 0.8 %: one pair, one row, one quarter or all."""
+    """Fault ``size`` × typical: crosstalk of about 0.8 %: one pair, one row, one quarter or all."""
     lever = np.array([1.0, 1.0, 1.0, _ARM, _ARM, _ARM])
     typical = about(rng, 8e-3 * size) * np.outer(lever, 1.0 / lever)
     shape = np.zeros((6, 6))
@@ -104,7 +105,7 @@ def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeF
 
 
 def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a reading that lags by Bouc and Wen's law, about 0.15 % of full scale wide."""
+    """Fault ``size`` × typical: a reading lags by Bouc and Wen's law, 0.15 % of full scale wide."""
     width = about(rng, 1.5e-3 * size) * setting.full_scale * np.abs(touched(rng))
     reach = rng.uniform(0.06, 0.3) * setting.swing
     shape = float(rng.uniform(0.5, 0.9))
@@ -119,7 +120,7 @@ def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> Referee
 
 
 def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a range that is too small for a few poses, of one or two channels."""
+    """Fault ``size`` × typical: one or two channels have a range too small for a few poses."""
     limit = np.full(6, np.inf)
     largest = np.abs(setting.nominal)
     for k in rng.choice(6, int(rng.choice([1, 2], p=[0.75, 0.25])), replace=False):
@@ -130,19 +131,19 @@ def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> Referee
 
 
 def sensor_quantization(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: coarse steps of about twice the noise."""
+    """Fault ``size`` × typical: coarse steps of about twice the noise."""
     step = about(rng, 2.0 * size) * setting.noise * np.abs(touched(rng))
     return RefereeFault(rows=RowFault(step=step))
 
 
 def sensor_noise(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: noise about one and a half times what is stated."""
+    """Fault ``size`` × typical: noise about one and a half times what is stated."""
     more = about(rng, 0.5 * size) * np.abs(touched(rng))
     return RefereeFault(rows=RowFault(gain=1.0 + more))
 
 
 def sensor_temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: zeros and spans that follow the room, or a warm-up of two time constants."""
+    """Fault ``size`` × typical: zeros and spans follow the room, or a warm-up of two rates."""
     t = setting.path.t
     span = float(t[-1] - t[0])
     if setting.temperature is not None:
@@ -164,7 +165,7 @@ def sensor_temperature(setting: RefereeSetting, rng: Rng, size: float) -> Refere
 
 
 def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: an even or odd curvature of about 0.2 % of full scale at most."""
+    """Fault ``size`` × typical: an even or odd curvature of about 0.2 % of full scale at most."""
     bend = about(rng, 2e-3 * size) * setting.full_scale * touched(rng)
     swing = setting.swing
     even = bool(rng.uniform() < 0.5)
@@ -180,7 +181,7 @@ def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> Refer
 
 
 def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: creep: 0.8 % of a load change comes late, by three time constants."""
+    """Fault ``size`` × typical: creep: 0.8 % of a load change comes late, by three rates."""
     share = about(rng, 8e-3 * size) * np.abs(touched(rng))
     first = log_uniform(rng, 8.0, 60.0)
     times = first * np.array([1.0, 3.0, 9.0])
@@ -194,7 +195,7 @@ def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 
 
 def sensor_jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Draw a fault: a zero that jumps once, by about 0.4 % of full scale, within half a second."""
+    """Fault ``size`` × typical: a zero jumps once, by 0.4 % of full scale, within half a second."""
     t = setting.path.t
     when = float(t[0] + rng.uniform(0.12, 0.88) * (t[-1] - t[0]))
     step = about(rng, 4e-3 * size) * setting.full_scale * touched(rng)

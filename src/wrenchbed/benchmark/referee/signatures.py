@@ -22,8 +22,7 @@ from wrenchbed.benchmark.rigid_bodies import RigidBodies, wrench_at
 from wrenchbed.robots.base import INERTIA_AXES
 
 _H = 1e-4
-"""Step of finite differences [rad or m]: small against every geometry, its square above
-rounding."""
+"""Step of finite differences [rad or m]: small beside a robot, its square above rounding."""
 _COURSES = 6
 """Courses in time that a slow change of the tool may be made of: an even one, and half waves."""
 _AWAY = 0.03

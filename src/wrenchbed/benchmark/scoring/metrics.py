@@ -158,8 +158,7 @@ def _named(truth: Answer) -> set[str]:
 
 
 def matched(truth: Answer, claim: Claim) -> tuple[int, int, int]:
-    """Count true effects that are claimed, claims that hold no true effect, and missed true
-    effects."""
+    """Count true effects that are claimed, claims without a true effect, missed true effects."""
     hits = sum(any(t in c for c in claim.causes) for t in truth.effects)
     wrong = sum(not set(c) & set(truth.effects) for c in claim.causes)
     return hits, wrong, len(truth.effects) - hits

@@ -17,8 +17,8 @@ OURS = "wrenchbed"
 
 @dataclass(frozen=True)
 class Fact:
-    """A true cause of a case: its name (or the outside family's), its size in multiples of typical
-    if drawn so, the gap that it adds (between rows the mean rise of a row's variance), the largest
+    """A true cause of a case: its name (or the outside family's), its size in multiples of the
+    typical one, the gap that it adds (between rows the mean rise of a row's variance), the largest
     rise of a channel's row variance, 0 where means show it, its numbers as a diagnosis publishes
     them, SI, with what minor imperfections add, and the effects that these data cannot tell from
     it."""

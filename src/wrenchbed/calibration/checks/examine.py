@@ -28,8 +28,7 @@ SURE = 5.0
 """Least load over its standard uncertainty that counts as present: at 2 chance
 makes one in one recording of twenty, at 20 a light tool on a noisy sensor counts as missing."""
 LEAST_WEIGHT, LITTLE = 0.01, 0.05
-"""Least measured weight, over the stated one, at which a load counts as present, and as not
-subtracted already."""
+"""Least measured over stated weight at which a load counts as present and not subtracted."""
 LEAST_SPREAD = 0.05
 """Least spread of gravity's direction, as the sensor sees it, along the second of its axes."""
 PUSHED = 0.5
@@ -43,8 +42,7 @@ FROZEN, FEW = 1e-3, 8
 CLEAR = 6.0
 """A load on a channel this many times its noise cannot hide."""
 APART = 3.0
-"""A load on a channel this many times what the others' rest may make of it: three standard
-deviations."""
+"""A load on a channel this many times what the others' rest may make of it: 3 σ."""
 LONG = 0.5
 """Longest lever [m] that counts as found where a channel is left out: tools' centres of gravity are
 nearer."""

@@ -209,8 +209,8 @@ class BackgroundLevel(OfProducts):
         return [squares(half, c) for c in sets]
 
     def scored(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Scores w = Eᵀ K₀⁻¹ y (n, c) and log N(y; 0, K₀) (c,), without the constant in 2π, of
-        cases y (C R, c)."""
+        """Scores w = Eᵀ K₀⁻¹ y (n, c) by the background's n columns E, and log N(y; 0, K₀) (c,) by
+        its covariance K₀, without the constant in 2π, of c recordings' readings y (C R, c)."""
         if not self.tall:
             solved = self.solve(y)
             square, score = (y * solved).sum(axis=0), self.E.T @ solved

@@ -194,7 +194,8 @@ class DriveEffect(ABC):
     def cause(
         self, rows: DriveRows, columns: tuple[str, ...], value: float = 1.0, prior: float = 0.0
     ) -> Block:
-        """Make a cause of this effect from names of columns, a shape value and prior log odds."""
+        """Make a cause of this effect from names of columns, the ``value`` of its shape (time [s],
+        periods a turn) and ``prior`` log odds against other variants."""
         level = 1.0 if self.size.absolute else rows.level
         return Block(self.name, rows.joint, False, columns, value, prior, level)
 

@@ -6,8 +6,7 @@ from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 from wrenchbed.effects.drives.operators import stop
 
 WIDTHS = (1e-2, 3e-2, 1e-1)
-"""Half widths of a gear's hysteresis that are tried [rad, m]: steps of three, which overlap in
-shape."""
+"""Half widths of a gear's hysteresis that are tried [rad, m]: steps of 3, which overlap."""
 
 
 class DriveHysteresis(DriveEffect):

@@ -10,8 +10,7 @@ from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveResid
 from wrenchbed.effects.drives.operators import direction
 
 TIMES = np.geomspace(4e-3, 0.15, 16)
-"""Delays and time constants from which the search starts [s]: steps of 1.27, which the search
-bridges."""
+"""Delays and time constants from which the search starts [s]: it bridges steps of 1.27."""
 _CLOSE = 2e-4
 """Error of a found delay or time constant [s]: friction turns at one instant, which a fortieth of a
 row resolves."""

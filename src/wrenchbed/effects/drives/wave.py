@@ -9,8 +9,7 @@ import numpy as np
 from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveResidual, DriveRows
 
 HARMONICS = (1, 2)
-"""Waves within a period: a gear's teeth or a motor's poles make more than a sine, of which the
-second shows."""
+"""Waves within a period: teeth or poles make more than a sine, of which the second shows."""
 SLOWEST, FASTEST = 1.5, 400.0
 """Periods a turn of the joint that are tried: up to motors of 3 to 10 pole pairs behind gears of 30
 to 160."""

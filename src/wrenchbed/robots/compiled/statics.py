@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 _LAYOUT = 2
-"""Version of the constants' layout, by definition: a library built from another version is not
-used."""
+"""Version of the constants' layout; a library built from another version is not used."""
 
 try:
     from wrenchbed.robots.compiled import _statics

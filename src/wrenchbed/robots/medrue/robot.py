@@ -120,7 +120,8 @@ class MedRUE(SimulatedRobot):
 
     @cached_property
     def bodies(self) -> tuple[BodyMass, ...]:  # type: ignore[override]
-        """Mass and CoG of the moving bodies behind `JOINTS`, as the MJCF has them."""
+        """Mass [kg] and CoG [m] in body axes of the moving bodies, in the order of `JOINTS`, as in
+        the MJCF."""
         spec, bodies = bare(self.mjcf), list[BodyMass]()
         for joint in JOINTS:
             body = spec.joint(joint).parent
