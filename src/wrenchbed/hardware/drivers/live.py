@@ -56,8 +56,6 @@ _SIGMAS = 3.5
 exceed them in one of 350 windows."""
 CALM_SPEED = 2e-3
 """Fastest joint at rest [rad/s or m/s]: with less the noise of speeds is a motion."""
-AT_LIMIT = 1e-3
-"""How far beyond its limit a joint counts as at it [rad or m]: rest flickers by some counts."""
 TOLERANCE = 5e-4
 """Farthest from its goal that a joint may come to rest [rad or m]: with less an arm that stands a
 little beside its goal never arrives."""
@@ -247,9 +245,7 @@ class LiveDriver(Driver):
         return Health(worst.state, worst.detail, counters)
 
     def _position(self) -> np.ndarray:
-        q = self._fresh_arm(0.0).q
-        nearest = np.clip(q, *np.transpose([(j.lower, j.upper) for j in self.robot.joints]))
-        return np.where(np.abs(nearest - q) <= AT_LIMIT, nearest, q)
+        return self._fresh_arm(0.0).q
 
     def _write(self, q: np.ndarray) -> Applied:
         return self._aim(q, time.monotonic())

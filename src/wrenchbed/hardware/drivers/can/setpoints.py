@@ -18,12 +18,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wrenchbed.hardware.drivers.live import AT_LIMIT
 from wrenchbed.hardware.drivers.timing import hermite
 from wrenchbed.robots.motion_limits import minimum_jerk
 
 BRAKE_S = 0.15
 """Time in which a motion is braked to rest [s]: from top speed by 6.7 times that speed a second."""
+OUTSIDE = 1e-3
+"""How far beyond a limit a resting joint still counts as inside [rad or m]: joints that rest at
+their limit flicker by some counts."""
 _MARGIN = 1.1
 """Factor on top speed in a single cycle: a path at top speed is a little faster between cycles."""
 _SLOW_S = 0.06
@@ -134,7 +136,7 @@ class Setpoints:
 
     def outside(self, q: np.ndarray) -> tuple[int, float, float] | None:
         """Index and limits of the first joint beyond its limits at q (J,); None if none is."""
-        beyond = (q < self._lower - AT_LIMIT) | (q > self._upper + AT_LIMIT) | ~np.isfinite(q)
+        beyond = (q < self._lower - OUTSIDE) | (q > self._upper + OUTSIDE) | ~np.isfinite(q)
         for joint in np.flatnonzero(beyond)[:1]:
             return int(joint), float(self._lower[joint]), float(self._upper[joint])
         return None
