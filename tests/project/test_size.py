@@ -19,7 +19,7 @@ WRENCHBED = {
     "environments": 589,
     "exports": 830,
     "files": 578,
-    "hardware": 6686,
+    "hardware": 6684,
     "jobs": 555,
     "monitoring": 1426,
     "pages": 1259,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78947,
-    "src/wrenchbed": 69461,
+    "src": 78945,
+    "src/wrenchbed": 69459,
     "src/robot_emulators": 9486,
     "tests": 37954,
     "scripts": 3476,
