@@ -86,6 +86,7 @@ def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
     assert told.causes[0].shares == pytest.approx((0.5, 0.5))
     many = widened(verdict, [(n, None) for n in "abcde"])
     assert (many.word, many.causes) == ("unknown", ())
+    assert dict(many.probabilities) == {"sensor.jump": 0.3, "unknown": pytest.approx(0.7)}
 
 
 def test_rivals_leave_little_more_than_the_leading_cause_and_are_no_causes_beside_it():

@@ -386,6 +386,7 @@ def widened(verdict: Verdict[S], rivals: Sequence[Key]) -> Verdict[S]:
     probability[key] = probability.pop("|".join(lead.names), lead.probability)
     probability[key] += sum(probability.pop(n, 0.0) for n in more)
     if len(keys) > 1 + MOST_RIVALS:
+        probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + probability.pop(key)
         return replace(verdict, word=UNKNOWN, causes=(), probabilities=probability)
     shares = lead.shares or (1.0,) * len(lead.keys)
     each = np.array([*shares, *(min(shares) for _ in new)])
