@@ -7,15 +7,15 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 535,
-    "benchmark": 7796,
-    "calibration": 5166,
+    "benchmark": 7795,
+    "calibration": 5165,
     "campaigns": 1146,
     "channels": 939,
     "cli": 2683,
     "data": 5401,
-    "diagnosis": 13086,
-    "drives": 1669,
-    "effects": 4995,
+    "diagnosis": 13087,
+    "drives": 1667,
+    "effects": 4993,
     "environments": 589,
     "exports": 830,
     "files": 578,
@@ -27,7 +27,7 @@ WRENCHBED = {
     "planning": 1036,
     "plant": 763,
     "reports": 2096,
-    "robots": 4408,
+    "robots": 4406,
     "sensors": 314,
     "simulation": 1304,
     "studies": 1346,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78945,
-    "src/wrenchbed": 69459,
+    "src": 78938,
+    "src/wrenchbed": 69452,
     "src/robot_emulators": 9486,
-    "tests": 37954,
+    "tests": 37955,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
