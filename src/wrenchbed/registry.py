@@ -7,7 +7,7 @@ another package in the group ``wrenchbed.robots`` that loads such an object. A s
 
 A robot or a sensor may also come from a user's TOML file: its path stands for its name. What a
 recording made with it carries (`record_of`) makes it known to whoever reads the recording
-(`remember`).
+(`remember`), until `forget`.
 """
 
 import importlib
@@ -33,10 +33,7 @@ KINDS = {
 }
 """Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names; and
 the constant that each of them holds."""
-_DESCRIBED = {
-    "robots": "wrenchbed.robots.described",
-    "sensors": "wrenchbed.sensors.described",
-}
+_DESCRIBED = {kind: f"wrenchbed.{kind}.described" for kind in ("robots", "sensors")}
 """Kind → the module that reads such an object from a file, or from what `record_of` gave."""
 _MODELS = (".xml", ".mjcf", ".urdf", ".xacro")
 """Suffixes of models that need to be described first."""
@@ -50,12 +47,7 @@ def _entry_points(kind: str) -> dict[str, Any]:
 
 
 def _loaders(kind: str) -> dict[str, Callable[[], Any]]:
-    """Function that loads each plug-in of a kind, by its name; this package's own come before
-    others'.
-
-    Raises:
-        NotFoundError: the kind does not exist.
-    """
+    """Function that loads each plug-in of a kind, by name; this package's come before others'."""
     if kind not in KINDS:
         raise NotFoundError(f"there is no kind {kind!r} of plug-in. Known: {', '.join(KINDS)}")
     return {name: entry.load for name, entry in _entry_points(kind).items()} | _own_loaders(kind)
@@ -100,11 +92,7 @@ def _shipped(kind: str, file: Path) -> Any:
 
 
 def names(kind: str) -> tuple[str, ...]:
-    """Names of all plug-ins of a kind, sorted.
-
-    Raises:
-        NotFoundError: the kind does not exist.
-    """
+    """Names of all plug-ins of a kind, sorted; a `NotFoundError` if the kind does not exist."""
     return tuple(sorted(_loaders(kind)))
 
 
@@ -152,12 +140,23 @@ def _from_file(kind: str, path: Path) -> Any:
 
 
 def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
-    """Register an object that a user described, from what a file carries about it.
-
-    A plug-in's name keeps meaning the plug-in.
-    """
+    """Register what a file carries of an object that a user described, but for a plug-in's name."""
     if name not in names(kind):
         _records.setdefault((kind, name), record)
+
+
+def forget() -> Callable[[], None]:
+    """Forget what users' files describe or carry, as tests need; return what brings it back."""
+    records, known = dict(_records), dict(_known)
+
+    def undo() -> None:
+        forget()
+        _records.update(records)
+        _known.update(known)
+
+    _records.clear()
+    _known.clear()
+    return undo
 
 
 def revived(kind: str, name: str, record: Mapping[str, Any]) -> Any:
@@ -181,8 +180,7 @@ def known_as(kind: str, name: str) -> str:
 
 
 def is_known(kind: str, name: str) -> bool:
-    """Whether `load` finds a name: a plug-in, a user's file, or a name that a file has
-    registered."""
+    """Whether `load` finds a name: of a plug-in, a user's file, or what `remember` registered."""
     if _is_file(kind, name):
         return Path(name).is_file()
     return (kind, name) in _records or name in names(kind)

@@ -13,7 +13,7 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, build
 from wrenchbed.diagnosis.evidence.likelihood import row_variance
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
-from wrenchbed.diagnosis.explain.structures import case
+from wrenchbed.diagnosis.explain.structures import readings_from_baseline
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions
 from wrenchbed.diagnosis.next.blind import (
     DETECTED,
@@ -266,7 +266,7 @@ def faults_of(name, seed, draws, share):
     searcher = Searcher(build(nominal, baseline.robot_theta, baseline.tolerance))
     for number in range(1000 * seed, 1000 * seed + draws):
         around = tuple(background(truth, rng))
-        y = case(searcher.d, prepare(recorded(number, *around)), baseline)
+        y = readings_from_baseline(searcher.d, prepare(recorded(number, *around)), baseline)
         rung = int(np.argmax(searcher.nulls(y)[[r.normal for r in searcher.rungs]]))
         of_rung = Design(searcher, rung)
         every = zip(of_rung.signatures, of_rung.sizes, strict=True)

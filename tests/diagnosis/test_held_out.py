@@ -12,7 +12,7 @@ from wrenchbed import registry
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain.claims import moved_by
 from wrenchbed.diagnosis.explain.refit import Refitter
-from wrenchbed.diagnosis.explain.structures import Analysis, case
+from wrenchbed.diagnosis.explain.structures import Analysis, readings_from_baseline
 from wrenchbed.diagnosis.explain.structures import build as build_dictionary
 from wrenchbed.diagnosis.gap.closure import Claimed, calibrated, twin_of
 from wrenchbed.diagnosis.gap.gaps import Bootstrap, Closure, Interval
@@ -228,7 +228,7 @@ def analysed(prepared) -> Analysis:
     """Without the search: its ranking plays no part here."""
     baseline = calibrate(prepared)
     d = build_dictionary(prepared, baseline.robot_theta, baseline.tolerance)
-    r = Refitter(Searcher(d), case(d, prepared, baseline))
+    r = Refitter(Searcher(d), readings_from_baseline(d, prepared, baseline))
     return Analysis(prepared, baseline, r.searcher, r, None, r)
 
 

@@ -122,7 +122,7 @@ def refitter():
     prepared = prepare(recording(design, draw(design, 4, "single", "sensor.drift")))
     baseline = calibrate(prepared)
     d = build(prepared, baseline.robot_theta, baseline.tolerance)
-    return Refitter(Searcher(d), structures.case(d, prepared, baseline))
+    return Refitter(Searcher(d), structures.readings_from_baseline(d, prepared, baseline))
 
 
 def shaped(hypotheses, name):

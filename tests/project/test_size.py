@@ -6,28 +6,28 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
-    ".": 535,
+    ".": 533,
     "benchmark": 7795,
     "calibration": 5165,
     "campaigns": 1146,
-    "channels": 939,
+    "channels": 937,
     "cli": 2683,
     "data": 5401,
-    "diagnosis": 13087,
+    "diagnosis": 13079,
     "drives": 1667,
-    "effects": 4993,
+    "effects": 4992,
     "environments": 589,
     "exports": 830,
     "files": 578,
-    "hardware": 6684,
+    "hardware": 6683,
     "jobs": 555,
     "monitoring": 1426,
     "pages": 1259,
     "physics": 1030,
-    "planning": 1036,
+    "planning": 1035,
     "plant": 763,
     "reports": 2096,
-    "robots": 4406,
+    "robots": 4404,
     "sensors": 314,
     "simulation": 1304,
     "studies": 1346,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78938,
-    "src/wrenchbed": 69452,
+    "src": 78921,
+    "src/wrenchbed": 69435,
     "src/robot_emulators": 9486,
-    "tests": 37955,
+    "tests": 37941,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -49,7 +49,7 @@ def test_the_closed_form_is_the_users_file_in_mujoco(case, tmp_path):
 
 @each_file
 def test_a_recording_carries_the_robot_with_joints_in_the_order_of_the_chain(
-    case, tmp_path, monkeypatch
+    case, tmp_path, request
 ):
     """Neither TOML nor model file are needed: the same numbers, to the last bit."""
     robot = arm_of(case, tmp_path)
@@ -63,8 +63,7 @@ def test_a_recording_carries_the_robot_with_joints_in_the_order_of_the_chain(
     assert again.name == robot.name
     assert again.spec(theta).to_xml() == robot.spec(theta).to_xml()
     assert np.array_equal(loads(again, q, theta), loads(robot, q, theta))
-    monkeypatch.setattr(registry, "_records", {})
-    monkeypatch.setattr(registry, "_known", {})
+    request.addfinalizer(registry.forget())
     registry.remember("robots", robot.name, robot.record)
     assert registry.load("robots", robot.name).parameters.names == robot.parameters.names
 

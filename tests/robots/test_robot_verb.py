@@ -22,9 +22,8 @@ STATED = ["--tool-mass", str(TOOL_MASS), "--tool-cog", *map(str, TOOL_COG)]
 
 
 @pytest.fixture(autouse=True)
-def fresh(monkeypatch):
-    monkeypatch.setattr(registry, "_records", {})
-    monkeypatch.setattr(registry, "_known", {})
+def fresh(request):
+    request.addfinalizer(registry.forget())
 
 
 def ran(*words, code=0):
@@ -34,11 +33,6 @@ def ran(*words, code=0):
 def only_line(capsys):
     (line,) = capsys.readouterr().err.strip().splitlines()
     return line
-
-
-def forgotten():
-    registry._records.clear()
-    registry._known.clear()
 
 
 @pytest.mark.sampled
@@ -59,7 +53,7 @@ def test_an_arm_is_planned_recorded_and_calibrated_by_its_file_alone(case, tmp_p
     ran("record", "--robot", toml, "--plan", plan, "--out", rec, "--samples", 2, "--noise", "off",
         "--parameters", truth)  # fmt: skip
     toml.unlink()
-    forgotten()
+    registry.forget()
     ran("calibrate", rec, "--out", out)
     fit = json.loads(out.read_text())
     robot = registry.load("robots", fit["robot"])
@@ -317,7 +311,7 @@ def test_a_recording_whose_robot_was_broken_is_refused_in_one_line(
     raw = json.loads(table.schema.metadata[b"wrenchbed"])
     change(raw["robot_model"])
     pq.write_table(table.replace_schema_metadata({"wrenchbed": json.dumps(raw)}), rec)
-    forgotten()
+    registry.forget()
     capsys.readouterr()
     ran("calibrate", rec, "--out", tmp_path / "fit.json", code=1)
     assert reason in only_line(capsys)

@@ -170,14 +170,8 @@ TEXT = text(registry.load("sensors", "ati-mini45"))
 
 
 @pytest.fixture(autouse=True)
-def fresh(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "_records", {})
-    monkeypatch.setattr(registry, "_known", {})
-
-
-def forgotten() -> None:
-    registry._records.clear()
-    registry._known.clear()
+def fresh(request: pytest.FixtureRequest) -> None:
+    request.addfinalizer(registry.forget())
 
 
 @pytest.fixture
@@ -256,7 +250,7 @@ def test_a_map_may_name_the_file(
     column_map.read(tmp_path / "map.toml")
     line = ["import", str(data / "0-calibration_fts-accel.csv"), "--map", "map.toml"]
     assert main([*line, "--out", "rec.parquet"]) == 0
-    forgotten()
+    registry.forget()
     found = Recording.read("rec.parquet")
     assert str(found.metadata.sensor.model).startswith("mine@")
 
@@ -279,14 +273,14 @@ def test_a_robot_has_it_and_carries_it_elsewhere(mine: Path, tmp_path: Path) -> 
     assert registry.load("robots", str(toml)).name != before
     mine.unlink()
     toml.unlink()
-    forgotten()
+    registry.forget()
     found = Recording.read(rec)
     assert found.metadata.robot == before
     robot = registry.load("robots", before)
     assert robot.sensor == found.metadata.sensor.model and robot.sensor.startswith("mine@")
     sensor = registry.load("sensors", robot.sensor)
     np.testing.assert_allclose(found.metadata.sensor.noise_std, sensor.noise.row_std)
-    forgotten()
+    registry.forget()
     assert main(["calibrate", str(rec), "--out", str(tmp_path / "fit.json")]) == 0
     assert json.loads((tmp_path / "fit.json").read_text())["robot"] == before
 

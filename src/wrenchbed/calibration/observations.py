@@ -38,7 +38,7 @@ class Observations:
     """Mean wrenches over M poses or samples, to which parameters are fitted.
 
     Attributes:
-        q: joint values (M, J), orientations (M, 4), or jets in motion.
+        q: joint values (M, J), orientations (M, 4), or a `Jet` of either in motion.
         wrench: readings (M, 6) [N, N·m], means over ``count`` rows; (M, 0) without a wrench.
         count: rows in each mean (M,).
         row_covariance: noise of one row (6, 6); zero if there is no noise at all.

@@ -33,7 +33,7 @@ WAVES = 4
 
 
 class Suspect(NamedTuple):
-    """A possible fault: the change (M, 6, k) of the readings at ordinary size, in k shapes.
+    """A possible fault: the change (M, 6, k) of the readings at its usual size, in k shapes.
 
     Attributes:
         families: family of each shape (k,); shapes of one family have a common size.

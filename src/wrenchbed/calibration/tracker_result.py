@@ -27,7 +27,7 @@ class TrackerFit(WrittenFit):
 
     Attributes:
         identified: the free parameters: geometry and compliances.
-        theta: all parameters of robot and sensor by name, fitted or held.
+        theta: all parameters of robot and sensor by name, fitted or fixed.
         gravity: world axes (3,) [m/s²].
         stand: the tracker's pose, rotation vector [rad] and shift [m] from the world to its axes,
             and the target's position in sensor axes [m], by name.
@@ -36,7 +36,7 @@ class TrackerFit(WrittenFit):
         noise: standard deviation of the fit's residual per axis [m], free parameters counted.
         repeats: noise of a pose's mean by its rows [m]; None without repeats.
         held_out: rms distance of poses from fits without them [m].
-        before: held-out rms with the stated geometry; the tracker's pose and the target are fitted.
+        before: the same with the stated geometry; the tracker's pose and the target are fitted.
         bound: expectation of ``held_out`` by noise and number of poses alone (Cramér–Rao) [m].
         accuracy: rms distance of the fit from the true places at these poses, by its covariance
             [m].

@@ -23,8 +23,9 @@ turn gravity too little in the sensor."""
 class Accelerometer(Channel):
     """Readings of an accelerometer at rest, a = A Rᵀ g + b, R the sensor's orientation.
 
-    A (3, 3) and b (3,) are nuisance, so mounting, scales, cross-axis sensitivity, sign and zero do
-    not matter. No accelerometer is linear within its noise: square and cube are imperfections.
+    A (3, 3) and b (3,) are fitted and never blamed (nuisance), so mounting, scales, cross-axis
+    sensitivity, sign and zero do not matter. No accelerometer is linear within its noise: square
+    and cube are imperfections.
 
     Attributes:
         gain: Aᵀ as it fits the recording.
@@ -36,8 +37,7 @@ class Accelerometer(Channel):
     columns: ClassVar[Mapping[str, str]] = dict.fromkeys(("ax", "ay", "az"), "m/s²")
     usual = "its mounting, scales and zero"
     floor = 0.005
-    """0.5 mg: bias instability and drift over a few kelvin that data sheets of MEMS sensors
-    state."""
+    """0.5 mg: bias instability and drift over some kelvin by data sheets of MEMS sensors."""
 
     gain: np.ndarray = field(default_factory=lambda: np.eye(3))
     zero: np.ndarray = field(default_factory=lambda: np.zeros(3))

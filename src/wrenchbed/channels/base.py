@@ -66,7 +66,7 @@ class Channel(ABC):
         return recorded and recording.metadata.mode in self.modes
 
     def measured(self, recording: Recording, data: Observations) -> np.ndarray:
-        """Mean readings (H, k) of each observation: a held pose, or a sample of a motion."""
+        """Mean readings (H, k) of each observation: a pose at rest, or a sample of a motion."""
         rows = self.rows(recording, data)
         starts = np.cumsum(data.count) - data.count
         return np.asarray(np.add.reduceat(rows, starts) / data.count[:, None])
@@ -86,7 +86,7 @@ class Channel(ABC):
         return self
 
     def relinearised(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
-        """Copy with nuisance refitted to readings (H, k), or itself if predictions are linear."""
+        """Copy with nuisance refitted to readings (H, k), itself where predictions are linear."""
         return self
 
     @abstractmethod
@@ -101,7 +101,8 @@ class Channel(ABC):
         """
 
     def nuisance(self, scene: Scene) -> np.ndarray:
-        """Derivatives (M, k, n) of all readings by n nuisance parameters (zero …) of any unit."""
+        """Derivatives (M, k, n) of all readings by n parameters that are always fitted and never
+        named as a cause (mounting, zero …), each of any unit."""
         return np.zeros((len(scene), len(self.columns), 0))
 
     def imperfections(self, scene: Scene) -> np.ndarray:

@@ -22,8 +22,8 @@ USUAL_GIVE = 0.05
 class CommandedJoints(Channel):
     """Servo targets u less joint values q, u − q = c τ + z, with the torque τ that holds the arm.
 
-    Nuisance are each servo's compliance c = 1/kp and its zero z. What speed, acceleration, friction
-    and delay add in motion is in `wrenchbed.drives.servo`.
+    Fitted and never blamed (nuisance) are each servo's compliance c = 1/kp and zero z. What speed,
+    acceleration, friction and delay add in motion is in `wrenchbed.drives.servo`.
 
     Attributes:
         joints: number of columns.

@@ -32,8 +32,8 @@ class EffortAtRest(Channel):
     """Joint torques at rest, τ = −Σ m g·∂p/∂q − Jᵀ w: weight of links, load w on the sensor.
 
     At rest static friction holds a joint anywhere within a band, so the scatter from pose to pose
-    is friction, whatever one pose's rows scatter. Links have ordinary errors of mass and centre,
-    sensors of gain and zero.
+    is friction, whatever one pose's rows scatter. Links have errors of mass and centre, and
+    sensors of gain and zero, that every healthy robot has (ordinary errors).
 
     Attributes:
         joints: number of columns.

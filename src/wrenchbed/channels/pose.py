@@ -17,8 +17,7 @@ from wrenchbed.physics.time_derivatives import value
 _STEPS, _DONE = 30, 1e-12
 """Gauss–Newton steps at most, and the change [rad, m] below which they end."""
 _RANK = 1e-6
-"""Smallest over largest singular value of what determines the nuisance parameters, below which the
-poses are too alike."""
+"""Smallest over largest singular value of the nuisance's columns: below it poses are too alike."""
 _FOLLOWS = 0.5
 """Root mean square of what a rigid placement leaves of readings over their spread, above which
 they do not follow the arm: forces and torques of 12 or 40 poses leave 0.4 to 0.98, zeros that are
@@ -29,9 +28,9 @@ they do not follow the arm: forces and torques of 12 or 40 poses leave 0.4 to 0.
 class TargetPose(Channel):
     """Tracked target m = T (x + R p) + s, x and R the sensor's place and orientation.
 
-    Nuisance is where the tracker stands, T (3, 3) and s (3,), and where the target sits, p (3,) in
-    sensor axes. So a zero of the first joint or a tilt of the base does not show, while all other
-    zeros, lengths and compliances do.
+    Where the tracker stands, T (3, 3) and s (3,), and where the target sits, p (3,) in sensor axes,
+    is fitted and never blamed (nuisance). So a zero of the first joint or a tilt of the base does
+    not show, while all other zeros, lengths and compliances do.
 
     Attributes:
         turn: T as it fits the recording.
@@ -45,8 +44,7 @@ class TargetPose(Channel):
     usual = "the places of tracker and target"
     located = True
     floor = 2e-5
-    """0.02 mm: makers state 15 µm + 6 µm/m for laser trackers; over some metres with the target's
-    runout."""
+    """0.02 mm: makers of laser trackers state 15 µm + 6 µm/m; at some metres, with runout."""
 
     turn: np.ndarray = field(default_factory=lambda: np.eye(3))
     shift: np.ndarray = field(default_factory=lambda: np.zeros(3))

@@ -31,7 +31,7 @@ class Posterior:
         covariance: of them (p, p).
         determined: whether the rows determine each (p,), boolean.
         noise: standard deviation of a reading of each group (G,).
-        sizes: s of each kind of ordinary errors, as a multiple of the usual one.
+        sizes: s of each kind of errors that every healthy robot has (ordinary), over the usual one.
         fitted: fitted readings (n,).
     """
 

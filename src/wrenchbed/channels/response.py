@@ -22,8 +22,7 @@ from wrenchbed.physics.wrench import CHANNELS
 
 _T = TypeVar("_T")
 _KEPT = 4
-"""Results that `Responses` keeps: those of a fit's place and of the steps from it that line search
-tries."""
+"""Results that `Responses` keeps: of a fit's place and of steps that its line search tries."""
 _Key = tuple[tuple[Any, ...], ...]
 _STEP = 1e-4
 """Step of central differences by joint values [rad or m], rates and accelerations: truncation 1e-8,
@@ -43,7 +42,7 @@ def refitted(
     seen: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     """Predicted readings (M, C) with effects, nuisance fitted to the readings ``read`` (H, C) of
-    those held rows that ``seen`` (H,), boolean, selects."""
+    those measured rows that ``seen`` (H,), boolean, selects."""
     chain = EffectChain(active)
     pose, load = chain.placed(scene)
     some, each = _only(scene, seen), zip(channels, slices(channels), strict=True)
@@ -72,16 +71,16 @@ def _predicted(
 class Responses:
     """Cache of the readings of one scene with many sets of effects, as `readings` makes them.
 
-    Nuisance in which readings are not linear is refitted for each set, so that readings stay near
-    the measured ones and the rest is linear. A fit changes one number at a time: poses are kept
-    while the effects up to that stage stay as they are, readings while all effects do.
+    Nuisance (what nobody knows of a sensor, as its mounting) in which readings are not linear is
+    refitted for each set, so that readings stay near the measured ones and the rest is linear. A
+    fit changes one number at a time: poses are kept while the effects up to that stage stay as they
+    are, readings while all effects do.
     """
 
     def __init__(
         self, scene: Scene, channels: Sequence[Channel], read: np.ndarray, seen: np.ndarray
     ) -> None:
-        """Take readings of the held rows (H, C); nuisance is fitted to those ``seen`` (H,)
-        selects."""
+        """Take readings (H, C) of measured rows; nuisance is fitted to those in ``seen`` (H,)."""
         self.scene, self.channels = scene, channels
         self._read, self._seen = read[seen], _only(scene, seen)
         self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
@@ -178,8 +177,7 @@ class Response:
 
     @cached_property
     def _slopes(self) -> tuple[np.ndarray, ...]:
-        """Slopes of the readings (J, M, C) by joint values; in motion also by speeds and
-        accelerations."""
+        """Slopes of readings (J, M, C) by joint values; in motion by their derivatives too."""
         scene, orders = self.scene, 3 if self.scene.moving else 1
 
         def read(order: int, shift: np.ndarray) -> np.ndarray:

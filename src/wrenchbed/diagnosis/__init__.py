@@ -1,6 +1,8 @@
 """Diagnosis of the gap between a simulator and a recording: where, which effect, how far.
 Read first: `diagnose`, which walks prepare, evidence, explain, gap, between_rows and next.
-Free: the inside of each file (notes, search, speed); tests/diagnosis and sealed cases judge it.
-Others rely on: diagnosis.json (docs/contracts.md); `scripts/learn_reliability` after changed odds.
+Free: the inside of each file (search, speed); tests/diagnosis and sealed cases judge it.
+Others rely on: diagnosis.json (docs/contracts.md). Constants of prepare, evidence, explain, gap and
+decision move odds: after a change run `scripts/learn_reliability` and sealed cases; after one of a
+note's words `scripts/messages` (docs/reference/messages.txt).
 Never: MuJoCo but through `twin`, nor a name of an effect where `Effect` can be asked.
 """

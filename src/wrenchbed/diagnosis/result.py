@@ -75,8 +75,7 @@ def families(gap: Closure) -> dict[str, float]:
 
 
 def family(channel: str) -> str:
-    """Family of a channel: ``force`` (fx …), ``torque`` (tx …), ``place`` (mx …), else
-    ``effort``."""
+    """Family of a channel: ``force`` (fx …), ``torque`` (tx …), ``place`` (mx …) or ``effort``."""
     if channel in CHANNELS:
         return "force" if channel.startswith("f") else "torque"
     return "place" if channel in TARGET else "effort"
@@ -90,7 +89,7 @@ class Diagnosis:
         recording: its path, or a name.
         robot: registry name.
         verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
-        gap: gaps on held-out rows.
+        gap: gaps on held-out rows, which no fit used.
         where: subsystems with their share of the gap, as the contract has them.
         which: claimed causes, as the contract has them.
         probabilities: over the leading cause.

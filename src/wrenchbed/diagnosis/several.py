@@ -39,8 +39,7 @@ from wrenchbed.errors import CalibrationError, DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 
 MOST = 10
-"""Explanations of each recording that are fitted to all: those that follow have next to no
-probability."""
+"""Explanations of each recording that are fitted to all: further ones have no probability."""
 LEADING = 2
 """Explanations of each recording whose effects are also combined with another recording's."""
 MUST_AGREE = ("robot", "sensor.model", "sensor.pose_flange", "gravity")

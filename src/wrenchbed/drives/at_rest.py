@@ -57,9 +57,9 @@ class RestProblem:
     Attributes:
         y: measured efforts (H, J) [N·m, of slides N; A].
         nominal: torques of the stated arm and tool (H, J).
-        load: torques per unit of mass and first moment (H, J, 4); (H, J, 0) where the tool is held.
-        zeros: torques per unit zero (H, J, J); (H, J, 0) where zeros are held.
-        ordinary: torques of ordinary errors by kind (H, J, m).
+        load: torques per unit of mass and first moment (H, J, 4); (H, J, 0) if the tool is fixed.
+        zeros: torques per unit zero (H, J, J); (H, J, 0) where zeros are fixed.
+        ordinary: torques of errors that every robot has, by kind (H, J, m).
         friction: torques by direction of approach (H, J, J), one standard deviation each.
         gains: whether each joint has a free gain g.
     """

@@ -40,7 +40,7 @@ class JointError:
 
     @property
     def explained(self) -> float:
-        """Share of the effort's rms that the fit explains on held-out rows; ≤ 0 for none."""
+        """Share of the effort's rms that the fit explains on rows left out of it; ≤ 0 for none."""
         return 1.0 - self.held_out / self.measured if self.measured else 0.0
 
 
@@ -73,7 +73,7 @@ class DriveFit(WrittenFit):
         constants: of the drives, where they were stated (J,) [N·m/A, of slides N/A].
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
         cannot_tell: sentences on what the data do not tell, of commands.
-        link_errors: whether uncertainties hold ordinary errors of the stated links too.
+        link_errors: whether uncertainties include usual errors of the stated links.
     """
 
     recording: str

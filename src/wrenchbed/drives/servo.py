@@ -86,8 +86,7 @@ class Piece:
         return self.signals.filtered(np.stack([speed * np.abs(speed), speed], axis=2))
 
     def held(self, delay: np.ndarray) -> np.ndarray:
-        """Delayed targets (N, J), each held for one row's time (a mean over it of their smooth
-        course)."""
+        """Delayed targets (N, J), each constant for one row: the mean of their smooth course."""
         t, period = self.signals.t, 1.0 / self.signals.rate
         each = zip(self.target, delay.tolist(), strict=True)
         means = [(s(t - d) - s(t - d - period)) / period for s, d in each]

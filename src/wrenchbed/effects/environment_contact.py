@@ -26,8 +26,7 @@ from wrenchbed.robots.base import Robot
 LENGTH = 0.01
 """Reference depth [m] of the law of contact, by definition."""
 SHARES = (0.05, 0.15, 0.35)
-"""Shares of rows in contact where a search begins: steps of two to three, which the search
-bridges."""
+"""Shares of rows in contact where a search begins: it bridges steps of two to three."""
 NORMAL = ("normal.x", "normal.y", "normal.z")
 SLIDE = ("slide.x", "slide.y", "slide.z")
 WAYS = 400

@@ -37,8 +37,8 @@ def falling(
 def free_variants(
     stems: Sequence[str], text: str, at: Values, channels: Sequence[str] = CHANNELS
 ) -> tuple[Variant, ...]:
-    """Variants with a free curve, amplitudes ``stem.fx`` …: in one channel, the forces, the
-    torques, all."""
+    """Variants with a free curve in one channel, the forces, the torques or all: amplitudes
+    ``stem.fx`` …, a label that begins with ``text``, shapes at the values ``at``."""
 
     def of(label: str, group: Sequence[str], share: float) -> Variant:
         free = tuple(f"{stem}.{c}" for c in group for stem in stems)

@@ -33,7 +33,8 @@ class Scene:
     Attributes:
         theta: parameters of the robot as configured (P,).
         gravity: in world axes (3,) [m/s²].
-        q: joint values (M, J), jets in motion, or the sensor's orientations (M, 4).
+        q: joint values (M, J), in motion a `Jet` (with two time derivatives), or the sensor's
+            orientations (M, 4).
         t: (M,) [s].
         held: whether each row was measured (M,); the others lie on the way between two poses, and
             matter only to effects with memory (hysteresis, creep, backlash).
@@ -93,7 +94,7 @@ class Scene:
         return np.asarray(self.t - self.t[0])
 
     def in_motion(self, x: Value) -> Value:
-        """Values (M, …) as jets, by finite differences, if the rows are a motion; else as is."""
+        """Values (M, …), in a motion as a `Jet` with derivatives by finite differences."""
         if not self.moving or isinstance(x, Jet):
             return x
         d = np.gradient(x, self.period, axis=0)

@@ -85,7 +85,7 @@ joints."""
 
 class Step(NamedTuple):
     """A change of K numbers at some check: sizes and standard errors (K,), degrees of freedom, p
-    value of the residual, and the log evidence for the change."""
+    value of the residual, and the log odds that readings give the change."""
 
     size: np.ndarray
     std: np.ndarray

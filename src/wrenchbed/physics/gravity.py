@@ -23,8 +23,8 @@ class BodyMass:
 class ArmBodies(ABC):
     """Base of a robot with weight: moving links that carry a sensor, which carries a tool.
 
-    Methods take joint values q (N, J), or jets in motion, real parameters theta (P,) and gravity
-    (3,) in world axes [m/s²].
+    Methods take joint values q (N, J), or a `Jet` of them in motion, real parameters theta (P,) and
+    gravity (3,) in world axes [m/s²].
     """
 
     name: str

@@ -25,8 +25,7 @@ TRACKER_NOISE = 5e-5
 
 
 def poses(robot: Robot, n: int, seed: int) -> Plan:
-    """n random feasible poses in random order; a `PlanError` if n is below 1, or the robot has no
-    joints to plan for."""
+    """n random feasible poses in random order; a `PlanError` if n < 1, or without joints."""
     if n < 1:
         raise PlanError(f"a plan of {n} poses is empty")
     if not robot.joints:

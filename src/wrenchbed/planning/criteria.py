@@ -25,7 +25,7 @@ class Criterion(ABC):
 
     Attributes:
         power: `value` to this power is homogeneous of degree 1 in M and concave; None if it is not.
-        smooth: whether the gradient predicts what adding a whole configuration does.
+        smooth: whether the gradient predicts what adding a whole configuration changes.
     """
 
     name: str
@@ -136,8 +136,7 @@ class O5(Spectral):
 
 
 class InverseTrace(Criterion):
-    """1 / trace(W M⁻¹): A-optimality for W = 1, I-optimality for W from the sensitivity of a
-    goal."""
+    """1 / trace(W M⁻¹): A-optimality for W = 1, I-optimality for W from a goal's sensitivity."""
 
     power = 1.0
 

@@ -39,7 +39,8 @@ _GAP = 1e-3
 
 
 class Pool:
-    """Candidate configurations: blocks (N, k, m) of Jacobians, in units of noise and scale."""
+    """N candidates: blocks (N, k, m) of the Jacobian of k readings by m parameters, over noise, in
+    scales of the parameters."""
 
     def __init__(self, blocks: np.ndarray) -> None:
         self.blocks = np.ascontiguousarray(blocks, dtype=float)

@@ -1,8 +1,9 @@
 """Robots, one file or package each; `wrenchbed.registry.names("robots")` lists them.
 
 Free: the inside of a robot; tests/robots speak.
-Others rely on: names of parameters and joints (every fit.json, twin.json and effect names them),
-nominal values in models/, the contract `base`, and that recordings carry described robots
+Others rely on: names of parameters and joints (fit.json, twin.json, effects), nominal values in
+models/ (a change is another `robot_digest` in a history), tolerances of parameters (priors of
+fits, spread of simulated robots), the contract `base`, and that recordings carry described robots
 (`described.rebuilt`: what an older version wrote must still load).
 Never: a sensor's noise, an effect or a recording; MuJoCo only to write and read models.
 Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as its kinds, and

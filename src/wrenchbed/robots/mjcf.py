@@ -15,8 +15,7 @@ from wrenchbed.physics.wrench import Tool, physical_inertia, six_of
 from wrenchbed.robots.base import SimulatedRobot
 
 POINT = 1e-9
-"""Moments of inertia of a point mass [kg·m²], since MuJoCo takes no 0; a hundred thousandth of a
-small tool's."""
+"""Moments of inertia of a point mass [kg·m²], since MuJoCo takes no 0: 1e-5 of a small tool's."""
 _FILES = 8
 """Parsed files that are kept: a process works on few robots."""
 _TOUCHING = ("collision", "touched")

@@ -20,11 +20,9 @@ from wrenchbed.robots.arm_tree import CONSTRAINTS, FLOATS, SITE, ArmTree
 from wrenchbed.robots.model_source import ModelSource
 
 _BOUND = 1e-12
-"""Mass and inertia that MuJoCo gets for bodies without mass [kg, kg·m²], which it refuses where
-they move."""
+"""Mass and inertia that MuJoCo gets for massless bodies [kg, kg·m²], which may not move."""
 _BALL_M = 0.03
-"""Radius of gyration of a ball that stands for an impossible inertia [m]: no reading at
-rest depends on it."""
+"""Radius of gyration of a ball that stands for an impossible inertia [m]: matters in motion."""
 _MESHES = (".stl", ".obj", ".msh")
 """Formats of meshes that MuJoCo reads."""
 _MOST_MESH_BYTES = 2**27

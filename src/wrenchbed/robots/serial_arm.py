@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     import mujoco
 
 _GYRATION_M = 0.08
-"""Radius of gyration of a link about each axis [m]: a limb of 0.25 m; no reading at rest depends on
-it."""
+"""Radius of gyration of a link about each axis [m]: a limb of 0.25 m; matters in motion only."""
 Spot = tuple[int, float, float]
 """A point of the arm: number of a link from 0, x and z in its axes [m]."""
 

@@ -165,7 +165,7 @@ class Playback:
 
     def motion(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
         """Readings (N, 6) of a motion at times (N,), q and speeds qd (N, J): ``load`` (N, 6) is
-        that without effects, to which those of the mechanism add."""
+        the load on the sensor without effects."""
         h = float(np.mean(np.diff(t)))
         jets = Jet(q, qd, np.gradient(qd, h, axis=0))
         scene = self.twin.scene(jets, t)

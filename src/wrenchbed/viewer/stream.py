@@ -111,7 +111,7 @@ def document(origin: str, name: str) -> Any:
 
 
 def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
-    """Make views of the robot (around ``places``), of blame's colours, and of residuals (N,)."""
+    """Make views of robot (around ``places``), blame's colours, residuals over numbers ``at``."""
     title = "probability that the cause is there: 0 (grey) … 1 (dark red)"
     bar = rr.blueprint.Spatial2DView(origin="/blame", name=title)
     residual = curves("/residual", "residual of all channels, rms [noise of a row]", (ROW, at))

@@ -19,9 +19,8 @@ TEN = pytest.mark.parametrize("seed", range(10))
 
 
 @pytest.fixture(autouse=True)
-def fresh(monkeypatch):
-    monkeypatch.setattr(registry, "_records", {})
-    monkeypatch.setattr(registry, "_known", {})
+def fresh(request):
+    request.addfinalizer(registry.forget())
 
 
 def claimed(found):

@@ -277,7 +277,7 @@ def simulate(setting: EffortSetting, fault: EffortFault) -> np.ndarray:
 
 
 def draw_setting(robot: SimulatedRobot, rng: Rng) -> EffortSetting:
-    """Draw a healthy robot with ordinary imperfections, its motion and its instruments."""
+    """Draw a healthy robot with the small errors of all robots, its motion and instruments."""
     path, joints = draw(robot, rng), len(robot.joints)
     stated = _stated(robot, rng)
     tool = robot.tool(stated)

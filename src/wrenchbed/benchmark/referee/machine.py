@@ -374,7 +374,7 @@ class RefereeFault(Fault):
 
     ``body`` changes the mechanics, which are then simulated anew; ``change`` acts at a ``stage`` on
     the load, what the gauges make of it, or when it is read; ``rows`` acts between rows. ``size``
-    is in multiples of typical.
+    is in multiples of the typical one.
     """
 
     body: Callable[[Mechanics], Mechanics] | None = None

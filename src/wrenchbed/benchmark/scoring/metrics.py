@@ -85,7 +85,7 @@ class Metric:
 
 
 def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
-    """Make a metric: of the cases that fulfil ``counts``, the share that also fulfil ``held``."""
+    """Make a metric: of the cases where ``counts`` is true, the share where ``held`` is too."""
 
     def parts(truth: Answer, claim: Claim) -> Sequence[float] | None:
         return (held(truth, claim), 1.0) if counts(truth, claim) else None

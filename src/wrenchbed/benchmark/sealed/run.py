@@ -36,7 +36,7 @@ from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import NONE
-from wrenchbed.diagnosis.explain.structures import case
+from wrenchbed.diagnosis.explain.structures import readings_from_baseline
 from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
@@ -66,7 +66,7 @@ def bic(recording: Recording) -> Claim:
     prepared = prepare(recording).leading
     baseline = calibrate(prepared)
     d = build(prepared, baseline.robot_theta, baseline.tolerance)
-    y = case(d, prepared, baseline)
+    y = readings_from_baseline(d, prepared, baseline)
     effects = d.E[:, : sum(bool(parameter) for _, parameter in d.label)]
     allowed = np.minimum(d.tolerance**2, LARGE)
     variance = np.tile(prepared.variance, d.rows)

@@ -30,7 +30,7 @@ class Observed:
 
     Attributes:
         robot, theta, gravity: its model, its own parameters (P,), gravity in world axes (3,).
-        q: joint values (M, J), orientations (M, 4), or jets.
+        q: joint values (M, J), orientations (M, 4), or a `Jet` of either in motion.
         y: readings (M, 6) [N, N·m].
         noise: standard deviation of an observation (6,), 0 where nothing is known.
         t: begin of each observation (M,) [s].

@@ -26,8 +26,7 @@ too rough to compare; more leave out short recordings."""
 TAIL = 5.0
 """Rows further out than this many median distances are drawn in to it."""
 QUIET = 0.4
-"""Share of the mean power that the quieter quarter of a motion has at least: play and friction
-make bursts."""
+"""Least share of the mean power in the quieter quarter of a motion: play and friction burst."""
 STEADY = 1.15
 """Largest variance over that of the median group: more means bursts, which are no noise."""
 _Gathered = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

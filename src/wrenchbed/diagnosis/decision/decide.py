@@ -33,10 +33,9 @@ WITHDRAWN = 0.05
 """Share of a withdrawn answer's probability that it keeps, so that none is impossible: the odds at
 which held-out rows' 95 % interval errs."""
 MOST_RIVALS = 4
-"""Most rivals of a named cause: a reader who gets more than five candidates learns nothing."""
+"""Most rivals of a named cause (the contract's): more than five candidates tell nothing."""
 FIRM = 0.75
-"""Probability from which evidence names a cause that ordinary errors imitate: odds of three to
-one."""
+"""Probability from which evidence names a cause that ordinary errors imitate: 3 to 1."""
 CONTRIVED = 0.05
 """Least weight, beside 1, of an effect that makes a cause's readings with numbers that happen to
 fit: evidence against it is as good as what is taken for its likely sizes; so it stays listed, as

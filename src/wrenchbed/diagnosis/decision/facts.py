@@ -29,7 +29,7 @@ class Decision(Generic[S]):
 
     @property
     def rest(self) -> float:
-        """Gap above the noise floor that the causes leave, on rows that no fit used."""
+        """Gap beyond noise that the causes leave, on rows that no fit used."""
         return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
 
 
@@ -42,10 +42,10 @@ class Facts(Generic[S]):
         unknown: probability of a cause that is no effect of the library.
         measure: function from a verdict to the gaps that its causes leave on rows that no fit used.
         right: function to the share of such verdicts that were right.
-        doubt: factor by which the evidence overstates log odds.
+        doubt: factor by which log odds are overstated, since residuals are not white noise.
         least: smallest probability of a cause: above 0 where few rows are left to separate causes.
-        ordinary_fitted: whether the calibrated simulator fits all stated values within their
-            ordinary spread, so that it may imitate causes.
+        ordinary_fitted: whether the calibrated simulator fits all stated values within the spread
+            that healthy robots have, so that it may imitate causes.
         own_rest: whether the unexplained residual counts as noise: an answer without a cause is
             then ``unknown``.
         seen: names of effects that values of single readings show, whatever the means leave.

@@ -3,6 +3,7 @@ Read first: `diagnose_efforts`, which walks `scene`, `columns`, `noise`, `dictio
 `fitted_causes`, `options`, `signs`, `sizes` and `json_entries`.
 Free: the inside of each file (how columns, commands and fits are computed); tests/diagnosis/efforts
 judges the answers.
-Others rely on: diagnosis.json and drives.json (docs/contracts.md), and names of effects.
+Others rely on: diagnosis.json and drives.json (docs/contracts.md), and names of effects;
+constants, which move odds and sizes: after a change sealed cases of efforts.
 Never: a decision of its own; `decision.decide` has the last word here too.
 """

@@ -29,11 +29,9 @@ STRETCHES = 6
 """Stretches of time over which friction or offset may change: a warm-up's course in some minutes,
 few enough to be seen one by one."""
 LIMITS = (0.5, 0.75, 0.9)
-"""Quantiles of the torque from which it may be limited: a limit that half of the rows exceed stops
-the robot."""
+"""Quantiles of the torque from which it may be limited: one that half the rows exceed stops it."""
 ENDS = (0.15, 0.85)
-"""Quantiles of the angle beyond which something may resist: near the ends, with enough rows
-beyond."""
+"""Quantiles of the angle beyond which something may resist: near the ends, with enough rows."""
 LIGHT = 0.01
 """Least mass of a tool whose centre of gravity moves [kg]: a lighter one makes 0.1 N."""
 _GAIN = 0.01
@@ -42,17 +40,14 @@ to 1.5 % of full scale."""
 _TILT = np.deg2rad(0.1)
 """Ordinary tilt of a base [rad]: what a bubble level leaves."""
 _LINK_INERTIA = 0.05
-"""Ordinary error of a link's inertia over the mean principal one: drawings without cables, grease
-and covers."""
+"""Usual error of a link's inertia over the mean principal one: drawings lack cables and covers."""
 _GYRATION = 0.02
-"""Least radius of gyration of a link [m], for files that leave inertias out: that of a ball of 6
-cm."""
+"""Least radius of gyration of a link [m], for files without inertias: that of a ball of 6 cm."""
 _STEP = 1e-4
 """Steps in mass [kg] and first moment [kg·m] at which the wrench's columns are made: small, since
 the wrench is linear in both but for the square of the centre of gravity."""
 _LATE = 4e-3
-"""Delay at which the column of a free one is made [s]: half a row of `scene`, where the column is
-still linear."""
+"""Delay at which the column of a free one is made [s]: half a row of `scene`, still linear."""
 _NOTHING = 1e-9
 """Largest value of a column, over that of the largest column, up to which it is rounding: a larger
 limit drops small but real causes, a smaller one than 1e-15 keeps rounding of doubles as a cause."""

@@ -55,8 +55,8 @@ class Simulator:
 
     @cached_property
     def errors(self) -> np.ndarray:
-        """Errors (S, P) of P amplitudes when one of S stated values is off by its ordinary standard
-        deviation, its own true change subtracted."""
+        """Errors (S, P) of P amplitudes when one of S stated values is off by the deviation
+        that healthy robots have of it, its own true change subtracted."""
         level, at = self._fit[1], np.flatnonzero(self._bounded)
         errors = level.held(level.gram[:, at]).T
         errors[np.arange(len(at)), at] -= 1.0
@@ -102,7 +102,7 @@ class Simulator:
 
 
 class Simulators:
-    """Cache of fitted simulators, by the indices of the causes that each contains."""
+    """Cache of simulators fitted to joint efforts, by the indices of the causes in each."""
 
     def __init__(self, d: Dictionary) -> None:
         self.d, self._made = d, cache(partial(Simulator, d))

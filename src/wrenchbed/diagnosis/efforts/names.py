@@ -45,8 +45,7 @@ OTHERS: Mapping[str, Carried] = {
                          Size("angle", "rad", float(np.deg2rad(5.0)), vector=True),
                          "put a level on the base, or record with joint 1 in several directions"),
 }  # fmt: skip
-"""Effects without a file of their own, by name; ``{joint}`` stands for the joint's or link's
-number."""
+"""Effects without a file of their own, by name; ``{joint}`` is the joint's or link's number."""
 
 
 @cache

@@ -35,13 +35,11 @@ _PER_CUTOFF = 2.5
 """Rows a second that are enough of commands, over the motion's cutoff: above it encoders' noise,
 twice differentiated, is larger than all else."""
 _PASS = 0.8
-"""Edge of the filter before rows are thinned, over the new Nyquist frequency: the usual choice of
-decimation."""
+"""Edge of the filter before rows are thinned, over the new Nyquist frequency: as is usual."""
 _ORDER = 6
 """Order of the Butterworth low-pass before thinning, run forwards and backwards."""
 _END_S = 1.0
-"""Time at both ends that takes no part [s]: two periods of the slowest filter, so that it has
-settled."""
+"""Time at both ends that takes no part [s]: two periods of the slowest filter, which settles."""
 _STATE = (
     'state them all in [recording] of the column map: configured = { "drive.constant" = [ … ] } '
     "[N·m/A; N/A]"
@@ -60,7 +58,8 @@ class EffortScene:
         inertias: of its links and motors, as stated.
         signals: kinematics (N, J) and effort, as torques.
         body: torque of the rigid body (N, J) [N·m, of slides N].
-        friction: torque of stated friction, or of ordinary friction fitted (N, J) [N·m or N].
+        friction: torque of stated friction, or of fitted Coulomb and viscous friction, which every
+            arm has (N, J) [N·m or N].
         levels: Coulomb friction, viscous friction and offset of ``friction`` (3, J).
         regressor: of the links' inertial parameters (N, J, 10 L).
         drives: stated values of the drives.

@@ -34,8 +34,7 @@ _LIKELY = 60
 _HOPELESS = 10.0
 """Log posterior below the best at which longer structures end the search: one in 22,000."""
 TEMPER = 4.0
-"""Factor on the variance of noise: rows with memory are worth fewer than their number, a quarter of
-it."""
+"""Factor on the variance of noise: rows with memory are worth a quarter of their number."""
 Structure = tuple[int, ...]
 """Sorted indices of the dictionary's blocks that act together."""
 
@@ -47,7 +46,8 @@ def wide(d: Dictionary, rms: float = AMPLITUDE) -> np.ndarray:
 
 
 class Evidence(Candidates):
-    """Log evidence of sets of causes, from all rows of the columns ``d``."""
+    """Log evidence of sets of causes (log probability of the efforts, sizes integrated out), from
+    all rows of the columns ``d``."""
 
     def __init__(self, d: Dictionary) -> None:
         super().__init__()

@@ -21,8 +21,7 @@ _EPISODE = 4.5
 """Variance of the noisiest stretch over the median's: 98 % of 107 ordinary arms of the development
 seeds stay below 4.2."""
 _PEAK = 4.5
-"""Power of a narrow peak over the median of its neighbours: ordinary arms of the development seeds
-reach 4.3."""
+"""Power of a narrow peak over its neighbours' median: healthy arms of development seeds: 4.3."""
 _SEGMENT, _NEIGHBOURS = 256, 31
 """Rows of a segment of the spectrum, two seconds at 125 Hz, and frequencies of which the median is
 taken: a quarter of them."""

@@ -152,7 +152,8 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class EffectDictionary:
-    """Columns of all effects for one design at one baseline.
+    """Columns of all effects for one design (poses, noise), at one baseline: the simulator after
+    the usual fit of bias, mass and CoG.
 
     Attributes:
         prepared: the design and its noise, with the scene at the baseline's parameters.
@@ -163,7 +164,7 @@ class EffectDictionary:
         hypotheses: variants of effects that may be claimed.
         kernels: indices of the unknown's columns, by the variable that they depend on.
         stated: indices of the numbers that every user fits; ``tolerance`` in typical sizes.
-        nuisance: indices of columns of a channel's nuisance, which every fit takes.
+        nuisance: indices of columns of what nobody knows of a sensor, which every fit takes.
         imperfections: indices of columns of imperfections of healthy sensors.
         of_all: the dictionary of all rows, if this one leaves a fold out.
         free_form: indices of columns of form-free variants only.

@@ -24,8 +24,7 @@ LADDER = (0.02, 0.08, 0.3, 1.2, 5.0, 20.0)
 """Gap that the background adds in all. Up to `NORMAL` every robot has it; more is a gap of its
 own, or the price of an effect's form that the library has only nearly."""
 NORMAL = 0.5
-"""Largest gap [noise variances] of a background that every robot may have, half the noise
-itself."""
+"""Largest gap [noise variances] of a background that every robot may have, half the noise."""
 SHARES = {"effects": 0.45, "kernels": 0.3, "rows": 0.25}
 """Shares of that gap: of effects of the library, of smooth functions, of single rows."""
 MOST = 0.2
@@ -289,9 +288,8 @@ def gains(
 
 
 class Moments(NamedTuple):
-    """Information (k, k), score (k,) and log evidence without any cause, for k columns.
-
-    Moments of independent readings add up.
+    """Information (k, k), score (k,) of k columns, and log evidence (log probability of the
+    readings) without any cause. Moments of independent readings add up.
     """
 
     information: np.ndarray

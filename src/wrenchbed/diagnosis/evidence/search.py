@@ -31,12 +31,13 @@ KERNEL_SCALES = 2.0 ** np.arange(0, 9, 1.0)
 
 @dataclass(frozen=True)
 class SingleEvidence:
-    """Posterior of one hypothesis alone on one level of background.
+    """Posterior of one hypothesis alone on one level of background (small errors of all kinds).
 
     Attributes:
         index: `Batch.index` of the hypothesis; −1 − k for smooth function k.
         rung: index of the level of background in `Candidates.levels`.
-        log_posterior: natural logarithm of prior times evidence, not normalised.
+        log_posterior: natural logarithm of prior times evidence (probability of the readings with
+            all sizes integrated out), not normalised.
     """
 
     index: int
@@ -67,7 +68,8 @@ class Batch:
 
 
 class Candidates:
-    """Evidence of hypotheses, columns whose prior a cause widens, beside a set of causes.
+    """Evidence (probability of the readings, sizes integrated out) of hypotheses beside a set of
+    causes; a hypothesis widens the prior of its columns.
 
     Attributes:
         batches: the hypotheses.
@@ -123,7 +125,8 @@ def batches(
 
 
 class Searcher(Candidates):
-    """Evidence of hypotheses for readings of one design, made once of its dictionary."""
+    """Evidence of hypotheses (probability of readings, sizes integrated out) for one design: poses,
+    noise and stated numbers; made once of its dictionary."""
 
     def __init__(self, dictionary: EffectDictionary) -> None:
         super().__init__()
@@ -226,8 +229,8 @@ class Searcher(Candidates):
         return result
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
-        """Log prior of each rung (L,): equal for normal ones; larger ones are likely only if the
-        wrench's gap in the readings y is much larger than theirs."""
+        """Log prior of each background level (L,): equal for those of healthy robots; larger ones
+        are likely only if the wrench's gap in the readings y is much larger than theirs."""
         total = max(float(self.d.gaps(y)[0]), 0.0)
         gaps = np.array([r.gap for r in self.rungs])
         normal = np.array([r.normal for r in self.rungs])

@@ -82,7 +82,8 @@ def complete(explanation: Explanation) -> bool:
 
 
 class Stated(NamedTuple):
-    """Errors of the stated numbers (S,) and their covariance (S, S), in typical sizes."""
+    """Errors of the stated numbers (bias, mass, CoG: S values) and their covariance (S, S), in the
+    typical sizes of the effects that they are."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -244,7 +245,7 @@ def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
 
 
 def stated(refitter: Refitter, f: Finalist) -> Stated:
-    """Errors of the stated numbers, fitted beside a finalist without their tolerances.
+    """Errors of the stated numbers, fitted beside a set of causes without their tolerances.
 
     Zeros take whatever is constant in small imperfections, so that no residual bounds it: their
     uncertainty is that beside the largest background which every robot may have.
@@ -262,15 +263,15 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
 
 
 def stated_errors_beside(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """Errors of bias, mass and CoG (S,), in typical sizes, fitted to a finalist's residual while
-    its parts keep their values."""
+    """Errors of bias, mass and CoG (S,), in typical sizes, fitted to the residual of a set of
+    causes that keep their values."""
     d = refitter.d
     spread = np.full(len(d.stated), LARGEST)
     return _fitted(_exact(refitter, f.rung), d.E[:, d.stated], f.residual, spread)[0]
 
 
 def corrected(refitter: Refitter, f: Finalist, stated: Configuration) -> Configuration:
-    """Configuration with bias, mass and CoG as fitted beside a finalist."""
+    """Configuration with bias, mass and CoG as fitted beside a set of causes."""
     return moved_by(refitter, stated_errors_beside(refitter, f), stated)
 
 

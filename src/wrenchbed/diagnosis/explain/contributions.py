@@ -56,7 +56,7 @@ def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
 
 
 def claimable(refitter: Refitter, f: Finalist) -> list[int]:
-    """Indices of the effects of a fitted set that reduce the gap by enough for a claim."""
+    """Indices of the causes in a fitted set that reduce the gap by enough for a claim."""
     return [k for k in f.effects if share(refitter, f, k) >= CLAIMABLE]
 
 

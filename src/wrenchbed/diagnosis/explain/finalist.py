@@ -56,7 +56,7 @@ class Finalist:
         y: readings linearised at x (C R,).
         design: derivatives of the response by x, then columns of blamed stated numbers (C R, m).
         spread: prior standard deviation of each (m,).
-        log_posterior: over all rungs and sizes, of all recordings fitted together.
+        log_posterior: over all background levels and sizes, of all recordings fitted together.
         each: the same fit in each of these recordings; empty for a single one.
     """
 

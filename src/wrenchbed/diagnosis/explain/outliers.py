@@ -26,11 +26,9 @@ LARGE = 5.0
 MOST = 0.1
 """Share of blocks that may be outliers: more of them are no exception."""
 ENERGY = 0.3
-"""Share of the squared error that outliers hold together at least: else their removal answers
-nothing."""
+"""Least share of the squared error in outliers together: else their removal answers nothing."""
 ALIKE = 4.0
-"""Ratio of mean square errors of blocks that are set aside together: half and twice the size of one
-another."""
+"""Ratio of mean square errors of blocks that are set aside together: half and twice the size."""
 LEVER_M = 0.5
 """Longest lever of a force at a tool [m]; a larger torque is named instead: tools are shorter."""
 NEAR = 0.966
@@ -38,8 +36,7 @@ NEAR = 0.966
 AGAIN = 1e-4
 """There is no jump that comes again where chance makes as much oftener than this."""
 MARGIN_S = 0.3
-"""A stretch of a motion is set aside with so much before and after it [s]: a touch begins and ends
-softly."""
+"""Time before and after a stretch that is set aside with it [s]: a touch begins and ends softly."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,7 +55,7 @@ def weighed_again(a: Analysis) -> Analysis:
 
 
 def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
-    """Residual variance of a finalist in each channel (C,), over that of one row's noise."""
+    """Residual variance of fitted causes in each channel (C,), over that of one row's noise."""
     d = a.dictionary
     rest = d.without_stated(f.residual).reshape(-1, d.channels)
     variance = (rest**2).mean(axis=0)

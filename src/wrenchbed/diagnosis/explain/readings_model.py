@@ -30,8 +30,8 @@ class ReadingsModel:
     """Readings of one recording, and the responses of sets of causes that are fitted to them.
 
     Args:
-        searcher: of the recording's design.
-        y: its readings (C R,) minus the baseline's, with stated numbers as stated.
+        searcher: of the recording's poses, noise and stated numbers.
+        y: its whitened readings (C R,) minus the calibrated simulator's, stated numbers as stated.
 
     Attributes:
         exact: cache of background levels in which the stated numbers are exact.

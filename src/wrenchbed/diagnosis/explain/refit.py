@@ -33,8 +33,8 @@ class Refitter(ReadingsModel):
 
     Attributes:
         each: refitters of all recordings fitted together, itself included.
-        known: finalists of this recording alone, best first; numbers that recordings do not share
-            take their form from the best.
+        known: sets of causes fitted to this recording alone, best first; numbers that recordings do
+            not share take their form from the best.
     """
 
     def __init__(self, searcher: Searcher, y: np.ndarray) -> None:
@@ -79,8 +79,8 @@ class Refitter(ReadingsModel):
         return self._fitted(s, rungs, s.merged(begin, self._place), s.widest)
 
     def extended(self, f: Finalist, h: Hypothesis, rung: int = 0) -> Finalist:
-        """Refit a finalist with one part more; the others start at their values and keep their
-        prior sizes. A finalist without parts is fitted on ``rung``."""
+        """Refit a set of causes with one more; the others start at their values and keep their
+        prior sizes. A set without causes is fitted on the background level with index ``rung``."""
         if not f.parts:
             return self.fit((h,), rung)
         before, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
@@ -95,7 +95,7 @@ class Refitter(ReadingsModel):
         return self._fitted(*self._of_parts(f, keep), rough=False) if keep else self.nothing()
 
     def again(self, f: Finalist) -> Finalist:
-        """Refit a finalist of other rows to this refitter's rows: variables and residual only."""
+        """Refit a set of causes of other rows to these rows: variables and residual only."""
         views = tuple(self._views(f))
         if views not in self._again:
             s, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
@@ -107,8 +107,8 @@ class Refitter(ReadingsModel):
         return self._again[views][self._place]
 
     def like(self, h: Hypothesis, source: "Refitter") -> Hypothesis:
-        """This recording's hypothesis that matches ``h`` of another; without columns if its slopes
-        have yet to be computed."""
+        """This recording's effect variant that matches ``h`` of another recording; without columns
+        if its slopes have yet to be computed."""
         if source is self:
             return h
         alike = [o for o in self.d.hypotheses if o.name == h.name]

@@ -51,9 +51,10 @@ class Lesson:
 
     Attributes:
         arm, mode: of the recording.
-        case: what it was made from.
+        case: name of the simulated recording: its seed and number.
         features: of its leading claim, in the order of `NAMES`; empty without a claim.
-        lead: key, among the probabilities, of the answer by evidence and held-out rows alone.
+        lead: key, among the probabilities, of the answer by evidence (probability of the readings)
+            and rows that no fit used, before anything is learnt.
         truth: keys of the right answers.
         probabilities: of the answers, by evidence.
         errors: of parameters of true causes over their standard uncertainties.

@@ -30,8 +30,7 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 MARGIN = 3.0
 """Difference of two scores (natural logarithm) from which one explanation predicts better."""
 SINGLES, EXTENDED, LONGER = 6, 4, 5
-"""Single effects that are refitted, how many of these are extended, and by how many effects
-each."""
+"""Single effects that are refitted, how many are extended, and by how many effects each."""
 AT_ONCE = 3
 """Largest number of effects that are named together."""
 MINOR = 1
@@ -43,8 +42,7 @@ WORSE = 3.0
 NEGLIGIBLE = 30.0
 """Explanations so much less likely than the best (natural logarithm) are dropped."""
 NEAR = 12.0
-"""A rival is refitted if its linear evidence is so near that of the part it replaces (natural
-logarithm)."""
+"""Log evidence by which a rival may fall short, linearly, of what it replaces to be refitted."""
 LINEAR = 0.01
 """Gap [noise variances of a row] by which a cause's readings may depend on the tool at which slopes
 were taken: half of the smallest background of every robot, the first of `LADDER`."""
@@ -87,12 +85,12 @@ def _of_blocks(block_rows: np.ndarray, values: int) -> Iterator[np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """All explanations of a case with their log posteriors.
+    """All explanations of a recording with their log posteriors.
 
     Attributes:
         explanations: fitted sets of causes, best first, one of them without an effect.
         unknown: log posterior of an unknown cause alone.
-        mixed: log posterior of the best finalist with an unknown cause beside it.
+        mixed: log posterior of the best set of causes with an unknown cause beside it.
         kernel: variable that the unknown cause depends on most.
         gap: of the calibrated simulator, noise subtracted.
     """
@@ -105,8 +103,7 @@ class Ranking:
 
 
 def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
-    """Rank explanations: the best single effects refitted, then pairs, then triples, if they
-    gain."""
+    """Rank explanations: the best single effects refitted, then pairs and triples that gain."""
     y = refitter.y
     singles, nulls = searcher.singles(y), searcher.nulls(y)
     normal = np.array([r.normal for r in searcher.rungs])
@@ -256,8 +253,8 @@ class Analysis:
 
     Attributes:
         prepared: the recording.
-        baseline: calibrated simulator.
-        searcher: evidence of single hypotheses for the design.
+        baseline: simulator after the usual fit of bias, mass and CoG.
+        searcher: probabilities of single hypotheses for the recording's poses and noise.
         refitter: of this recording's readings.
         ranking: explanations, best first.
         at_baseline: refitter with slopes at the calibrated tool; those of ``refitter`` are at the
@@ -306,7 +303,7 @@ def analyse(prepared: Prepared) -> Analysis:
 def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseline) -> Analysis:
     """Rank the structures that explain a recording, by slopes at the tool of baseline ``at``."""
     searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance))
-    refitter = Refitter(searcher, case(searcher.d, coarse, at))
+    refitter = Refitter(searcher, readings_from_baseline(searcher.d, coarse, at))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), refitter)
 
 
@@ -318,8 +315,11 @@ def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
     return ranking.gap * float(change.max())
 
 
-def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:
-    """Readings (C R,) relative to the dictionary's baseline, with stated numbers as stated."""
+def readings_from_baseline(
+    d: EffectDictionary, prepared: Prepared, baseline: Baseline
+) -> np.ndarray:
+    """Whitened readings (C R,) minus those of the dictionary's baseline, the calibrated simulator,
+    with mass and CoG as stated."""
     moved = np.zeros(len(d.stated))  # baseline minus stated mass and CoG, SI
     for effect, change in baseline.moved.items():
         moved[d.of_stated(effect)] = change

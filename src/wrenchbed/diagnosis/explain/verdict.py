@@ -74,7 +74,7 @@ class Elements:
 
     Attributes:
         names: first that of the explanation, then the likeliest.
-        fits: finalist with each of them in the cause's place.
+        fits: fitted set of causes with each of them in the cause's place.
         parts: index of the element's part in that finalist.
     """
 
@@ -91,7 +91,7 @@ class Cause:
         keys: the effect with its joint, then its rivals.
         probability: that one of the class is present.
         part: of the explanation that claims it.
-        shares: of each key in that probability, by evidence.
+        shares: of each key in that probability, by probability of the readings.
         elements: of each effect for which they were searched, by name.
     """
 

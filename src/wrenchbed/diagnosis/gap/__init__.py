@@ -1,7 +1,7 @@
 """How large the gap is, where it lies, and how far the twin closes it on held-out rows.
 Read first: `result` (the answer), then `closure` and `varies_with`.
-Free: the inside of each file (counts of permutations and draws); tests/diagnosis/test_varies_with,
-test_held_out, test_claims.
-Others rely on: `Closure`, `Judged` (every decision), diagnosis.json (docs/contracts.md).
+Free: speed; tests/diagnosis/test_varies_with, test_held_out, test_claims.
+Others rely on: `Closure`, `Judged` (every decision), diagnosis.json (docs/contracts.md). Counts of
+draws and levels (`SEEN`) decide claims: after a change sealed cases.
 Never: choose a cause; it measures what others claim.
 """

@@ -144,7 +144,8 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
 
 
 class Claims:
-    """Cache of simulators and held-out gaps with the causes of verdicts, for all recordings."""
+    """Cache of simulators with the causes of verdicts, and of their gaps on rows that no fit
+    used."""
 
     def __init__(self, analysis: Analysis, seed: int) -> None:
         self.analysis = analysis

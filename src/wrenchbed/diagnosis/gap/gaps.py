@@ -13,7 +13,7 @@ ROUNDED = 12
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate with its 95 % bootstrap interval over blocks."""
+    """A gap or share with its 95 % bootstrap interval over blocks of time or poses."""
 
     value: float
     low: float
@@ -22,7 +22,8 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """Gaps on held-out rows (`docs/nomenclature.md`: 0 when only noise is left).
+    """Gaps on held-out rows, which no fit used: mean squared residual in variances of one row's
+    noise, noise subtracted (0 when only noise is left).
 
     Attributes:
         configured, floor: gap of the simulator as stated, and of noise alone.
@@ -94,7 +95,7 @@ class Closure:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Gaps of simulators of one recording on its held-out observations.
+    """Gaps of simulators of one recording on its S observations, each held out of the fit.
 
     Attributes:
         block: number of the block of time, or pose, of each (S,).
@@ -183,7 +184,7 @@ def closure(
 
 
 class Bootstrap:
-    """Bootstrap over blocks of held-out rows, for means and ratios of means."""
+    """Bootstrap over blocks of rows that no fit used, for means and ratios of means."""
 
     def __init__(self, each: Sequence[tuple[np.ndarray, np.ndarray]], seed: int) -> None:
         """Take for each recording the blocks (S,) of its observations and their row counts (S,)."""

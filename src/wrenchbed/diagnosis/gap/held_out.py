@@ -135,7 +135,7 @@ class CrossFit:
 
         Args:
             twin: simulator, fitted to all rows.
-            f: the finalist behind it.
+            f: the fitted set of causes behind it.
             keep: indices of its parts that the twin has.
             wrong: names of stated numbers that are claimed to be wrong.
         """

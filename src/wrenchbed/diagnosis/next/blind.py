@@ -28,19 +28,18 @@ from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import effects
 
 DETECTED = 0.9
-"""Probability by evidence from which an effect counts as there; how often such entries are right
-was not measured."""
+"""Probability by evidence from which an effect counts as there (docs/contracts.md, `minor`); how
+often such entries are right was not measured."""
 LEAST_MINOR = 0.1
-"""Gap from which a small effect is listed: a tenth of what counts. Below it, in 59 sealed cases,
-what was listed were mostly corrections of a claimed cause's form."""
+"""Gap from which a small effect is listed, a tenth of what counts (docs/contracts.md, `minor`). In
+59 sealed cases smaller ones were mostly corrections of a claimed cause's form."""
 MISSED = 0.05
 """Share of recordings in which a fault of the size s95 may stay unreported."""
 ORDINARY = 0.5 * MOST
 """Standard deviation of what a healthy robot has of an effect, in typical sizes: a fault adds to
 it, or takes from it."""
 PLAUSIBLE = 8.0
-"""Largest plausible size of an effect in multiples of its typical size, as `LARGEST_SCALE` of the
-search."""
+"""Largest plausible over typical size of an effect, as `LARGEST_SCALE` of the search."""
 ALIKE = 0.05
 """Share of a signature's square, over noise and background, that an effect which makes the same
 readings leaves at most: of 60 poses such effects leave 0.04, others 0.3 or more."""
@@ -104,8 +103,8 @@ class Design:
     """What the readings of one recording could show.
 
     Attributes:
-        searcher: of the design's effects.
-        rung: index of the recording's background level.
+        searcher: of the effects at its poses, noise and stated numbers.
+        rung: index of the recording's background level: how large its small errors are.
     """
 
     searcher: Searcher
@@ -175,11 +174,11 @@ class Design:
 def reported_from(
     information: np.ndarray, scales: np.ndarray, odds: np.ndarray, gaps: np.ndarray
 ) -> np.ndarray:
-    """s95 (n,), in typical sizes, of causes of k numbers each; at least `ORDINARY`, since a design
-    that reports even that shows every fault.
+    """Size s95 (n,), in typical sizes, from which 95 % of such recordings report each of n causes
+    of k numbers; at least `ORDINARY`, since a design that reports even that shows every fault.
 
     Args:
-        information: P of the numbers (n, k, k), over noise and background.
+        information: matrix of each cause's numbers (n, k, k), over noise and background.
         scales: prior standard deviations of the numbers (n, s).
         odds: log prior odds of each cause against no cause (n,).
         gaps: gap of each at its typical size (n,).
@@ -369,8 +368,7 @@ def unseen(spots: Sequence[BlindSpot], most: int) -> str:
 
 
 def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:
-    """Sentences on the blind spots of each effect, and one on all that need another kind of
-    recording."""
+    """Sentences on blind spots by effect, and one on all that need another kind of recording."""
     result = []
     foreign = [s.effect for s in spots if s.why == NOT_HERE]
     for name in dict.fromkeys(s.effect for s in spots):

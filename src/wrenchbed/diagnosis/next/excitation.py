@@ -39,8 +39,7 @@ _CHANGE = 0.35
 """Size of a change, over that of the coefficients: smaller ones stay near a poor start, larger ones
 begin anew."""
 _WIDEST = 2.0
-"""Largest excursion of a joint from its middle [rad]: turning wider winds up cables and shows
-nothing new."""
+"""Largest excursion of a joint from its middle [rad]: wider winds cables, shows nothing new."""
 
 
 def excite(

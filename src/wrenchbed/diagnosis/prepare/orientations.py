@@ -72,11 +72,8 @@ def applies(recording: Recording) -> bool:
 
 
 def averages(recording: Recording) -> Averages:
-    """Averaging of a recording's rows, by its rate.
-
-    Raises:
-        DiagnosisError: its clock is not even.
-    """
+    """How many rows of a recording are averaged into one, by its rate, and with which weights; a
+    `DiagnosisError` if its clock is not even."""
     step = np.diff(recording.t)
     h = float(step.mean()) if len(step) else 1.0
     if not len(step) or np.abs(step - h).max() > EVEN * h:

@@ -83,7 +83,7 @@ class Prepared:
     Attributes:
         recording: the rows that are diagnosed.
         configuration: simulator as the metadata configure it.
-        scene: the motion; its held rows are the observations.
+        scene: the motion; its rows in ``scene.held``, which were measured, are the observations.
         y: measured (H, C), the columns of ``channels``, of the wrench [N, N·m]; where a motion's
             row repeats the one before, an estimate from the rows around it.
         count: number of rows behind each (H,), 0 where it repeats.
@@ -304,7 +304,7 @@ class Prepared:
         return replace(self, fold=np.where(rows, -1, self.fold))
 
     def rows(self, x: np.ndarray) -> np.ndarray:
-        """Whitened rows (R, C) of the fit, from scene or held rows (M, C)."""
+        """Whitened rows (R, C) of the fit, from all or the measured rows of the scene (M, C)."""
         held = x[self.scene.held] if len(x) == len(self.scene) else x
         return self.averages(held / self.sigma)
 

@@ -57,7 +57,7 @@ def of_motion(
 
 
 def of_recording(recording: Recording, configuration: Configuration, data: Observations) -> Scene:
-    """Scene whose held rows are the observations of a recording."""
+    """Scene whose measured rows (``held``) are the observations of a recording."""
     warmth = None
     if "temperature" in recording.columns:
         temperature = recording.columns["temperature"].astype(float)

@@ -89,7 +89,7 @@ class DriveRows:
         total, body: predicted effort, and that of the rigid body alone.
         level: Coulomb friction of the joint, stated or fitted.
         is_stated: whether that is stated.
-        spread: ordinary standard deviation of stated numbers by effect; None if unstated.
+        spread: standard deviation of stated numbers in healthy robots, by effect; None if unstated.
         free: effects with an unstated number, which every fit leaves free.
         warm: temperature of the drive [°C], if it was recorded and changes.
         command: target times stiffness (N,) [N·m], if the effort is a servo's tracking error; None
@@ -141,7 +141,7 @@ class DriveResidual:
     Attributes:
         y: measured minus predicted effort.
         left: residual of y after a fit of all columns, zero where not used.
-        own: ordinary columns of the joint, without a delay's (M, K).
+        own: columns of what every joint has, as friction, but a delay's (M, K).
         thin: function that picks (and filters) the kept rows (M,) of a column (N,).
     """
 
@@ -154,7 +154,7 @@ class DriveResidual:
 
     @cached_property
     def basis(self) -> np.ndarray:
-        """Orthonormal basis (n, K) of the ordinary columns at the n rows used."""
+        """Orthonormal basis (n, K) of the columns `own` at the n rows used."""
         some = self.own[self.use]
         return np.linalg.qr(some / np.maximum(np.sqrt((some**2).mean(axis=0)), 1e-12))[0]
 

@@ -19,8 +19,7 @@ _LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
 
 
 def direction(speed: np.ndarray, rest: float = REST) -> np.ndarray:
-    """Sign (N,) of a speed (N,); below the share ``rest`` of the top speed, the sign before
-    that."""
+    """Sign (N,) of a speed (N,); below the share ``rest`` of the top speed the sign before."""
     moves = np.abs(speed) > rest * np.abs(speed).max()
     last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), 0))
     return np.asarray(np.sign(speed[last]))

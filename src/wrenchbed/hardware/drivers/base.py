@@ -36,7 +36,8 @@ class ArmSample:
         mode: ``off``, ``idle``, ``running``, ``fault`` or what the device calls it.
         safety: ``normal``, ``protective stop``, ``emergency stop`` …
         program: ``playing``, ``paused``, ``stopped``; empty where the robot runs none.
-        extra_columns: further columns of recordings (J,), by name without number: ``i`` is i1… [A].
+        extra_columns: further columns (J,) by the name that docs/contracts.md gives them, without
+            number: ``i`` is i1… [A].
     """
 
     t: float

@@ -56,8 +56,7 @@ CONTROL_S = 0.008
 _BLOCK_S = 4.0
 """Length of the blocks of rows of a motion [s]."""
 _LEAST_ROWS = 12
-"""Fewest rows of a motion whose speeds and accelerations a spline gives: twice its six parameters a
-piece."""
+"""Fewest rows of a motion whose derivatives a spline gives: twice its six parameters a piece."""
 _PUSH = 3.0
 """Largest contact force of a touch along each axis [N], that of a light push by hand."""
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

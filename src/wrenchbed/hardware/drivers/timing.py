@@ -18,8 +18,7 @@ from wrenchbed.hardware.drivers.base import ArmSample
 _LATEST = 64
 """States that are kept to interpolate between: half a second at 125 Hz, more than rows wait."""
 _STRETCH_S = 0.4
-"""Stretch of which the least late state counts for the clocks [s]: among 50 of 125 Hz one is on
-time."""
+"""Stretch of which the least late state counts for clocks [s]: 1 of 50 at 125 Hz is on time."""
 _SAME_S = 1e-9
 """Times less apart are the same [s]: far above the rounding of a sum of periods."""
 Pair = tuple[np.ndarray, np.ndarray]
@@ -27,7 +26,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 class EvenRow(NamedTuple):
     """One row on an even time grid: its time [s], the same moment on this machine's clock, joint
-    values and speeds (J,), and further columns, interpolated linearly."""
+    values and speeds (J,), and further columns as in `ArmSample`, interpolated linearly."""
 
     t: float
     host: float
@@ -94,7 +93,8 @@ def controller_time(arm: ArmSample) -> float:
 
 def hermite(q: Pair, qd: Pair, span: float, s: float) -> Pair:
     """Joint values and speeds (J,) of the cubic through two states with values ``q`` and speeds
-    ``qd``, ``span`` [s] apart, at the fraction s, 0 … 1, of that time."""
+    ``qd``, ``span`` [s] apart, at the fraction s, 0 … 1, of that time. CAN drives are commanded
+    along it too (`can.setpoints`): a change moves robots."""
     ahead, behind = s * (1 - s) ** 2, s * s * (s - 1)
     between = (1 + 2 * s) * (1 - s) ** 2 * q[0] + s * s * (3 - 2 * s) * q[1]
     slope, into, out = 6 * s * (s - 1) / span, (1 - s) * (1 - 3 * s), s * (3 * s - 2)

@@ -16,8 +16,7 @@ MISSED = 2
 BEATS = 18
 """Heartbeats of the five others, 3.5 periods, without its own after which it is lost."""
 OPERATIONAL, PRE_OPERATIONAL = 0x05, 0x7F
-"""NMT states; a drive that misses its master's heartbeat goes to the second one (0x1029). Source:
-CiA 301."""
+"""NMT states (CiA 301); a drive without its master's heartbeat goes to the second one (0x1029)."""
 SHUTDOWN, SWITCH_ON, ENABLE, VOLTAGE_OFF, QUICK_STOP, FAULT_RESET = 6, 7, 0x0F, 0, 2, 0x80
 """Controlwords (0x6040); source: CiA 402."""
 ERRORS = {

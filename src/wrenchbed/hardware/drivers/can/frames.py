@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 GAUGES, ODD, MATRIX, SELECT, COUNTS, UNITS = 0, 1, 2, 6, 7, 8
 """Opcodes of requests and answers; a matrix row is answered by three frames, 2 to 4. Reset (0xC),
-set base (0xD) and set baud rate (0xE) are left out on purpose: the last two stay after power is
-cut."""
+set base (0xD) and set baud rate (0xE) are left out on purpose: the latter two outlast power."""
 STATUS = (
     "watchdog reset", "converter high", "converter low", "artificial ground", "supply high",
     "supply low", "bad active calibration", "EEPROM", "configuration invalid", "", "",

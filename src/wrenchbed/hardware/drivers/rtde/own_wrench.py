@@ -36,8 +36,7 @@ whose torque is that force 0.2 m from the flange, and the sensor's range in UR5e
 
 class OwnWrench(Transducer):
     """Transducer of a UR robot's own wrench, in the axes of the nominal robot's sensor about its
-    origin; ``since`` returns the states that arrived after a time [s], oldest first, without
-    blocking."""
+    origin; ``since`` returns the states after a time [s], oldest first, without blocking."""
 
     name = "ur-wrench"
     title = "a UR robot's own wrench over RTDE"
