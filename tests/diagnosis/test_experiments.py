@@ -139,8 +139,9 @@ def test_columns_of_a_contest_are_those_of_the_dictionary(wide):
 @pytest.mark.sampled
 @pytest.mark.parametrize(
     "kernel, word",
-    [("joint 3", "sweep joint q3"), ("direction", "one path"), ("time", "return to the first")],
-)
+    [("joint 3", "sweep joint 3"), ("load", "known payload"), ("direction", "one path"),
+     ("time", "return to the first")],
+)  # fmt: skip
 def test_the_unknown_is_asked_for_its_variable(wide, kernel, word):
     found = explore(wide[0].prepared, kernel)
     own = next(e for e in found if word in e.action)

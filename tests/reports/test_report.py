@@ -23,6 +23,7 @@ from wrenchbed.effects.scene import examples
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.claim import claim
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.robot_scene import blame, wrench_scene
@@ -187,6 +188,13 @@ def test_the_first_screen_says_no_more_than_is_there(springy):
     assert [len(WrenchAnswer(replace(f, places=seen)).where) for f in (springy, tight)] == [3, 1]
     silent = replace(changed(without_cause(springy), verdict="none"), places=seen)
     assert "joint 1, joint 2, joint 3 and 3 more." in WrenchAnswer(silent).where[0]
+    loud = {
+        c: {"before": gap}
+        for c, gap in zip(CHANNELS, (2.7, 41.6, 12.0, 0.1, 0.0, -0.1), strict=True)
+    }
+    lost = without_cause(springy)
+    lost = changed(lost, gap=replace(lost.diagnosis.gap, per_channel=loud))
+    assert "explains the gap, 74 % in fy" in WrenchAnswer(lost).headline
     hint = {"subsystem": "sensor", "detail": "tx", "share": 0.3, "sentence": "Only a hint."}
     assert WrenchAnswer(changed(silent, where=[hint])).place == "Only a hint: channel tx"
 

@@ -1,7 +1,7 @@
 """Diagnose a recording: where the gap lies, which effect causes it, how far it shrinks."""
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -208,7 +208,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     progress("what next")
     said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
-    plans, proposed = _next(analysis, verdict, seed)
+    plans, proposed = _next(analysis, verdict, places, seed)
     mode = prepared.scene.mode
     here = known.believed_at(weighed.p_value, mode)
     spread, surest = here.spread, here.of((1.0,) * len(NAMES))
@@ -395,9 +395,10 @@ def _designs(a: Analysis) -> list[Design]:
 
 
 def _next(
-    a: Analysis, verdict: Verdict[Explanation], seed: int
+    a: Analysis, verdict: Verdict[Explanation], places: Sequence[varies_with.Finding], seed: int
 ) -> tuple[dict[str, Plan], list[dict[str, Any]]]:
-    """Plans of the proposed experiments by file name, and the entries of ``next``."""
+    """Plans of the proposed experiments by file name, and the entries of ``next``: for an unknown
+    cause about the first of ``places``, or what its free form follows."""
     unknown = verdict.word == UNKNOWN
     rivals = [n for c in verdict.causes if len(c.names) > 1 for n in c.names]
     several = [c.elements[c.names[0]] for c in verdict.causes if c.open_elements]
@@ -405,7 +406,11 @@ def _next(
         return {}, []
     fits = [fit for e in several for fit in zip(e.fits, e.parts, strict=True)]
     if unknown:
-        proposed = experiments.explore(a.dictionary.prepared, a.ranking.kernel, seed)
+        follows = [f.variable for f in places if f.seen and f.share > 0.0]
+        kernels = (v.partition(" between ")[0].partition(" of ")[0] for v in follows)
+        each = (experiments.explore(a.dictionary.prepared, kernel, seed)
+                for kernel in (*kernels, a.ranking.kernel))  # fmt: skip
+        proposed = next(filter(None, each), ())
     else:
         candidates = (
             *experiments.candidates_of(a, rivals),

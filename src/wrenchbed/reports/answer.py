@@ -8,7 +8,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.next.blind import sentences
 from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.pages import numbers
-from wrenchbed.reports.claim import MOST_SIZES, Claim
+from wrenchbed.reports.claim import MOST_SIZES, Claim, listed
 
 BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 """Shapes beside the colour of a verdict."""
@@ -24,6 +24,10 @@ _DISTRUST = "do not trust the twin"
 """Advice in the note on causes that leave much of the gap."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
+
+
+LOUD, MOST_LOUD = 2.0 / 3.0, 3
+"""Share of the gap that channels hold which are named, and how many are at most: half of six."""
 
 
 class Answer(ABC):
@@ -127,6 +131,20 @@ class Answer(ABC):
     def steps(self) -> list[str]:
         """Sentences on what to do next."""
         return [str(n["sentence"]) for n in self.d.next] or [self.advice_without_experiment]
+
+    @property
+    def loudest(self) -> str:
+        """Phrase on the channels with two thirds of the gap: ``, 91 % in fy and fx``; empty if more
+        than `MOST_LOUD` share them."""
+        gaps = {c: max(g["before"], 0.0) for c, g in self.d.gap.per_channel.items()}
+        order = sorted(gaps, key=lambda c: -gaps[c])
+        for k in range(1, MOST_LOUD + 1):
+            part = sum(gaps[c] for c in order[:k])
+            if part >= LOUD * sum(gaps.values()) > 0.0:
+                return f", {part / sum(gaps.values()):.0%} in {listed(order[:k])}".replace(
+                    "%", " %"
+                )
+        return ""
 
     @property
     def blind(self) -> tuple[str, ...]:

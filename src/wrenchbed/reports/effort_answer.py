@@ -62,7 +62,7 @@ class EffortAnswer(Answer):
     @property
     def no_claim(self) -> str:
         if self.d.verdict != NONE:
-            return "No known effect explains the gap."
+            return f"No known effect explains the gap{self.loudest}."
         if self.unstated:
             return f"No cause found beside what nobody states and was fitted: {self.unstated}."
         return "No cause found: the residual is within normal imperfections."
@@ -125,6 +125,8 @@ class EffortAnswer(Answer):
             places = dict.fromkeys(str(w["detail"]) for w in self.d.where)
             phrases = [p if p[-1].isdigit() else f"the {p}" for p in places]
             return f"drives.json contains the corrected values; look at {' and '.join(phrases)}."
+        if any(w["share"] == 0.0 for w in self.d.where):  # a sign of trouble at one time
+            return "Repeat this motion: what does not return there came from outside the arm."
         return "Record a longer motion of all joints, at several speeds in both directions."
 
 

@@ -85,7 +85,8 @@ class WrenchAnswer(Answer):
             return "Too many effects explain the gap equally well."
         follows = self._unexplained == _GAP and self._follows and self._agrees
         varies = f": it varies with {self.variable}" if follows else ""
-        return f"No known effect explains {self._unexplained}{varies}."
+        within = self.loudest if self._unexplained == _GAP else ""
+        return f"No known effect explains {self._unexplained}{within}{varies}."
 
     @property
     def no_cause(self) -> str:

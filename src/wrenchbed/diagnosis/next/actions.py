@@ -118,8 +118,8 @@ def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Ite
     at_rest = () if prepared.moving else (_revisit, _hold)
     for make in (_poses, _payload, *at_rest, _motion):
         yield from filter(None, [make(prepared, seed)])
-    for k, joint in enumerate(prepared.robot.joints[:sweeps]):
-        yield from filter(None, [_sweep(prepared, k, joint.name, seed)])
+    for k in range(len(prepared.robot.joints[:sweeps])):
+        yield from filter(None, [_sweep(prepared, k, seed)])
 
 
 def feasible(robot: Robot, q: np.ndarray) -> np.ndarray:
@@ -190,7 +190,7 @@ def _payload(prepared: Prepared, seed: int) -> Action | None:
         return None
     payload = (mass, 0.5 * np.asarray(tool.cog, dtype=float))
     text = f"fix a second, known payload of +{mass:.2g} kg and record {{n}} poses again"
-    action = _visit(prepared, _spread(prepared, 30), text, ())
+    action = _visit(prepared, _spread(prepared, 30), text, ("load",))
     if action is None:
         return None
     q = _spread(prepared, 30) if action.plan is None else action.plan.q
@@ -237,7 +237,7 @@ def _motion(prepared: Prepared, seed: int) -> Action | None:
     return Action(text, session, len(q) / _RATE / 60.0 + 0.1, plan, ("speed", "direction"))
 
 
-def _sweep(prepared: Prepared, joint: int, name: str, seed: int) -> Action | None:
+def _sweep(prepared: Prepared, joint: int, seed: int) -> Action | None:
     robot = prepared.robot
     limit = robot.joints[joint]
     low, high = limit.lower, limit.upper
@@ -257,7 +257,7 @@ def _sweep(prepared: Prepared, joint: int, name: str, seed: int) -> Action | Non
     if len(kept) < 3:
         return None
     variables = (f"joint {joint + 1}", *(("position",) if joint == 0 else ()))
-    return _visit(prepared, np.array(kept), f"sweep joint {name} over {{n}} poses", variables)
+    return _visit(prepared, np.array(kept), f"sweep joint {joint + 1} over {{n}} poses", variables)
 
 
 def _some(prepared: Prepared) -> np.ndarray:
