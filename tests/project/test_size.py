@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 937,
     "cli": 2683,
     "data": 5401,
-    "diagnosis": 13079,
+    "diagnosis": 13084,
     "drives": 1667,
     "effects": 4992,
     "environments": 589,
@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1030,
     "planning": 1035,
     "plant": 763,
-    "reports": 2096,
+    "reports": 2117,
     "robots": 4404,
     "sensors": 314,
     "simulation": 1304,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78921,
-    "src/wrenchbed": 69435,
+    "src": 78947,
+    "src/wrenchbed": 69461,
     "src/robot_emulators": 9486,
-    "tests": 37941,
+    "tests": 37950,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
