@@ -61,7 +61,7 @@ class Problem:
 
     @property
     def dof(self) -> float:
-        """Degrees of freedom of the residual per channel; parameters count evenly on all."""
+        """Degrees of freedom of the residual per channel: rows less a sixth of the parameters."""
         k = 0 if self.prior else len(self.free)
         return max(1.0, len(self.data) - k / 6)
 

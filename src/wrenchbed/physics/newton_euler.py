@@ -66,7 +66,7 @@ def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
 
 
 def regressor(motion: Motion) -> np.ndarray:
-    """Matrix Y (N, 6, 10) of one motion (3, N) such that `load` = Y φ."""
+    """Matrix Y (N, 6, 10) of a motion; `load` is Y φ of inertial parameters φ (mass, m·CoG, …)."""
     return np.moveaxis(load(motion, np.eye(INERTIAL)[:, None]), 0, -1)
 
 

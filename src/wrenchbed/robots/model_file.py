@@ -20,7 +20,7 @@ from wrenchbed.robots.arm_tree import CONSTRAINTS, FLOATS, SITE, ArmTree
 from wrenchbed.robots.model_source import ModelSource
 
 _BOUND = 1e-12
-"""Mass and inertia that MuJoCo gets for massless bodies [kg, kg·m²], which may not move."""
+"""Mass and inertia that MuJoCo gets for massless bodies [kg, kg·m²], refused if they move."""
 _BALL_M = 0.03
 """Radius of gyration of a ball that stands for an impossible inertia [m]: matters in motion."""
 _MESHES = (".stl", ".obj", ".msh")

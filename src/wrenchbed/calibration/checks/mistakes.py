@@ -59,7 +59,7 @@ class Mistake(NamedTuple):
 
 
 def mistake(seen: Observed) -> Finding | None:
-    """Finding on the one mistake whose correction makes a rigid load fit; None if none does."""
+    """Finding on the one mistake (sign, unit, axes …) after which a rigid load fits, or None."""
     some = thinned(seen)
     before = some.moments.fit().share
     limit = min(MENDED * before, CLEAN)

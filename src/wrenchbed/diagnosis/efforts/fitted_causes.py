@@ -55,8 +55,8 @@ class Simulator:
 
     @cached_property
     def errors(self) -> np.ndarray:
-        """Errors (S, P) of P amplitudes when one of S stated values is off by the deviation
-        that healthy robots have of it, its own true change subtracted."""
+        """Errors (S, P) of P amplitudes when one of S stated values is off as in healthy robots (1
+        σ), its own true change subtracted."""
         level, at = self._fit[1], np.flatnonzero(self._bounded)
         errors = level.held(level.gram[:, at]).T
         errors[np.arange(len(at)), at] -= 1.0
@@ -180,7 +180,8 @@ def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
 
 
 def remaining(d: Dictionary, each: np.ndarray) -> np.ndarray:
-    """Residual (M, C) in row noises; ``each`` (B, P): amplitudes fitted without each time block."""
+    """Residual (M, C), over a row's noise, of each time block by the fit without that block, whose
+    P amplitudes are its row of ``each`` (B, P)."""
     some, result = np.abs(each).max(axis=0) > 0.0, list[np.ndarray]()
     for channel in d.channels:
         of_channel = some[channel.at]

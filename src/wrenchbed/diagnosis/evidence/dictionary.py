@@ -224,7 +224,8 @@ class EffectDictionary:
         return self._weighed[key]
 
     def weighed_by(self, noise: np.ndarray) -> np.ndarray:
-        """Gram matrix Eᵀ v₀⁻¹ E (n, n) for a noise variance (C R,) the same in all rows."""
+        """Gram matrix Eᵀ v₀⁻¹ E (n, n) of columns E, for a ``noise`` variance v₀ (C R,) the same
+        in all rows of a measured column."""
         return self.weighed(1.0 / noise[: self.channels])
 
     @property

@@ -70,8 +70,7 @@ def calibrated(a: Analysis) -> Twin:
 
 
 def twin_of(a: Analysis, f: Finalist, keep: Sequence[int]) -> Twin:
-    """Twin with some effects of a fitted set, by index, and stated numbers corrected as fitted with
-    them."""
+    """Twin with some effects of a fitted set, by index, and stated numbers as fitted with them."""
     values = a.refitter.values(f.parts, f.x)
     active = tuple(ActiveEffect(f.parts[k].effect, values[k]) for k in keep)
     configuration = corrected(a.refitter, f, a.prepared.configuration)
@@ -144,8 +143,7 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
 
 
 class Claims:
-    """Cache of simulators with the causes of verdicts, and of their gaps on rows that no fit
-    used."""
+    """Cache of simulators with the causes of verdicts, and of their gaps on unfitted rows."""
 
     def __init__(self, analysis: Analysis, seed: int) -> None:
         self.analysis = analysis

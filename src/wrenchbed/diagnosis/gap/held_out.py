@@ -43,7 +43,7 @@ class HeldOut:
         return np.asarray(self.y - reading[self.prepared.scene.held][self._keep, self._of])
 
     def of(self, reading: np.ndarray) -> np.ndarray:
-        """Gap of the first channel at each observation (S,), for scene readings (M, C)."""
+        """Gap of the first channel at each of S observations, for a simulator's readings (M, C)."""
         white = self._residual(reading) @ self._root.T
         return np.asarray((white**2).mean(axis=1) + self.noise)
 
