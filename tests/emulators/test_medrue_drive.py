@@ -224,7 +224,7 @@ def test_the_drivers_effort_is_what_the_motors_give():
             assert until(lambda: driver.health().ok)
             driver.move(away(driver))
             told = []
-            until(lambda: told.append(driver.read().evidence["tau"]), 0.5)
+            until(lambda: told.append(driver.read().extra_columns["tau"]), 0.5)
         rows = np.unique(1000.0 * np.array(told) / rated, axis=0)
         assert np.abs(rows[:, 0]).max() > 5 and len(rows) > 5
         assert np.abs(rows - np.rint(rows)).max() < 1e-6
