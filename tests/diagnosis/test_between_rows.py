@@ -15,7 +15,9 @@ from wrenchbed.diagnosis.between_rows import row_effects as module
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.diagnosis.prepare.repeats_and_counts import Repeats, Step, at_limits, step
+from wrenchbed.diagnosis.result import cause
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.reports.claim import claim
 
 ROBOT, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))
 STD = np.array(registry.load("sensors", "ati-gamma").noise.row_std)
@@ -286,13 +288,8 @@ def test_a_repeat_is_late_by_what_moved_meanwhile():
     rec.wrench[:, 3] *= 2.0  # a channel that moves twice as fast
     assert module._late(rec, some, s) == expected(4.0)
     assert module._late(rec, repeats(0.1, stale=stale, channels=(0,)), s) == expected(1.0)
-    for nothing in (
-        (rec, some, None),
-        (rising("static"), some, s),
-        (rec, repeats(0.0), s),
-        (rec, some, scatter(90.0)),
-    ):
-        assert module._late(*nothing) == 0.0
+    assert module._late(rec, some, None) == module._late(rising("static"), some, s) == 0.0
+    assert module._late(rec, repeats(0.0), s) == module._late(rec, some, scatter(90.0)) == 0.0
 
 
 def test_noise_is_told_from_a_rise_of_0_35_that_nothing_else_explains(no_line):
@@ -306,23 +303,19 @@ def test_noise_is_told_from_a_rise_of_0_35_that_nothing_else_explains(no_line):
     assert told["value"] == pytest.approx(np.sqrt(0.6) * 2.0)
     assert told["std"] == pytest.approx(0.5 * slack * 4.0 / (np.sqrt(0.6) * 2.0))
     assert "a row of fx has 2.53 N instead of 2 N" in found.sentence
-    explained = np.array([0.4, 0, 0, 0, 0, 0])
-    assert module._noise(scatter(variance), explained) is None  # 1.3 · 0.4 of 0.6
+    said = claim(cause(found.effect, 1.0, found.parameters) | {"size": found.size}).sentence
+    assert "row noise fx 2.53 ± 0.04 N instead of 2 N" in said
+    assert module._noise(scatter(variance), np.array([0.4, 0, 0, 0, 0, 0])) is None  # 1.3 · 0.4
     assert module._noise(scatter(variance, steady=False), 0.0 * ONES) is None
     for rise, sure in ((0.38, False), (0.39, True)):  # Φ((rise − 0.35) / 0.05): 0.73 and 0.79
-        less = module._noise(scatter(1.0 + rise, std=0.0), 0.0 * ONES)
-        assert (less is not None) == sure
+        assert (module._noise(scatter(1.0 + rise, std=0.0), 0.0 * ONES) is not None) == sure
 
 
 def shaking(rise, seen=0.0, line=None):
     return SimpleNamespace(
-        rise=np.array(rise, dtype=float),
-        std=0.02 * ONES,
-        seen=seen * ONES,
-        line=line,
-        rms=0.1,
+        rise=np.array(rise, dtype=float), std=0.02 * ONES, seen=seen * ONES, line=line, rms=0.1,
         direction=(1.0, 0.0, 0.0),
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("rise", "told"), [(0.46, False), (0.48, True), (0.9, True)])
@@ -338,6 +331,8 @@ def test_a_shaking_base_is_told_when_surely_above_0_45(rise, told):
         assert amplitude["value"] == pytest.approx(np.sqrt(2.0 * rise) * 2.0)
         assert amplitude["std"] == pytest.approx(0.02 * 4.0 / (np.sqrt(2.0 * rise) * 2.0))
         assert "frequency" not in found.parameters and "over a broad band" in found.sentence
+        said = claim(cause(found.effect, 1.0, found.parameters) | {"size": found.size}).sentence
+        assert "acceleration rms 0.1" in said and "amplitude" not in said
 
 
 def test_a_line_has_a_frequency_and_without_a_stated_noise_the_rest_is_the_measure():

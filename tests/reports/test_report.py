@@ -178,10 +178,10 @@ def test_a_claim_names_its_elements_and_no_other(springy):
 
 
 def test_the_first_screen_says_no_more_than_is_there(springy):
-    assert "look at joint 2. twin.json contains it." in WrenchAnswer(springy).steps[0]
+    assert "joint 2; twin.json holds the corrected simulator." in WrenchAnswer(springy).steps[0]
     contact = {**springy.diagnosis.which[0], "effect": "environment.contact"}
     assert "is without the contact" in WrenchAnswer(changed(springy, which=[contact])).steps[0]
-    assert re.search("stiffness \\d+\xa0±\xa0\\d+\xa0N·m/rad", undrawn(springy))
+    assert re.search("stiffness\u00a0\\d+\xa0±\xa0\\d+\xa0N·m/rad", undrawn(springy))
     seen = [Finding(f"joint {k}", 0.2, 1e-3, f"Joint {k} is seen.") for k in range(1, 7)]
     small = {"calibrated": Interval(0.1, 0.0, 0.2), "per_channel": {"tx": {"before": 0.1}}}
     tight = changed(springy, gap=replace(springy.diagnosis.gap, **small))
@@ -269,7 +269,9 @@ def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     page = shown(noisy)
     std = noisy.diagnosis.which[0]["parameters"]["std.fx"]
     assert std["value"] == pytest.approx(0.2, abs=4 * std["std"])
-    said = f"The sensor is noisier than stated: std fx {numbers.quantity('std.fx', std)}"
+    row = noisy.diagnosis.which[0]["size"]["row_noise.fx"]
+    assert row["value"] ** 2 == pytest.approx(row["stated"] ** 2 + std["value"] ** 2)
+    said = f"The sensor is noisier than stated: row noise fx {numbers.quantity('', row)} instead of"
     assert said in page.sections["page"]
     assert "of a row's variance comes from it" in page.sections["where"]
     assert "of the gap lies" not in page.sections["where"]

@@ -348,7 +348,7 @@ def places(a: Answer, face: str, text: str) -> Rules:
         some = word in ("joint", "link") and any(f"{word} {k}" in a.place for k in range(1, 8))
         yield number or not some, "every", part, "is painted, but", a.place
     if a.words.distrusted:
-        yield "twin.json contains it" not in text and "do not trust" in text, "no warning", a.notes
+        yield "twin.json holds" not in text and "do not trust" in text, "no warning", a.notes
     if a.verdict == "unknown" and a.quiet and face == "terminal":
         yield re.search("scatter|touches the tool", text.split(" where ")[0]), text[:200]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
+from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, quantity
 from wrenchbed.diagnosis.decision.decide import confirmed
 from wrenchbed.diagnosis.explain.claims import Explanation, stated
 from wrenchbed.diagnosis.explain.elements import NAMING, combination, element, elements, listed
@@ -47,10 +47,10 @@ def causes(
     for c in verdict.causes:
         name, rivals = c.names[0], _rivals(a, verdict, c, spread)
         entry = cause(name, c.probability, {}, rivals, gap.shares.get(name))
-        entry["channels"] = families(gap)
-        result.append(entry | _numbers(a, verdict, c, spread))
+        result.append(entry | {"channels": families(gap)} | _numbers(a, verdict, c, spread))
     return result + [
-        cause(r.effect, r.probability, r.parameters, elements=r.channels) for r in between
+        cause(r.effect, r.probability, r.parameters, elements=r.channels) | {"size": r.size}
+        for r in between
     ]
 
 
@@ -110,15 +110,14 @@ def _rivals(
     shares = c.shares or (1.0 / len(c.names),) * len(c.names)
     result = []
     for name, fraction in zip(c.names[1:], shares[1:], strict=True):
-        of, numbers = c.elements.get(name), dict[str, Any]()
+        of = c.elements.get(name)
         if of is None:
             fits = [e for e in a.ranking.explanations if e.names == beside | {name}]
             f = next((e.finalist for e in fits if name in e.finalist.names), None)
             if f is not None:
                 k = f.names.index(name)
                 of = Elements((element(f.parts[k].variant),), (f,), (k,))
-        if of is not None:
-            numbers = numbers_of(a, of, spread)
+        numbers = {} if of is None else numbers_of(a, of, spread)
         result.append(rival(name, c.probability * fraction, numbers))
     return result
 
@@ -185,7 +184,7 @@ def _size(
     for name, (size, unit) in part.effect.size(scene, part.variant, values).items():
         slope = np.array([m.get(name, (size, unit))[0] - size for m in moved]) / steps
         std = float(np.hypot(np.sqrt(slope @ covariance @ slope), part.effect.size_error * size))
-        result[name] = {"value": size, "std": std, "unit": unit}
+        result[name] = quantity(size, std, unit)
     return result
 
 
@@ -281,11 +280,8 @@ def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[s
     result = {}
     for i in np.flatnonzero(d.of_stated(name)):
         parameter, size = d.label[d.stated[i]][1], float(d.size[d.stated[i]])
-        result[parameter] = {
-            "value": float(estimate.mean[i]) * size,
-            "std": float(estimate.std[i]) * size * factor,
-            "unit": unit[parameter],
-        }
+        value, std = float(estimate.mean[i]) * size, float(estimate.std[i]) * size * factor
+        result[parameter] = quantity(value, std, unit[parameter])
     return result
 
 
@@ -380,7 +376,6 @@ def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> D
         hint += ". This is only a hint at the environment: no cause is claimed."
         entry = _touched(touch, hint)
         return replace(d, which=[], where=[entry], set90=tuple(verdict.probabilities))
-    names = [n for w in d.which for n in named_by(w)]
     contact = cause(CONTACT, touch.probability, touch.parameters, elements=[touch.detail])
     entry = _touched(touch, f"lies in the environment: {CONTACT} ({touch.detail}).")
     untouched = [dict(e) for e in d.where]
@@ -389,7 +384,7 @@ def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> D
         e["sentence"] = f"{sentence.rstrip('.')}, untouched."
     return replace(
         d, which=[contact, *d.which], where=[entry, *untouched],
-        set90=tuple(dict.fromkeys((CONTACT, *names))),
+        set90=tuple(dict.fromkeys((CONTACT, *(n for w in d.which for n in named_by(w))))),
     )  # fmt: skip
 
 

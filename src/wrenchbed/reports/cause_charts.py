@@ -98,8 +98,7 @@ def _joint(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart | None:
         "are not drawn."
     )
     y = Axis(f"error of joint {k + 1}", f"m{joint.unit}")
-    title = f"{c.name}: error of joint {k + 1} against {across.label}"
-    return _over(title, across, y, series, caption)
+    return _over(f"{c.name}: {y.label} against {across.label}", across, y, series, caption)
 
 
 def _joint_error(
@@ -140,8 +139,7 @@ def _load(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
     caption = f"Measured minus the simulator without {c.name}."
     if active.effect.shown == "loop":
         branches = {", rising": came >= 0.0, ", falling": came < 0.0}
-        caption += " Rising: the load was smaller on the way there. A sensor that remembers has "
-        caption += "a loop."
+        caption += " Rising: the load was smaller before. A sensor that remembers has a loop."
     series = []
     for word, chosen in branches.items():
         first, rows = word != ", falling", np.flatnonzero(chosen)
@@ -159,12 +157,9 @@ def _load(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
 
 def _matrix(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
     """Matrix of what a claimed effect adds to each channel per unit of each channel's load."""
-    scene = e.prepared.scene
-
-    def added(load: np.ndarray) -> np.ndarray:
-        return np.asarray(active.effect.read(scene, load, active.values) - load)
-
-    steps = [added(scene.load + d) - added(scene.load) for d in np.eye(6)]
+    scene, read, p = e.prepared.scene, active.effect.read, active.values
+    plain = read(scene, scene.load, p)
+    steps = [read(scene, scene.load + d, p) - plain - d for d in np.eye(6)]
     response = np.stack([step.mean(axis=0) for step in steps], axis=1)  # (6, 6): shows, of
     span = np.ptp(scene.load[scene.held], axis=0)
     texts = tuple(tuple(_cross(i, j, float(v)) for j, v in enumerate(row))

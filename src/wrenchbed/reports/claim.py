@@ -96,20 +96,13 @@ def claim(
     name, joint = str(entry["effect"]), _one_of_joints(entry)
     values: Mapping[str, Any] = entry["parameters"]
     size: Mapping[str, Any] = entry.get("size") or {}
-    quantities = {**size, **{n: v for n, v in values.items() if "unit" in v}}
+    quantities = {n: v for n, v in {**size, **values}.items() if "unit" in v}
     if entry.get("combination") is not None:
         quantities = {"sum": entry["combination"]}
-    signed = {
-        n: name in _DIFFERENCES or bool(wording and v.get("std")) for n, v in quantities.items()
-    }
-    sizes = {
-        n: Size(n, "together" if n == "sum" else parameter(n),
-                numbers.quantity(n, v, signed=signed[n]))
-        for n, v in quantities.items()
-    }  # fmt: skip
-    ranked = list(size or sizes)
+    known, differs = quantities.items(), name in _DIFFERENCES
+    sizes = {n: _size(n, v, signed=differs or bool(wording and v.get("std"))) for n, v in known}
+    ranked = [n for n in sizes if n in size] or list(sizes)
     if len(ranked) > MOST_SIZES:
-        known = quantities.items()
         unsure = {n: abs((v.get("std") or np.inf) / (v["value"] or 1e-300)) for n, v in known}
         ranked.sort(key=lambda n: (quantities[n]["unit"] in _WHERE, unsure[n]))
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
@@ -137,6 +130,14 @@ def claim(
     )  # fmt: skip
 
 
+def _size(key: str, entry: Mapping[str, Any], *, signed: bool) -> Size:
+    """A quantity in words, with the stated one that it is instead of."""
+    value = numbers.quantity(key, entry, signed=signed)
+    if stated := entry.get("stated"):
+        value += f" instead of {numbers.rough(key, stated, entry['unit'])}"
+    return Size(key, "together" if key == "sum" else parameter(key), value)
+
+
 def place(entry: Mapping[str, Any]) -> str:
     """Text of where a claimed effect acts: ``joint 2``, ``joint 2, 3 or 4``, ``joints 3 and 5``,
     ``all joints``, ``sensor``."""
@@ -156,14 +157,12 @@ def joints(entry: Mapping[str, Any]) -> list[int]:
     else those whose amplitudes exceed three standard uncertainties."""
     if any_of := joints_or(entry):
         return any_of
-    numbers_of = ((_NUMBERED.search(name), p) for name, p in entry["parameters"].items())
-    return sorted(
-        {
-            int(match[1])
-            for match, p in numbers_of
-            if match and p.get("std") and abs(float(p["value"])) > _STANDS_OUT * float(p["std"])
-        }
+    clear = (
+        name
+        for name, p in entry["parameters"].items()
+        if p.get("std") and abs(float(p["value"])) > _STANDS_OUT * float(p["std"])
     )
+    return sorted({int(match[1]) for match in map(_NUMBERED.search, clear) if match})
 
 
 def joints_or(entry: Mapping[str, Any]) -> list[int]:

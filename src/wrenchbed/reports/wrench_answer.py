@@ -185,11 +185,14 @@ class WrenchAnswer(Answer):
         if self.d.verdict != "identified":
             return "No experiment of the kinds considered would show more within minutes."
         if self.distrusted or not closed:
-            text = "Do not use twin.json yet: record more poses, "
-            return f"{text}and diagnose both recordings together."
+            return "Do not use twin.json yet: record more poses, and diagnose both together."
         places = listed(list(dict.fromkeys(_the(place_of(w)) for w in self.d.which)))
-        twin = "contains it" if self.causes[0].name != CONTACT else "is without the contact"
-        return f"Nothing more has to be recorded: look at {places}. twin.json {twin}."
+        twin = (
+            "holds the corrected simulator"
+            if self.causes[0].name != CONTACT
+            else "is without the contact"
+        )
+        return f"Nothing more has to be recorded: check {places}; twin.json {twin}."
 
     @property
     def black_box(self) -> str:

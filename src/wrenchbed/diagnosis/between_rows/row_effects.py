@@ -7,8 +7,8 @@ error by lateness; as repeated rows are also not independent, a share of `STALE`
 whatever it adds, with its rise.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,7 @@ class RowFinding:
         channels: those in which the rise counts; of stale rows all that repeat.
         parameters: of the effect by name: value, std (None if not known) and unit.
         sentence: for people.
+        size: as in ``which[].size``.
     """
 
     effect: str
@@ -65,6 +66,7 @@ class RowFinding:
     channels: tuple[str, ...]
     parameters: dict[str, dict[str, Any]]
     sentence: str
+    size: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def active(self, robot: Robot) -> ActiveEffect | None:
         """Effect with its parameters, for a twin; None if only some channels repeat."""
@@ -95,8 +97,7 @@ def find_row_effects(
         findings.append(_coarse(steps, counted, base))
     if s is not None:
         shake = shaking(s)
-        vibration = None if shake is None else _vibration(s, shake)
-        findings.append(vibration)
+        findings.append(None if shake is None else _vibration(s, shake))
         shaken = np.zeros(6) if shake is None else shake.seen
         if s.stated:
             findings.append(_noise(s, counted / s.scale**2 + shaken))
@@ -114,8 +115,7 @@ def unexplained(s: Scatter | None, findings: Sequence[RowFinding]) -> str:
     groups = s.means(s.rows**2)
     rise = groups.mean(axis=0) - 1.0
     for f in findings:
-        covered = [CHANNELS.index(c) for c in f.channels]
-        rise[covered] -= BESIDE * max(f.rise, 0.0)
+        rise[[CHANNELS.index(c) for c in f.channels]] -= BESIDE * max(f.rise, 0.0)
     k = int(np.argmax(rise))
     if rise[k] < UNEXPLAINED:
         return ""
@@ -142,24 +142,19 @@ def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.nd
 
 
 def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> RowFinding | None:
-    rise = counted / base
-    chosen = [k for k in range(6) if rise[k] >= APART]
-    if not chosen:
+    rise, most = counted / base, float((counted / base).max())
+    seen = zip(CHANNELS, steps, UNITS, rise, strict=True)
+    coarse = {c: (x, u) for c, x, u, r in seen if x is not None and r >= APART}
+    if not coarse:
         return None
-    parameters: dict[str, dict[str, Any]] = {}
-    words = []
-    for k in chosen:
-        step = steps[k]
-        assert step is not None
-        parameters[f"step.{CHANNELS[k]}"] = quantity(step.value, step.std, UNITS[k])
-        words.append(f"{CHANNELS[k]} {step.value:.3g} {UNITS[k]}")
+    parameters = {f"step.{c}": quantity(x.value, x.std, u) for c, (x, u) in coarse.items()}
+    words = [f"{c} {x.value:.3g} {u}" for c, (x, u) in coarse.items()]
     sentence = (
         f"Values are quantised in coarse steps of {', '.join(words)}; rounding to them raises "
-        f"a row's variance by up to {100 * rise.max():.0f} %."
+        f"a row's variance by up to {100 * most:.0f} %."
     )
-    probability = float(ndtr((rise.max() - APART) / 0.02)) * 0.99
-    names = tuple(CHANNELS[k] for k in chosen)
-    return RowFinding(QUANTIZATION, probability, float(rise.max()), names, parameters, sentence)
+    probability = float(ndtr((most - APART) / 0.02)) * 0.99
+    return RowFinding(QUANTIZATION, probability, most, tuple(coarse), parameters, sentence)
 
 
 def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFinding | None:
@@ -203,13 +198,13 @@ def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
         return None
     size = np.sqrt(2.0 * shake.rise) * s.scale
     slack = shake.std * s.scale**2 / np.maximum(size, 1e-12)
-    parameters = {
-        f"amplitude.{c}": quantity(float(a), float(e), u)
-        for c, a, e, u in zip(CHANNELS, size, slack, UNITS, strict=True)
-    }
+    parameters = _of_channels("amplitude", range(6), size, slack.tolist())
+    slack_rms = 0.5 * shake.rms * float(std[k] / rise[k])
+    natural = {"acceleration_rms": quantity(shake.rms, slack_rms, "m/s²")}
     where = "over a broad band"
     if shake.line is not None:
-        parameters["frequency"] = quantity(shake.line.frequency, shake.line.std, "Hz")
+        tone = {"frequency": quantity(shake.line.frequency, shake.line.std, "Hz")}
+        parameters, natural = parameters | tone, natural | tone
         where = f"at {shake.line.frequency:.2f} Hz"
     x, y, z = np.round(shake.direction, 2) + 0.0  # no minus zero
     sentence = (
@@ -219,7 +214,10 @@ def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
         "more in variance."
     )
     names = tuple(c for c, r in zip(CHANNELS, rise, strict=True) if r >= APART)
-    return RowFinding(VIBRATION, 0.995 * probability, float(rise[k]), names, parameters, sentence)
+    natural["direction"] = {"value": np.asarray(shake.direction).tolist()}
+    return RowFinding(
+        VIBRATION, 0.995 * probability, float(rise[k]), names, parameters, sentence, natural
+    )
 
 
 def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
@@ -231,18 +229,17 @@ def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
     if sure[k] < REPORTED:
         return None
     chosen = [j for j in range(6) if sure[j] >= REPORTED_CHANNEL]
-    parameters = {}
-    for j in chosen:
-        beyond = np.sqrt(rise[j]) * s.scale[j]
-        parameters[f"std.{CHANNELS[j]}"] = quantity(
-            float(beyond), float(0.5 * slack[j] * s.scale[j] ** 2 / beyond), UNITS[j]
-        )
+    beyond, row = (np.sqrt(np.maximum(x, 1e-9)) * s.scale for x in (rise, 1.0 + rise))
+    half = 0.5 * slack * s.scale**2
+    parameters = _of_channels("std", chosen, beyond, (half / beyond).tolist())
+    size = _of_channels("row_noise", chosen, row, (half / row).tolist())
+    for entry, j in zip(size.values(), chosen, strict=True):
+        entry["stated"] = float(s.scale[j])
     names = tuple(CHANNELS[j] for j in chosen)
     worst = max(chosen, key=lambda j: float(rise[j]))
     sentence = (
         f"{', '.join(names)} scatter more than stated: a row of {CHANNELS[worst]} has "
-        f"{np.sqrt(1.0 + rise[worst]) * s.scale[worst]:.3g} {UNITS[worst]} instead of "
-        f"{s.scale[worst]:.3g} {UNITS[worst]}."
+        f"{row[worst]:.3g} {UNITS[worst]} instead of {s.scale[worst]:.3g} {UNITS[worst]}."
     )
     tone: Line | None = line(s, s.rows[:, worst], float(rise[worst]))
     if tone is not None:
@@ -251,10 +248,17 @@ def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
             "turn with the tool: electrical, not a shaking base."
         )
     return RowFinding(
-        NOISE, 0.995 * float(sure[k]), float(rise[worst]), names, parameters, sentence
+        NOISE, 0.995 * float(sure[k]), float(rise[worst]), names, parameters, sentence, size
     )
 
 
 def quantity(value: float, std: float | None, unit: str) -> dict[str, Any]:
     """Entry of a parameter in ``diagnosis.json``: value, standard uncertainty and unit."""
     return {"value": value, "std": std, "unit": unit}
+
+
+def _of_channels(
+    stem: str, chosen: Iterable[int], value: np.ndarray, std: Sequence[float]
+) -> dict[str, dict[str, Any]]:
+    """Entries ``stem.fx`` … of the chosen channels, from value and std (6,)."""
+    return {f"{stem}.{CHANNELS[k]}": quantity(float(value[k]), std[k], UNITS[k]) for k in chosen}
