@@ -104,7 +104,7 @@ def test_it_works_read_only_without_home_in_the_c_locale(site):
     assert verb("--version").startswith("wrenchbed ")
     verb("plan ur5 --n 20 --out pläne.parquet")
     verb("record --robot ur5 --plan pläne.parquet --samples 5 --out", "r ü.parquet")
-    assert "->" in verb("calibrate", "r ü.parquet", "--out", "fit ö.json")
+    assert "converged" in verb("calibrate", "r ü.parquet", "--out", "fit ö.json")
     verb("diagnose", "r ü.parquet", "--out", "fünd")
     assert (work / "fünd" / "report.html").is_file() and (work / "fit ö.json").is_file()
     assert sorted(site.rglob("*")) == before
