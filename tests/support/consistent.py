@@ -294,7 +294,8 @@ def names(a: Answer, face: str, text: str) -> Rules:
     said = flat(a.headline)
     yield said in text and a.verdict in text, a.verdict, said
     for w in a.which:
-        values = {"sum": w["combination"]} if w["combination"] else w["parameters"]
+        size = {k: v for k, v in (w.get("size") or {}).items() if "unit" in v}
+        values = {"sum": w["combination"]} if w["combination"] else size | w["parameters"]
         for key, value in list(values.items())[:3]:
             shown = flat(numbers.quantity(key, value, signed=w["effect"] in SIGNED))
             yield shown in text, w["effect"], key, shown
