@@ -23,6 +23,7 @@ from wrenchbed.diagnosis.result import named_by
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
+from wrenchbed.reports.answer import LEAST_SCATTER
 from wrenchbed.reports.claim import title
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.robot_scene import blame
@@ -321,6 +322,7 @@ def _probabilities(a: Answer, face: str) -> Iterator[str]:
 
 def _gaps(g: Told) -> Iterator[str]:
     for label, key in GAPS.items():
+        label = "rows' own scatter" if key == "floor" and g[key] >= LEAST_SCATTER else label
         if g[key] is not None:
             yield f"{label} {numbers.gap(max(g[key], 0.0) if key == 'floor' else g[key])}"
     if g["closed"] is not None and g["closed"] > 0.0:

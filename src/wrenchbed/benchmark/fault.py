@@ -325,6 +325,7 @@ class UsualFit:
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 
     def gap(self, signal: np.ndarray, configured: bool = False) -> float:
-        """Gap of a difference of readings (n, 6): its mean square over row noise, as of `white`."""
+        """Gap of a difference of readings (n, 6): mean square over row noise, what the usual fit of
+        bias, mass and CoG takes left out unless ``configured``."""
         x = self.white(signal, configured)
         return float(x @ x) / len(x)

@@ -115,5 +115,6 @@ class Channel(ABC):
         return [self.imperfections(scene)], []
 
     def with_sizes(self, sizes: np.ndarray) -> Self:
-        """Copy with ``sizes`` times the usual errors of the second of `kinds`, as friction."""
+        """Copy whose errors of the second list of `kinds` (friction …) are ``sizes``, one a kind,
+        times as large as usual; itself where there are none."""
         return self

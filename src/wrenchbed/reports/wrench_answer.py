@@ -70,7 +70,7 @@ class WrenchAnswer(Answer):
 
     @property
     def only_rows(self) -> bool:
-        """Whether all claimed causes show between rows only."""
+        """Whether all claimed causes show only in how a pose's rows scatter, not in their mean."""
         return bool(self.row_effects) and all(c.name in self.row_effects for c in self.causes)
 
     @property

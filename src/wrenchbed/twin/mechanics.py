@@ -102,7 +102,8 @@ def marked(spec: mujoco.MjSpec) -> list[str]:
 def set_weights(
     model: mujoco.MjModel, robot: SimulatedRobot | SensorOnly, theta: np.ndarray
 ) -> None:
-    """Let gravity act on all bodies but the base; allow an unphysical tool inertia (in place)."""
+    """Let gravity act on all bodies but the base, and write the tool inertia of parameters theta
+    (P,), which no body may have (in place)."""
     names = [model.body(b).name for b in range(model.nbody)]
     model.body_gravcomp[:] = [float(name == "base") for name in names]
     p = robot.values(theta)

@@ -1,6 +1,7 @@
 """Recordings, plans and diagnoses as pictures for rerun; the only room that knows rerun.
 Free: the inside of each file (colours, layout, what is drawn); tests/viewer speak.
-Others rely on: nothing but `show` and the views (cli); rerun's API of the pinned version.
+Others rely on: nothing but `show` and the views (cli, scripts/screenshots);
+rerun's API of the pinned version.
 Never: numbers of its own; this room draws what recordings, plans and answers hold.
 Read first: `show`, then `recordings`; `stream` is the canvas that everything is drawn on.
 """

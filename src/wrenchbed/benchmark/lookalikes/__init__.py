@@ -5,6 +5,7 @@ library of effects: a diagnosis that is calibrated on its own effects would only
 Turns are finite, hysteresis is Preisach's, loads come from finite differences of the pose, and
 constants, exponents and time constants are jittered. Every case has small imperfections of all
 families, and noise with heavy tails, memory and correlation.
+Faults of mechanics are in `body`, of the sensor in `sensor`, those without a name in `outside`.
 Never: import effects or the diagnosis; a test sees to it.
 """
 

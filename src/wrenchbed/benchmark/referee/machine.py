@@ -385,7 +385,8 @@ class RefereeFault(Fault):
 
 
 def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
-    """Fault of a sensor's zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
+    """Fault of a sensor's zero that shifts by (6,), or at T instants by (T, 6) [N, N·m]; ``true``
+    holds its numbers by name."""
     return RefereeFault(true, change=lambda ride, y: y + shift, stage=ZERO)
 
 

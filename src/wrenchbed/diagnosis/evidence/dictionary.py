@@ -282,7 +282,8 @@ class EffectDictionary:
         return np.array([self.label[k][0] == effect for k in self.stated], dtype=bool)
 
     def fitted(self, signal: np.ndarray) -> np.ndarray:
-        """Least-squares fit of the stated numbers (S,), in typical sizes, to a signal (C R,)."""
+        """Least-squares fit of the S stated numbers (bias, mass, CoG), in typical sizes (S,), to a
+        whitened signal (C R,)."""
         return np.asarray(np.linalg.lstsq(self.E[:, self.stated], signal, rcond=None)[0])
 
     def without_stated(self, signal: np.ndarray) -> np.ndarray:

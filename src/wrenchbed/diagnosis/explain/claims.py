@@ -245,10 +245,10 @@ def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
 
 
 def stated(refitter: Refitter, f: Finalist) -> Stated:
-    """Errors of the stated numbers, fitted beside a set of causes without their tolerances.
+    """Errors of bias, mass and CoG, fitted beside a set of causes and not held by tolerances.
 
-    Zeros take whatever is constant in small imperfections, so that no residual bounds it: their
-    uncertainty is that beside the largest background which every robot may have.
+    A bias also takes what is constant in small imperfections, which no residual shows, so its
+    uncertainty is that beside the largest background of a healthy robot.
     """
     d, count, numbers = refitter.d, len(f.x), len(refitter.d.stated)
     columns = np.column_stack([d.E[:, d.stated], f.design[:, :count]])

@@ -52,7 +52,7 @@ class ReadingsModel:
 
     @cached_property
     def normal(self) -> np.ndarray:
-        """Indices of the background levels that a healthy robot may have."""
+        """Indices of the background levels (sizes of small imperfections) of healthy robots."""
         return np.flatnonzero([rung.normal for rung in self.searcher.rungs])
 
     @cached_property

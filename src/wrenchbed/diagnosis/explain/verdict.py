@@ -91,7 +91,7 @@ class Cause:
         keys: the effect with its joint, then its rivals.
         probability: that one of the class is present.
         part: of the explanation that claims it.
-        shares: of each key in that probability, by probability of the readings.
+        shares: of each key in ``probability``, by how probable it makes the readings.
         elements: of each effect for which they were searched, by name.
     """
 

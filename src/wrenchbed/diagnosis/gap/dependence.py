@@ -62,7 +62,7 @@ class Partitions:
 
 
 def partitions(prepared: Prepared) -> Partitions:
-    """Bases of every variable that changes in a recording, at the rows of the fit."""
+    """Orthonormal bases of functions of each variable that changes, at the rows of the fit."""
     groups: dict[str, np.ndarray] = {}
     for name, functions in _functions(prepared).items():
         basis = _orthonormal(_on_rows(prepared, functions))
