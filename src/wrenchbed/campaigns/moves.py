@@ -143,8 +143,7 @@ def _box(
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Lower and upper corner [m] of the box around the sensor's path through the plan and back to
     its first pose, with `MARGIN_M` on all sides."""
-    robot = driver.robot
-    here = np.clip(driver.read().q, *np.transpose([(j.lower, j.upper) for j in robot.joints]))
+    robot, here = driver.robot, driver.read().q
     rows = [*range(len(plan)), 0] if plan.mode == "static" else [0]
     legs = itinerary(robot, plan, here, driver.limits, rows, clear=clear)
     way = [] if plan.mode == "static" else [plan.q]

@@ -56,15 +56,16 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key
     beside = [c.part.index for c in others if c.part.index is not None and c.probability > DOUBTFUL]
     wrong = [c.names[0] for c in others if c.part.index is None]
     base = a.refitter.keeping(f, beside)
-    assert lead.part.index is not None
+    leading = lead.part.index
+    assert leading is not None
     judge = _Judge(a, wrong, seed)
     without = judge.gaps(base)
-    with_lead = judge.gaps(a.refitter.keeping(f, [lead.part.index, *beside]))
+    with_lead = judge.gaps(a.refitter.keeping(f, [leading, *beside]))
 
     def tried(s: SingleEvidence) -> Tried:
         h = a.searcher.hypotheses[s.index]
         rival = a.refitter.extended(base, h, s.rung)
-        both = partial(a.refitter.extended, rival, f.parts[lead.part.index or 0])
+        both = partial(a.refitter.extended, rival, f.parts[leading])
         return (h.name, None), judge.gaps(rival), lambda: judge.gaps(both())
 
     each = map(tried, _candidates(a, base, {*claimed, lead.names[0]}))

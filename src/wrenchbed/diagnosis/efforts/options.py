@@ -105,7 +105,7 @@ def facts_of(
 def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key, ...]:
     """Effects that do as well in the leading cause's place on held-out rows, best first, where the
     claimed causes surely leave more than noise in its joint: their laws are not quite its own."""
-    if not verdict.causes:
+    if not verdict.causes or (index := verdict.causes[0].part.index) is None:
         return ()
     d, (lead, *others) = s.d, verdict.causes
     claim, joint = blocks(verdict.causes), lead.part.joint
@@ -114,7 +114,7 @@ def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key,
     if left.low <= 0.0:
         return ()
     taken = {key for c in verdict.causes for key in c.keys}
-    simpler = {*d.blocks[lead.part.index or 0].columns}
+    simpler = {*d.blocks[index].columns}
     each = (
         (b.key, s.gap((*blocks(others), k), joint), partial(s.gap, (*claim, k), joint))
         for k, b in enumerate(d.blocks)
