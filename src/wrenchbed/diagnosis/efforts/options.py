@@ -110,8 +110,7 @@ def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key,
     d, (lead, *others) = s.d, verdict.causes
     claim, joint = blocks(verdict.causes), lead.part.joint
     mean, leading = Bootstrap([(d.fold, np.ones(len(d.fold)))], seed).mean, s.gap(claim, joint)
-    left = mean(leading)
-    if left.low <= 0.0:
+    if mean(leading).low <= 0.0:
         return ()
     taken = {key for c in verdict.causes for key in c.keys}
     simpler = {*d.blocks[index].columns}
@@ -121,7 +120,7 @@ def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key,
         if b.joint == joint and not b.outside and b.key not in taken
         if len(d.at[k]) and not simpler < {*b.columns}
     )
-    return not_apart(mean, s.gap(blocks(others), joint), leading, left.value, each)
+    return not_apart(mean, s.gap(blocks(others), joint), leading, 0.0, each)
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
