@@ -9,7 +9,7 @@ WRENCHBED = {
     ".": 533,
     "benchmark": 7798,
     "calibration": 5165,
-    "campaigns": 1146,
+    "campaigns": 1145,
     "channels": 938,
     "cli": 2683,
     "data": 5401,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78954,
-    "src/wrenchbed": 69468,
+    "src": 78953,
+    "src/wrenchbed": 69467,
     "src/robot_emulators": 9486,
     "tests": 37950,
     "scripts": 3476,
