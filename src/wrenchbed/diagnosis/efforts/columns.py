@@ -1,6 +1,6 @@
-"""Columns with free amplitudes: of each joint, of each channel of the wrench, of the whole arm.
+"""Regressor columns of joint efforts: of each joint, each wrench channel, and the whole arm.
 
-Causes without a name (`outside`) have columns too: if they explain best, the cause is unknown.
+Causes without a name (`Block.outside`) have columns too: if they explain best, it is unknown.
 """
 
 from dataclasses import replace
@@ -21,46 +21,46 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES
 
 FREE = 1e3
-"""Prior of what every fit leaves free, in noises of a row: so wide that it costs a fit nothing."""
+"""Prior rms of an amplitude that every fit leaves free, over a row's noise std: no restriction."""
 BACKGROUND = 0.1
-"""Rms of what any effect may add unnamed, in noises of a row: no robot is perfect; a hundredth of
-the variance that counts."""
+"""Prior rms that each effect may add without being claimed, over a row's noise std: no robot is
+perfect. Its square is a hundredth of the gap of 1 from which a cause counts."""
 STRETCHES = 6
-"""Stretches of time over which friction or offset may change: a warm-up's course in some minutes,
-few enough to be seen one by one."""
+"""Number of knots in time between which a friction or offset may change linearly: enough for a
+warm-up within some minutes, few enough that each amplitude is determined."""
 LIMITS = (0.5, 0.75, 0.9)
-"""Quantiles of the torque from which it may be limited: one that half the rows exceed stops it."""
+"""Quantiles of |effort| at which it may be limited: a limit below the median stops the robot."""
 ENDS = (0.15, 0.85)
-"""Quantiles of the angle beyond which something may resist: near the ends, with enough rows."""
+"""Quantiles of the joint's value beyond which something may resist: near its ends, with rows."""
 LIGHT = 0.01
-"""Least mass of a tool whose centre of gravity moves [kg]: a lighter one makes 0.1 N."""
+"""Least tool mass [kg] by which a first moment is divided: a lighter one weighs below 0.1 N."""
 _GAIN = 0.01
-"""Ordinary error of a gain and of crosstalk among forces, or among moments: about ATI's stated 0.75
-to 1.5 % of full scale."""
+"""Prior std of a gain's error, and of crosstalk among forces or among moments (ratio): about ATI's
+stated 0.75 to 1.5 % of full scale."""
 _TILT = np.deg2rad(0.1)
-"""Ordinary tilt of a base [rad]: what a bubble level leaves."""
+"""Prior std of a healthy robot's base tilt [rad]: what a bubble level leaves."""
 _LINK_INERTIA = 0.05
-"""Usual error of a link's inertia over the mean principal one: drawings lack cables and covers."""
+"""Prior std of a link's inertia over its mean principal one: drawings lack cables and covers."""
 _GYRATION = 0.02
 """Least radius of gyration of a link [m], for files without inertias: that of a ball of 6 cm."""
 _STEP = 1e-4
-"""Steps in mass [kg] and first moment [kg·m] at which the wrench's columns are made: small, since
-the wrench is linear in both but for the square of the centre of gravity."""
+"""Finite-difference steps in mass [kg] and first moment [kg·m] for the wrench's columns: small,
+since the wrench is linear in both but for the square of the centre of gravity."""
 _LATE = 4e-3
-"""Delay at which the column of a free one is made [s]: half a row of `scene`, still linear."""
+"""Finite-difference step for columns of a delay or lag [s]: half a row at 125 Hz, still linear."""
 _NOTHING = 1e-9
 """Largest value of a column, over that of the largest column, up to which it is rounding: a larger
 limit drops small but real causes, a smaller one than 1e-15 keeps rounding of doubles as a cause."""
 _LAST = -2.0
-"""Log odds of the link that carries the tool against the tool that hangs on it: tools change daily,
-links do not (1 : 7)."""
+"""Log prior odds of a fault of the last link against one of the tool that hangs on it: tools change
+daily, links do not (1 : 7)."""
 _OFFSET, _ROTOR, _CONSTANT = "drive.offset", "drive.inertia", "drive.constant"
 Made = tuple[list[Column], list[Block]]
-"""Columns, and the causes that set them free."""
+"""Regressor columns, and the causes, each of which frees the amplitudes of some of them."""
 
 
 def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
-    """Columns (effort per unit of a parameter) and causes of one joint, without residual shapes."""
+    """Columns (effort per unit of a parameter) and causes of one joint, but those that `scan`."""
     columns, blocks = list[Column](), list[Block]()
     if rows.command is not None:  # setpoints of limited speed trail by the square of the speed
         speed = np.gradient(rows.command, rows.t)
@@ -79,7 +79,7 @@ def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
 
 
 def rows_of(scene: EffortScene, j: int) -> DriveRows:
-    """Input of the drive effects for joint j, from 0: motion, predicted effort, what is stated."""
+    """Input of the drive effects for joint j, from 0: motion, predicted effort, stated numbers."""
     q, known = scene.q, scene.drives.known("drive.coulomb")
     spread = {
         name: _spread(scene, j, effect)
@@ -101,8 +101,8 @@ def rows_of(scene: EffortScene, j: int) -> DriveRows:
 
 
 def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
-    """Ordinary standard deviation of a stated number of joint j, from 0, relative for a drive
-    constant; None if it is not stated."""
+    """Standard deviation, in healthy robots, of a stated number of joint j, from 0 (a ratio for a
+    drive constant); None if it is not stated."""
     drives, kind = scene.drives, effect.name
     if kind == _CONSTANT and not (scene.currents or scene.commanded):  # a torque sensor's is 1
         return effect.relative
@@ -116,8 +116,8 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
 
 
 def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarray]]:
-    """Columns by cause: cables and springs between links, then torque errors that the library does
-    not name."""
+    """Columns (N,) by name, by cause: cables and springs between links, then shapes of torque
+    errors that are no effect of the library."""
     size = np.abs(rows.total)
     hats = _hats(rows.t)
     way = 1.0 if rows.hinge else float(np.ptp(rows.angle)) / (2.0 * np.pi)
@@ -152,7 +152,7 @@ def _hats(t: np.ndarray) -> list[np.ndarray]:
 
 
 def of_sensor(scene: EffortScene, channel: int) -> Made:
-    """Columns and unnamed causes of one channel of the wrench, from 0.
+    """Columns and causes without a name of one channel of the wrench, numbered from 0.
 
     Tool and tilt have columns in all channels, so that torques and wrench are evidence together.
     What only the sensor sees is ordinary, or has no name here: a diagnosis of the wrench names it.
@@ -178,7 +178,7 @@ def of_sensor(scene: EffortScene, channel: int) -> Made:
 
 
 def of_arm(scene: EffortScene) -> Made:
-    """Columns (N, C), change per unit, of the links and the load of an arm; causes made of them."""
+    """Columns (N, C), change of readings per unit, and causes of an arm's links, tool and base."""
     columns, blocks = _links(scene)
     columns += _lag(scene)
     unseen = np.zeros((len(scene.signals.t), len(scene.channels) - scene.joints))

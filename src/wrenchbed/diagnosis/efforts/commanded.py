@@ -1,7 +1,7 @@
-"""Tracking errors of position servos as joint torques, kp (u(t − T) − q).
+"""Tracking errors of position servos as joint torques kp (u(t − T) − q), command u, joint value q.
 
-Kp and T are stated or fitted. So whatever changes torques is named in commands too; a stiffness
-that differs is a drive constant, and a late servo is a lag of its command.
+Stiffness kp and delay T are stated or fitted. So effects that change torques are named from
+commands too; a wrong stiffness appears as a drive constant, a late servo as a lag of its command.
 """
 
 from dataclasses import replace
@@ -19,8 +19,8 @@ from wrenchbed.errors import CalibrationError, DiagnosisError
 
 
 def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives, Material]:
-    """Longest piece of commands as a recording of joint torques, the drives' values to compare it
-    with, and the material residual: one row's encoder noise as a torque.
+    """Convert the longest piece of commands to a recording of joint torques. Return it, the drives'
+    values that predict it, and one row's encoder noise as a torque, which counts as a gap of 1.
 
     Raises:
         DiagnosisError: the servos' stiffness is not stated and cannot be fitted.

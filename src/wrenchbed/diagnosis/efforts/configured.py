@@ -15,7 +15,7 @@ from wrenchbed.files import checked
 KINDS = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia", "drive.constant",
          "servo.stiffness", "servo.delay")  # fmt: skip
 FIELD = "configured"
-"""Field of the metadata: values by name, ``drive.coulomb.2``, or lists of one a joint."""
+"""Metadata field of stated drive values: by name, ``drive.coulomb.2``, or lists over joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Drives:
     """Stated values of drive parameters by kind (J,), with uncertainties; NaN where unknown.
 
     Attributes:
-        value, std: by kind (J,).
+        value, std: stated values and standard uncertainties (J,), SI, by name of the parameter.
         load: mass [kg] and centre of gravity [m] of the tool fitted together with them, and the
             standard uncertainties (2, 4); None if their fit has no tool.
     """
@@ -83,7 +83,7 @@ def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
 def _from_fit(
     recording: Recording, path: Path, value: dict[str, np.ndarray], std: dict[str, np.ndarray]
 ) -> np.ndarray | None:
-    """Write a fit's values by kind into ``value`` and ``std`` (J,); return its `Drives.load`."""
+    """Write the values of a fit's file into ``value`` and ``std``; return its `Drives.load`."""
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis

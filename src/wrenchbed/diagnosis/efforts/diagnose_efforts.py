@@ -34,7 +34,7 @@ from wrenchbed.twin.twin import Twin
 
 Progress = Callable[[str], None]
 STEPS = 4
-"""Number of steps that are reported as they begin."""
+"""Number of steps of a diagnosis of efforts that ``progress`` reports as they begin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +42,12 @@ class EffortFindings:
     """A diagnosis of joint efforts with the fits behind it.
 
     Attributes:
-        diagnosis: the answers.
+        diagnosis: the answers, as written to ``diagnosis.json``.
         d: change of the efforts per unit of each parameter, and their noise.
-        verdict: decided; causes have joints.
-        simulators: those fitted so far, by their causes.
-        outside: unnamed cause that a gap without a name looks most like, in words.
-        seed: of the bootstrap.
+        verdict: decision; a cause is an effect with the number of its joint.
+        simulators: cache of fitted simulators, by the causes that each has.
+        outside: unnamed cause that the gap resembles most, in words; empty if none.
+        seed: random seed of the bootstrap over blocks of rows.
     """
 
     diagnosis: Diagnosis

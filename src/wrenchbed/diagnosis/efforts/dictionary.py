@@ -1,6 +1,6 @@
-"""All columns of all channels, whitened, with their products block by block of time.
+"""Regressor columns of all channels of joint efforts, and their whitened products by time block.
 
-Structures are compared by these products alone; rows are needed again only for figures.
+Sets of causes are compared by these products alone; rows are needed again only for gaps.
 """
 
 from dataclasses import dataclass
@@ -35,11 +35,11 @@ class Channel:
         use: rows used for evidence (M,), boolean: those clear of rest.
         moving: rows used for a gap (M,): all in motion, also next to reversals, where a delay shows
             most.
-        at: indices of its columns, then of those that all joints share, among all columns (K,).
+        at: indices (K,), in `Dictionary.names`, of its columns, then of those of the whole arm.
         data: these columns (M, K): change of the readings by one unit of each parameter.
-        left: residual of y after a fit of all these columns (M,), zero where not used.
+        left: residual of y after a fit of these columns (M,), zero where not used.
         noise: noise of a row, with its whitening filter.
-        counts: material residual (a gap of 1): a row's noise unless the user says otherwise.
+        counts: residual that counts as a gap of 1, unit of y: by default a row's noise.
     """
 
     y: np.ndarray
@@ -91,7 +91,7 @@ class Dictionary:
         return tuple(np.array([place[n] for n in b.columns], dtype=int) for b in self.blocks)
 
     def sized(self, block: int) -> np.ndarray:
-        """Indices of the columns of cause number ``block`` that make up its size."""
+        """Indices, in `names`, of the columns whose amplitudes are the size of cause ``block``."""
         begins = all_effects()[self.blocks[block].effect].size.columns or ("",)
         return np.array([k for k in self.at[block] if self.names[k].startswith(begins)], dtype=int)
 
@@ -117,14 +117,14 @@ class Dictionary:
         return gram, right
 
     def without(self, fold: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Sums of `products` over all blocks of time but one: (P, P) and (P, 1)."""
+        """Sums of `products`, (P, P) and (P, 1), over all time blocks but ``fold`` (None: all)."""
         weight = (np.arange(FOLDS) != fold).astype(float)
         gram, right = (np.tensordot(weight, x, axes=1) for x in self.products)
         return gram, right[:, None]
 
 
 def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
-    """Columns and causes of a scene; ``material`` is the residual that counts as a gap of 1."""
+    """Make all columns and causes; ``material``: residual of a gap of 1, default a row's noise."""
     y, use = scene.thin(scene.residual), scene.moving()
     if (lazy := np.flatnonzero(use.sum(axis=0) < FOLDS)).size:
         raise DiagnosisError(

@@ -1,4 +1,4 @@
-"""The better simulator: stated values within their ordinary spread, and the claimed causes alone.
+"""Fits of a corrected simulator: stated values within their ordinary spread, and claimed causes.
 
 Nothing else is free, so its residual is what no claim explains. Uncertainty is the scatter of fits
 without each block of time (jackknife over blocks, Künsch 1989, doi 10.1214/aos/1176347265), which
@@ -24,7 +24,7 @@ from wrenchbed.drives.identify import jackknife
 from wrenchbed.drives.solution import FOLDS
 
 ORDINARY = 2.0
-"""Spreads beyond which a stated value is wrong: 95 % of ordinary robots lie within."""
+"""Standard deviations by which a fit may move a stated value: 95 % of healthy robots lie within."""
 _ROUNDS = 6
 """Largest number of passes that fix amplitudes which leave their range."""
 
@@ -36,7 +36,7 @@ class Simulator:
     Attributes:
         d: columns: changes of the readings per unit of a parameter.
         blocks: indices of the causes that are free without bounds.
-        rms: what a cause may add, in noises of a row.
+        rms: prior rms that each cause adds to the readings, over a row's noise std.
     """
 
     d: Dictionary
@@ -45,7 +45,7 @@ class Simulator:
 
     @property
     def x(self) -> np.ndarray:
-        """Fitted amplitude of each column (P,); 0 if neither a cause nor the usual fit uses it."""
+        """Fitted amplitude of each column (P,); 0 for columns that the fit does not use."""
         return self._fit[0]
 
     @cached_property
@@ -113,11 +113,11 @@ class Simulators:
         return self._made(tuple(sorted(blocks)))
 
     def judged(self, blocks: Sequence[int]) -> Judged:
-        """Gaps on rows that no fit used: as stated, after the usual fit, and with these causes.
+        """Gaps on rows that no fit used: as stated, fitted without causes, and with these causes.
 
         To measure one cause, the others are refitted without it. But a wrong number of the stated
         tool is measured from the configured value (`docs/contracts.md`), so no ordinary error of a
-        link takes its place. The black box has all causes.
+        link takes its place. The black box, for comparison, has all causes at once.
         """
         d, fit, use = self.d, self.of(blocks), self._use
         each = {
@@ -155,13 +155,13 @@ class Simulators:
         return np.asarray((remaining(self.d, each) ** 2 - 1.0) * counts)
 
     def _of_rows(self, left: np.ndarray) -> np.ndarray:
-        """Gap (M,) of each row: its mean is that of all readings (M, C) that are used."""
+        """Gap (M,) of each row, from gaps (M, C) of readings; its mean is that of used readings."""
         return np.asarray(left.sum(axis=1) * len(left) / self._use.sum())
 
 
 def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
-    """Gap that some columns with amplitudes x (P,) add at the joint where it is largest, after the
-    columns that every fit takes are fitted to it there.
+    """Gap that the columns of indices ``columns``, with amplitudes x (P,), add at the joint where
+    it is largest, less what the columns that are free in every fit take up there.
 
     Columns common to all joints are known from the other joints, so they take up nothing of a cause
     in one drive.

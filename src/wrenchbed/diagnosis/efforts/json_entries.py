@@ -1,4 +1,4 @@
-"""Entries of ``diagnosis.json`` of joint efforts: causes, places, notes, what next."""
+"""Entries of ``diagnosis.json`` (docs/contracts.md) of joint efforts: causes, places, notes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,19 +27,19 @@ _OF_COMMANDS = (
     "efforts are tracking errors times stiffness; drive.constant is the servo's stiffness (a gain "
     "above 0: less of it), drive.delay how late it acts on its command, by a delay or a filter"
 )
-"""What the names of a diagnosis of commands mean."""
+"""Note of a diagnosis of commands: what names of drive effects mean there."""
 
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
-    """Entries of ``which``: the claimed causes with sizes and probabilities."""
+    """Entries of ``which`` of diagnosis.json: the claimed causes with sizes and probabilities."""
     channels = {"channels": families(gap)}
     return [_entry(s, c, v.causes) | channels | {"closed_share": gap.shares[c.part.label]}
             for c in v.causes]  # fmt: skip
 
 
 def _entry(s: Simulators, c: Cause, claimed: Sequence[Cause]) -> dict[str, Any]:
-    """Entry of ``which`` for a cause, with its rivals: effects fitted in its place, with the
-    parameters of the likeliest joint. Other claimed causes are fitted beside it."""
+    """Entry of ``which`` of diagnosis.json for a cause, with its rivals: effects fitted in its
+    place, at their likeliest joint. Other claimed causes are fitted beside it."""
     beside, by_effect = blocks([x for x in claimed if x is not c]), dict[str, dict[Key, float]]()
     for key, share in zip(c.keys, c.shares, strict=True):
         by_effect.setdefault(key[0], {})[key] = share
@@ -59,7 +59,7 @@ def _entry(s: Simulators, c: Cause, claimed: Sequence[Cause]) -> dict[str, Any]:
 def minor(
     s: Simulators, every: Sequence[Option[Structure]], v: Verdict[Structure]
 ) -> list[dict[str, Any]]:
-    """Entries of ``minor``: detected causes, with rivals, that are too small to be claimed."""
+    """Entries of ``minor`` of diagnosis.json: detected causes that are too small to be claimed."""
     claimed = {key for c in v.causes for key in c.keys}
     result = []
     for c in leading(facts_of(s, every, 0, LEAST_MINOR)).causes if v.word != UNKNOWN else ():
@@ -72,7 +72,7 @@ def minor(
 
 
 def scales(d: Dictionary) -> dict[str, Scale]:
-    """Noise of a row, and residual that counts as a gap of 1, of each channel."""
+    """Noise of a row and residual that counts as a gap of 1, by name of the channel's column."""
     each = zip(d.channels, d.scene.channels, strict=True)
     return {column: Scale(c.noise.std, c.counts, unit) for c, (_, column, unit) in each}
 
@@ -80,7 +80,7 @@ def scales(d: Dictionary) -> dict[str, Scale]:
 def where(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = ()
 ) -> list[dict[str, Any]]:
-    """Entries of ``where``: of each claimed cause, else hints at joints with most of the gap."""
+    """Entries of ``where`` of diagnosis.json: places of claimed causes, else of most of the gap."""
     if v.word == NONE:
         return []
     if v.causes:
@@ -95,7 +95,7 @@ def where(
 
 
 def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
-    """Entries of ``next``: actions that would separate causes from their rivals."""
+    """Entries of ``next`` of diagnosis.json: actions that would separate causes from rivals."""
     steps: dict[str, dict[str, Any]] = {}
     for c in (c for c in v.causes if c.keys[1:]):
         text = all_effects()[c.part.name].remedy

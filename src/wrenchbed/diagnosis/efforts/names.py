@@ -1,4 +1,4 @@
-"""Names of the effects that joint efforts show: of drives (registry) and of what they carry."""
+"""Effects that joint efforts show: of drives (from the registry), and of links, tool and base."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -56,12 +56,12 @@ def drive_effects() -> Mapping[str, DriveEffect]:
 
 @cache
 def all_effects() -> Mapping[str, DriveEffect | Carried]:
-    """Effects of the drives, and of the links, tool and base that they carry, by name."""
+    """Descriptions by name of all effects of drives, and of links, tool and base."""
     return {**drive_effects(), **OTHERS}
 
 
 def place(key: Key) -> str:
-    """Where an effect acts: ``joint 2``, ``link 3``; for the whole arm ``tool`` or ``base``."""
+    """Place of an effect as text: ``joint 2``, ``link 3``; without a joint ``tool`` or ``base``."""
     part = key[0].split(".")[0]
     return part if key[1] is None else f"{'link' if part == 'link' else 'joint'} {key[1]}"
 

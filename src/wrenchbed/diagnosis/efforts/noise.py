@@ -1,7 +1,7 @@
 """Noise of joint efforts: its size, its memory, and the filter that makes it white.
 
-It is the residual of the richest model, so that causes do not count as noise. Memory is that of an
-autoregressive process (Yule–Walker equations; Brockwell & Davis 1991, Section 8.1).
+It is the residual of a fit of all columns, so that causes do not count as noise. Memory is that of
+an autoregressive process (Yule–Walker equations; Brockwell & Davis 1991, Section 8.1).
 """
 
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from scipy.linalg import solve_toeplitz
 _ORDER = 4
 """Order of the autoregressive noise model: two resonances."""
 _FLOOR = 1e-3
-"""White share that is added to its variance: filters leave bands without any."""
+"""White noise added to the noise's variance (ratio): filters leave frequencies without any."""
 RIDGE = 1e-6
-"""Share of a column's square that is added to it in a fit: columns may be alike."""
+"""Ridge of a fit, over each column's mean square: some columns are nearly collinear."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Structures of causes of a gap in joint efforts as the options of a decision."""
+"""Sets of causes of a gap in joint efforts as the options of a decision (`decision.decide`)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,20 +20,21 @@ from wrenchbed.diagnosis.gap.gaps import Bootstrap, Closure, closure
 from wrenchbed.drives.solution import FOLDS
 
 _SMALL = 1e-3
-"""Total probability of the least probable structures, which are not examined."""
+"""Probability of a set of causes below which it is not examined; the best one always is."""
 _BESIDE = 0.25
-"""Gap of causes without a name over that of named ones, from which nothing is named: the unnamed
-are then no small part."""
+"""Gap of causes without a name, over that of named ones, above which a set of causes counts as
+unknown: the unnamed causes are then no small part."""
 _MOSTLY = 2.0 / 3.0
-"""Share of the gap that causes close at least that are surer than `RIGHT_ELSEWHERE`, which is what
-is believed where ordinary errors may imitate a cause or causes leave what counts (79 % of `none`
-were right on the development seeds): clearly more than half."""
+"""Closed share of the gap below which claims are believed to at most `RIGHT_ELSEWHERE`: clearly
+more than half. That probability also bounds `none`, since ordinary errors may imitate a cause (79 %
+of `none` were right on the development seeds), and claims that leave a gap of 1 in a joint."""
 
 
 def weighed(
     chances: Mapping[Structure, float], simulators: Simulators
 ) -> tuple[Option[Structure], ...]:
-    """Probable sets of causes, best first; each cause with the gap that it adds, largest first."""
+    """Probable sets of causes from ``chances``, their probabilities: best first; each with its
+    causes and the gap that each adds, largest first."""
     likely = {s: p for k, (s, p) in enumerate(chances.items()) if p >= _SMALL or k == 0}
     total, result = sum(likely.values()), list[Option[Structure]]()
     for structure, p in likely.items():
@@ -46,8 +47,8 @@ def weighed(
 def _part(
     s: Simulators, chances: Mapping[Structure, float], structure: Structure, block: int
 ) -> Part:
-    """Cause number ``block`` of a set of causes, with its gap. It is named by the simpler cause
-    that it contains unless evidence asks for more (a zero, of a zero with a cable)."""
+    """Cause number ``block`` of a set of causes, with its gap. It is named by a simpler cause that
+    it contains unless evidence prefers it (an offset instead of a cable with an offset)."""
     d, b, beside = s.d, s.d.blocks[block], [k for k in structure if k != block]
     for k, other in enumerate(d.blocks):
         if other.joint == b.joint and {*other.columns} < {*b.columns}:
@@ -58,8 +59,7 @@ def _part(
 
 
 def outside(s: Simulators, best: Option[Structure]) -> str:
-    """Name, without a dot, and channel of the unnamed cause with the largest gap; empty if there is
-    none."""
+    """Description and channel of the largest cause that is no effect of the library; else empty."""
     unnamed = (p for p in best.parts if "." not in p.name and p.share >= CLAIMABLE)
     each = (f"{p.name} of {s.d.scene.channels[(p.joint or 1) - 1][0]}" for p in unnamed)
     return next(each, "")
@@ -75,7 +75,7 @@ def facts_of(
 ) -> Facts[Structure]:
     """Facts for a decision on joint efforts, from probable sets of causes, best first; see `Facts`.
 
-    A cause must add the gap ``least``. Sets in which unnamed causes add too much are unknown.
+    ``least``: gap that a cause adds at least. Sets in which unnamed causes add much are unknown.
     """
     some, unknown = list[Option[Structure]](), 0.0
     for o in every:
@@ -103,8 +103,8 @@ def facts_of(
 
 
 def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key, ...]:
-    """Effects that do as well in the leading cause's place on held-out rows, best first, where the
-    claimed causes surely leave more than noise in its joint: their laws are not quite its own."""
+    """Effects that do as well in the leading cause's place on held-out rows, best first; none if
+    the claimed causes leave no more than noise in its joint, as a cause with the right law does."""
     if not verdict.causes or (index := verdict.causes[0].part.index) is None:
         return ()
     d, (lead, *others) = s.d, verdict.causes
@@ -124,7 +124,7 @@ def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key,
 
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
-    """Share of verdicts with such gaps that are right: less where ordinary errors may imitate a
+    """Share of verdicts like this that are right, 0…1: less where ordinary errors may imitate a
     cause, or where much of the gap, or a gap of 1, is left in all joints or in the cause's."""
     if not verdict.causes:
         return RIGHT_ELSEWHERE if verdict.word == NONE else 1.0

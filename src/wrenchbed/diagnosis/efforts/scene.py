@@ -32,20 +32,20 @@ _RATE = 125.0
 """Rows a second that are enough for reversals and for cogging [Hz]: the slowest rate at which UR
 controllers log."""
 _PER_CUTOFF = 2.5
-"""Rows a second that are enough of commands, over the motion's cutoff: above it encoders' noise,
-twice differentiated, is larger than all else."""
+"""Rate of kept rows of commands, over the motion's cutoff frequency: above the cutoff encoders'
+noise, twice differentiated, is larger than all else."""
 _PASS = 0.8
-"""Edge of the filter before rows are thinned, over the new Nyquist frequency: as is usual."""
+"""Edge of the low-pass before rows are left out, over the new Nyquist frequency: usual value."""
 _ORDER = 6
 """Order of the Butterworth low-pass before thinning, run forwards and backwards."""
 _END_S = 1.0
-"""Time at both ends that takes no part [s]: two periods of the slowest filter, which settles."""
+"""Time left out at both ends of a recording [s]: two periods of the slowest filter."""
 _STATE = (
     'state them all in [recording] of the column map: configured = { "drive.constant" = [ … ] } '
     "[N·m/A; N/A]"
 )
 _LEAST_ROWS = 400
-"""Fewest rows that are left: twenty blocks of twenty."""
+"""Fewest rows of an analysis after some are left out: twenty blocks of twenty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +54,17 @@ class EffortScene:
 
     Attributes:
         recording: what was recorded.
-        robot, model, theta: the arm as stated.
-        inertias: of its links and motors, as stated.
+        robot, model, theta: the stated arm, its simulator and its parameters (P,).
+        inertias: stated inertial parameters of its links and motors.
         signals: kinematics (N, J) and effort, as torques.
         body: torque of the rigid body (N, J) [N·m, of slides N].
         friction: torque of stated friction, or of fitted Coulomb and viscous friction, which every
             arm has (N, J) [N·m or N].
-        levels: Coulomb friction, viscous friction and offset of ``friction`` (3, J).
-        regressor: of the links' inertial parameters (N, J, 10 L).
+        levels: Coulomb friction, viscous friction and offset of ``friction`` (3, J), SI.
+        regressor: torques per unit of each inertial parameter of L links (N, J, 10 L).
         drives: stated values of the drives.
         currents: whether currents were recorded and turned into torques.
-        step: rows from one kept row to the next.
+        step: one of so many rows is kept.
         wrench: measured (N, 6) [N, N·m] where used as evidence too, else None.
     """
 
@@ -116,7 +116,7 @@ class EffortScene:
 
     @property
     def residual(self) -> np.ndarray:
-        """Measured less predicted (N, C)."""
+        """Measured less predicted readings (N, C): efforts, then the wrench if any."""
         return self.measured - np.hstack([self.total, self.load])
 
     @cached_property
@@ -144,7 +144,7 @@ class EffortScene:
 
     @cached_property
     def speeds(self) -> np.ndarray:
-        """Speeds (N, C) that say which rows to use: of each joint; for the wrench the arm's."""
+        """Speeds (N, C) that say which rows to use: of each joint; for the wrench the fastest's."""
         arm = np.abs(self.q.d).max(axis=1, keepdims=True)
         return np.hstack([self.q.d, np.repeat(arm, self.load.shape[1], axis=1)])
 
@@ -175,7 +175,7 @@ class EffortScene:
 
 
 def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) -> EffortScene:
-    """Make the scene of a recording, with its wrench if ``wrench``.
+    """Prepare a recording of joint efforts for analysis, with its wrench if ``wrench``.
 
     Raises:
         RecordingError, CalibrationError: no efforts, an uneven clock, nothing moves.

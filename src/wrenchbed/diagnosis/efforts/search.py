@@ -1,4 +1,4 @@
-"""Evidence of structures of causes, and the search for those that explain a recording.
+"""Evidence of sets of causes ("structures"), and the search for those that explain a recording.
 
 The Gaussian model is that of `evidence.likelihood`: the columns of a structure's causes have wide
 priors, all others keep their small ones, so that every effect is a little present. Forward search
@@ -23,31 +23,31 @@ from wrenchbed.diagnosis.evidence.search import (
 )
 
 AMPLITUDE = 6.0
-"""Rms that a named cause adds a priori, in noises of a row: twice what just counts."""
+"""Prior rms that a named cause adds to the readings, over a row's noise std: an estimate."""
 MOST_CAUSES = 5
-"""Causes of a structure, those among them that are too small to count: two faults, and three small
-effects beside them."""
+"""Most causes of a set, those that are too small to be claimed included: two faults, and three
+small effects beside them."""
 _BEAM = 8
-"""Structures that each step of the beam search continues: time grows with it."""
+"""Width of the beam: sets of causes that each step of the search continues; time grows with it."""
 _LIKELY = 60
-"""Structures of as many causes that are kept: ten a joint of a six-axis arm."""
+"""Sets of causes of one size that are kept: ten a joint of a six-axis arm."""
 _HOPELESS = 10.0
-"""Log posterior below the best at which longer structures end the search: one in 22,000."""
+"""Distance of log posteriors below the best at which larger sets end the search: 1 in 22,000."""
 TEMPER = 4.0
 """Factor on the variance of noise: rows with memory are worth a quarter of their number."""
 Structure = tuple[int, ...]
-"""Sorted indices of the dictionary's blocks that act together."""
+"""Set of causes that act together: sorted indices in `Dictionary.blocks`."""
 
 
 def wide(d: Dictionary, rms: float = AMPLITUDE) -> np.ndarray:
-    """Variance (P,) of each column's amplitude in a fit whose cause uses it and adds an rms of so
-    many noises of a row."""
+    """Prior variance (P,) of each column's amplitude if its cause is present and adds ``rms``, in
+    noise standard deviations of a row."""
     return np.asarray(np.maximum((rms / np.maximum(d.size, 1e-12)) ** 2, d.std**2))
 
 
 class Evidence(Candidates):
-    """Log evidence of sets of causes (log probability of the efforts, sizes integrated out), from
-    all rows of the columns ``d``."""
+    """Log evidence of sets of causes (log probability of the efforts, sizes integrated out), by the
+    products of the columns ``d`` over all rows."""
 
     def __init__(self, d: Dictionary) -> None:
         super().__init__()
@@ -67,8 +67,8 @@ class Evidence(Candidates):
         )
 
     def _given(self, blocks: Structure) -> tuple[np.ndarray, np.ndarray]:
-        """Score of all columns (P,) beside a set of causes; H (k, P), of which HᵀH is the
-        information that their k columns take."""
+        """Score (derivative of the log likelihood) of all columns (P,) beside a set of causes, and
+        H (k, P): HᵀH is the information (P, P) that the set's k columns take up."""
         freed = np.concatenate([np.zeros(0, int), *(self.d.at[b] for b in blocks)])
         at = np.unique(freed[self._more[freed] > 0.0])
         side, normal = self.information[:, at], self.information[np.ix_(at, at)]
@@ -77,7 +77,7 @@ class Evidence(Candidates):
         return score, np.linalg.solve(np.linalg.cholesky(normal), side.T)
 
     def beside(self, blocks: Structure, log_posterior: float) -> dict[Structure, float]:
-        """Log posterior of a set of causes with each further one of another key."""
+        """Log posterior of each set of causes with one more cause, of another effect or joint."""
         base = log_posterior + (np.log(MORE) if blocks else -np.log(PRIOR[NONE]))
         of = [b.key for b in self.d.blocks]
         taken = {of[k] for k in blocks}
@@ -85,7 +85,7 @@ class Evidence(Candidates):
         return {tuple(sorted((*blocks, s.index))): s.log_posterior for s in every}
 
     def possible(self, blocks: Structure) -> bool:
-        """Whether all causes of a set whose size cannot be negative come out so in its fit."""
+        """Whether those causes of a set whose size cannot be negative are fitted with one ≥ 0."""
         d, known, x = self.d, drive_effects(), wide(self.d) * self._given(blocks)[0]
         signed = (k for k in blocks if (e := known.get(d.blocks[k].effect)) and e.one_way)
         return all(x[d.sized(k)].sum() >= 0.0 for k in signed)

@@ -1,4 +1,4 @@
-"""Signs of trouble in the residual of the richest model that ordinary noise does not show.
+"""Signs of trouble in the residual of a fit of all effects that ordinary noise does not show.
 
 Noise is estimated from that same residual, so its size says nothing here: only its distribution
 over time and frequency, and whether a drive repeats an old value.
@@ -14,21 +14,21 @@ from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.effects.drives.operators import REST
 
 _STRETCHES = 40
-"""Stretches of time whose variances are compared: a few seconds each of an ordinary recording."""
+"""Number of stretches of time whose variances are compared: a few seconds each, usually."""
 _LEAST_ROWS = 20
 """Fewest rows of a stretch whose variance is compared: it is then known to a third."""
 _EPISODE = 4.5
 """Variance of the noisiest stretch over the median's: 98 % of 107 ordinary arms of the development
 seeds stay below 4.2."""
 _PEAK = 4.5
-"""Power of a narrow peak over its neighbours' median: healthy arms of development seeds: 4.3."""
+"""Least power of a reported peak over its neighbours' median: arms of development seeds: 4.3."""
 _SEGMENT, _NEIGHBOURS = 256, 31
 """Rows of a segment of the spectrum, two seconds at 125 Hz, and frequencies of which the median is
 taken: a quarter of them."""
 _FIRST = 2
-"""Lowest frequencies that are left out: the window's main lobe leaks from zero so far."""
+"""Number of lowest frequencies left out: the window's main lobe leaks from zero to them."""
 _KURTOSIS = 15.0
-"""Fourth moment over the squared variance: ordinary arms of the development seeds reach 12."""
+"""Least fourth moment over squared variance that is reported: arms of development seeds: 12."""
 _HELD_S, _HELD_ROWS = 0.15, 12
 """Shortest time [s] and rows over which a moving joint's effort repeats exactly: twice what
 quantised noise reaches, 0.07 s."""
@@ -64,7 +64,7 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
 
 
 def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
-    """Words on times at which an effort (N,) repeats exactly in motion; empty if none."""
+    """Text on times at which an effort (N,) repeats exactly in motion; empty if none."""
     same = (np.diff(effort) == 0.0) & (np.abs(speed[1:]) > REST * np.abs(speed).max())
     long = [(a, b) for a, b in runs(same) if b - a >= _HELD_ROWS and t[b] - t[a] >= _HELD_S]
     if not long:
@@ -77,7 +77,7 @@ def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
 
 
 def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Words on stretches in which a residual (M,) of M rows scatters far more; empty if none."""
+    """Text on the stretch of time in which a residual (M,) scatters far more; empty if none."""
     fold = np.arange(len(residual)) * _STRETCHES // len(residual)
     rows = np.bincount(fold, use, _STRETCHES)
     some = np.flatnonzero(rows >= _LEAST_ROWS)
@@ -96,7 +96,7 @@ def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
 
 
 def peak(residual: np.ndarray, rate: float) -> str:
-    """Words on a narrow peak in the spectrum of a residual (M,); empty if none."""
+    """Text on a narrow peak in the spectrum of a residual (M,), rate in Hz; empty if none."""
     hertz, power = scipy.signal.welch(residual, rate, nperseg=min(_SEGMENT, len(residual)))
     around = scipy.ndimage.median_filter(power, _NEIGHBOURS, mode="nearest")
     over = (power / np.maximum(around, 1e-300))[_FIRST:]
@@ -107,7 +107,7 @@ def peak(residual: np.ndarray, rate: float) -> str:
 
 
 def outliers(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Words on a few extreme rows of a residual (M,); empty if none."""
+    """Text on a few extreme rows of a residual (M,), used where ``use``; empty if none."""
     some = residual[use]
     square = max(float(np.mean(some**2)), 1e-300)
     if float(np.mean(some**4)) / square**2 < _KURTOSIS:

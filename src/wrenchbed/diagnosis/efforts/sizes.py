@@ -25,7 +25,7 @@ FITTED = "fitted, since nobody states it"
 
 
 def parameters(fit: Simulator, block: int) -> dict[str, Any]:
-    """``parameters`` of an entry of ``which``, for a cause's index: its size and other numbers."""
+    """Numbers of cause ``block`` for ``parameters`` in diagnosis.json: size, shape and joint."""
     d, b = fit.d, fit.d.blocks[block]
     about, some = all_effects()[b.effect], d.sized(block)
     size = about.size
@@ -61,7 +61,7 @@ def unit_of(d: Dictionary, block: int) -> str:
 
 
 def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
-    """Factor from the amplitudes of a cause's columns to its size; x (P,) has all amplitudes."""
+    """Factor from column amplitudes of cause ``block`` to its size; x (P,): all amplitudes."""
     return 1.0 / _mass_of_tool(d, x) if d.blocks[block].effect == "tool.cog" else 1.0  # moments
 
 
@@ -71,7 +71,7 @@ def _mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
 
 
 def fitted(fit: Simulator) -> list[dict[str, Any]]:
-    """Entries of ``fitted``: friction, rotor inertia and tool, where they are not stated."""
+    """Entries of ``fitted`` in diagnosis.json: friction, rotor inertia, tool, where not stated."""
     d, result = fit.d, list[dict[str, Any]]()
     for name in (d.names[k] for k in np.flatnonzero(d.free)):
         kind, _, of = name.partition(".")
@@ -89,7 +89,7 @@ def fitted(fit: Simulator) -> list[dict[str, Any]]:
 
 
 def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
-    """Value of a drive, or the tool's mass or CoG, from amplitudes x (P,) of all columns."""
+    """Fitted drive value, tool mass or CoG of column ``name``, from all amplitudes x (P,)."""
     (kind, _, of), amplitude = name.partition("."), float(x[d.names.index(name)])
     if kind != "tool":
         start = dict(zip(FRICTION, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
@@ -116,8 +116,8 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
 
 
 def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
-    """Effects, by joint or link, that these efforts would show at no plausible size, or only from
-    sizes on that count."""
+    """Effects, by joint or link, that these efforts would show at no plausible size, or only at
+    sizes larger than one that adds a gap of 1."""
     d, spots, every = evidence.d, list[BlindSpot](), shown_from(evidence)
     keys = {b.key for b in d.blocks if not b.outside}
     for effect, number in sorted(keys, key=lambda key: (key[0], key[1] or 0)):
