@@ -21,15 +21,15 @@ turn gravity too little in the sensor."""
 
 @dataclass(frozen=True, eq=False)
 class Accelerometer(Channel):
-    """Readings of an accelerometer at rest, a = A Rᵀ g + b, R the sensor's orientation.
+    """Readings of an accelerometer at rest, a = A Rᵀ g + b, R the sensor's orientation, g gravity.
 
     A (3, 3) and b (3,) are fitted and never blamed (nuisance), so mounting, scales, cross-axis
     sensitivity, sign and zero do not matter. No accelerometer is linear within its noise: square
     and cube are imperfections.
 
     Attributes:
-        gain: Aᵀ as it fits the recording.
-        zero: b as it fits the recording [m/s²].
+        gain: Aᵀ (3, 3), without unit, fitted to the recording.
+        zero: b (3,) [m/s²], fitted to the recording.
     """
 
     name = "accelerometer"
@@ -67,7 +67,7 @@ class Accelerometer(Channel):
 
 
 def gravity_read(scene: Scene, pose: Pose) -> np.ndarray:
-    """Gravity in the axes of a sensor with a given pose (M, 3) [m/s²]."""
+    """Gravity (M, 3) [m/s²] in the axes of a sensor, from its pose in M rows."""
     return np.asarray(scene.gravity @ value(pose.rotation))
 
 

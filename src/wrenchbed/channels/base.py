@@ -24,24 +24,24 @@ PLACING = frozenset(("model", "joint", "pose"))
 
 
 def flat(slopes: np.ndarray) -> np.ndarray:
-    """Slopes (M, k, n) reshaped to columns (M k, n)."""
+    """Reshape derivatives (M, k, n), of k readings in M rows by n parameters, to (M k, n)."""
     return slopes.reshape(slopes.shape[0] * slopes.shape[1], slopes.shape[2])
 
 
 class Channel(ABC):
-    """One kind of measured quantity; a plug-in module holds its instance ``CHANNEL``."""
+    """One kind of measured quantity, as joint torques; a module's ``CHANNEL`` is an instance."""
 
     name: ClassVar[str]
     title: ClassVar[str]
     """One line of text: what is measured."""
     usual: ClassVar[str]
-    """What every user fits of this channel, in words."""
+    """Names of the parameters that every calibration of this channel fits, as text."""
     stages: ClassVar[frozenset[str]] = PLACING
     """Stages of effects that change the readings."""
     modes: ClassVar[tuple[str, ...]] = ("static",)
     """Modes of the recordings (``static``, ``dynamic``) in which this channel is compared."""
     located: ClassVar[bool] = False
-    """Whether it depends on where the arm is, not only on how it is turned."""
+    """Whether readings depend on the sensor's position, not only on its orientation."""
     floor: ClassVar[float] = 0.0
     """Least standard deviation of an observation, in the columns' unit: what its sensor wanders by
     during a recording, whatever its rows scatter."""
@@ -49,7 +49,7 @@ class Channel(ABC):
     by_pose: ClassVar[bool] = False
     """Whether each column has a noise of its own that differs from pose to pose, not within one."""
     weighs: ClassVar[bool] = False
-    """Whether it tells the tool's mass and centre of gravity."""
+    """Whether the readings determine the tool's mass and centre of gravity."""
 
     @property
     @abstractmethod
@@ -57,11 +57,11 @@ class Channel(ABC):
         """Units of the channel's k columns, by column name."""
 
     def of(self, recording: Recording) -> Self:
-        """Copy for the number of joints of a recording to which it applies."""
+        """Copy with the number of joints of a recording to which the channel applies."""
         return self
 
     def applies(self, recording: Recording) -> bool:
-        """Whether a recording holds the columns, in a mode in which the channel is compared."""
+        """Whether a recording holds the channel's columns, and its mode is one of `modes`."""
         recorded = all(c in recording.columns for c in self.columns)
         return recorded and recording.metadata.mode in self.modes
 
@@ -72,21 +72,21 @@ class Channel(ABC):
         return np.asarray(np.add.reduceat(rows, starts) / data.count[:, None])
 
     def rows(self, recording: Recording, data: Observations) -> np.ndarray:
-        """Readings (N, k) of those rows of a recording that ``data`` keeps."""
+        """Readings (N, k) of those rows of a recording that ``data.keep`` selects."""
         return np.stack([recording.columns[c][data.keep] for c in self.columns], axis=1)
 
     def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
         """Copy with nuisance parameters fitted to readings; None if these do not determine them.
 
         Args:
-            read: readings (H, k) of the H rows that are compared (``scene.held``), in k columns.
-            scene: all M rows, before any effect.
+            read: readings (H, k) of the H measured rows (``scene.held``), in k columns.
+            scene: all M rows of the recording, before any effect.
             pose: of the sensor in all rows; by default that without effects.
         """
         return self
 
     def relinearised(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
-        """Copy with nuisance refitted to readings (H, k), itself where predictions are linear."""
+        """Copy with nuisance (zero …) refitted to readings (H, k); itself if linear in it."""
         return self
 
     @abstractmethod
@@ -94,8 +94,8 @@ class Channel(ABC):
         """Mean readings of every row (M, k) with effects.
 
         Args:
-            chain: the effects.
-            scene: the rows, before any effect.
+            chain: the unmodelled effects, in the order in which they act.
+            scene: M poses or samples of the recording, before any effect.
             pose: of the sensor, after the stages in `PLACING`.
             load: of the tool on the sensor (M, 6) [N, N·m], after these stages.
         """
@@ -106,15 +106,15 @@ class Channel(ABC):
         return np.zeros((len(scene), len(self.columns), 0))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
-        """Changes of all readings (M, k, m) by m imperfections of a healthy sensor, 1 σ each."""
+        """Changes (M, k, m) of all readings by m imperfections of a healthy sensor, of 1 σ each."""
         return np.zeros((len(scene), len(self.columns), 0))
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """Columns of `imperfections` (M, k, m) of usual size by kind: the sensor's own; then
-        others, as friction."""
+        """Two lists of `imperfections`, one array (M, k, m) a kind, of usual size: of the sensor
+        (gain, zero …); then of the arm (friction, links)."""
         return [self.imperfections(scene)], []
 
     def with_sizes(self, sizes: np.ndarray) -> Self:
-        """Copy whose errors of the second list of `kinds` (friction …) are ``sizes``, one a kind,
-        times as large as usual; itself where there are none."""
+        """Copy whose imperfections of the second list of `kinds` (friction …) have ``sizes``, one a
+        kind, in multiples of the usual size; itself where that list is empty."""
         return self

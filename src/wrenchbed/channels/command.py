@@ -1,4 +1,4 @@
-"""Targets of position servos: how far beyond its position each joint's target holds it there."""
+"""Targets of position servos less joint values: the tracking error by which servos hold a load."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from wrenchbed.effects.chain import EffectChain
 from wrenchbed.effects.scene import Scene
 
 USUAL_GIVE = 0.05
-"""How far a hobby servo gives way per torque [rad/(N·m)]: 20 N·m/rad, as of an STS3215."""
+"""Compliance of a hobby servo [rad/(N·m)]: 20 N·m/rad, as of an STS3215."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +26,9 @@ class CommandedJoints(Channel):
     acceleration, friction and delay add in motion is in `wrenchbed.drives.servo`.
 
     Attributes:
-        joints: number of columns.
-        give: c (J,) [rad/(N·m)] as it fits the recording.
-        zero: z (J,) [rad or m] as it fits the recording.
+        joints: number J of joints, which have one column each.
+        give: compliances c (J,) [rad/(N·m)], fitted to the recording.
+        zero: zeros z (J,) [rad or m], fitted to the recording.
     """
 
     joints: int = 6

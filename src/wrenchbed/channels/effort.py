@@ -36,8 +36,8 @@ class EffortAtRest(Channel):
     sensors of gain and zero, that every healthy robot has (ordinary errors).
 
     Attributes:
-        joints: number of columns.
-        sizes: of friction and of link errors, as multiples of the usual ones.
+        joints: number J of joints, which have one column each.
+        sizes: factors of the usual size of friction and of link errors.
     """
 
     joints: int = 6
@@ -72,7 +72,7 @@ class EffortAtRest(Channel):
         return np.concatenate([*sensors, *sized], axis=2)
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """Errors of gain and zero of each sensor; then friction by approach, and link errors."""
+        """Imperfections (M, J, m) [N·m]: gain, zero of the sensors; friction, links."""
         torque = self.predict(EffectChain(()), scene, Pose(*scene.pose), scene.load)
         size = np.abs(torque).max(axis=0)
         size = np.maximum(size, _LEAST * size.max())

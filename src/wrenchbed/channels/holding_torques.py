@@ -17,23 +17,23 @@ LINK_MASS, LINK_CENTRE = 0.03, 3e-3
 """Ordinary errors of a link's stated mass, relative, and of its stated centre of gravity [m]:
 drawings without cables and covers, as the diagnosis of efforts in motion allows."""
 _SCENES = 4
-"""Scenes whose nominal torques are kept: a fit asks for those of two, and resumes one of before."""
+"""Size of the caches in scenes: a fit alternates between two and may resume an earlier one."""
 
 
 @lru_cache(_SCENES)
 def nominal_torques(scene: Scene) -> np.ndarray:
-    """Torques (H, J) that hold the configured arm at the scene's measured poses; cached."""
+    """Torques (H, J) that hold the robot as configured at a scene's H measured poses; cached."""
     return held_weight(scene.robot, scene.joints[scene.held], scene.theta, scene.gravity[None])
 
 
 @lru_cache(_SCENES)
 def nominal_twists(scene: Scene) -> np.ndarray:
-    """Sensor `twists` (J, H, 6) of the configured arm at the scene's measured poses; cached."""
+    """Sensor `twists` (J, H, 6) of the robot as configured at a scene's measured poses; cached."""
     return twists(scene.robot, scene.joints[scene.held], scene.theta)
 
 
 def twists(robot: Robot, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Twists (J, N, 6) of the sensor, sensor axes, at unit speed of each joint (Jacobian)."""
+    """Jacobian (J, N, 6): the sensor's twist in its axes at unit speed of each joint; q (N, J)."""
     joints = q.shape[1]
     steps = q + 1j * STEP * np.eye(joints)[:, None]  # complex steps: exact (J, N, J)
     rotation, place = robot.sensor_pose(steps.reshape(-1, joints), theta)
@@ -47,7 +47,8 @@ def held_wrench(twist: np.ndarray, wrench: np.ndarray) -> np.ndarray:
 
 
 def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-    """Torques (N, J) that hold the arm and its tool in gravity (1 or N, 3) [m/s²]."""
+    """Torques (N, J) that hold arm and tool at joint values (N, J) in gravity (1 or N, 3) in
+    m/s²."""
     if len(gravity) == 1:
         return -robot.gravity_torque(q, theta, gravity[0])
     each = np.stack([robot.gravity_torque(q, theta, axis) for axis in np.eye(3)])
@@ -77,8 +78,8 @@ def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray)
 
 
 def of_links(scene: Scene) -> np.ndarray:
-    """Changes (M, J, 4 L) of holding torques by a usual error of each link's mass and of its centre
-    along 3 axes."""
+    """Changes (M, J, 4 L) [N·m] of holding torques by a usual error of the mass of each of L links,
+    and of its centre of gravity along 3 axes."""
     robot, gravity = scene.robot, scene.gravity
     assert isinstance(robot, SimulatedRobot)
     still = Jet(scene.joints, 0.0 * scene.joints, 0.0 * scene.joints)

@@ -19,9 +19,9 @@ def own_noise(residual: np.ndarray, nuisance: np.ndarray, columns: np.ndarray) -
     """Estimate the standard deviation of one reading, in the unit of ``residual``.
 
     Args:
-        residual: measured less expected (n,).
-        nuisance: columns (n, k) that are fitted away.
-        columns: readings of effects of typical size (n, m).
+        residual: measured less expected readings (n,).
+        nuisance: derivatives (n, k) by parameters that every fit takes up and no cause explains.
+        columns: changes (n, m) of the readings by m effects of typical size.
     """
     basis = orthonormal(nuisance)
     y, free = residual - basis @ (basis.T @ residual), len(residual) - basis.shape[1]

@@ -33,9 +33,9 @@ class TargetPose(Channel):
     not show, while all other zeros, lengths and compliances do.
 
     Attributes:
-        turn: T as it fits the recording.
-        shift: s as it fits the recording [m].
-        target: p as it fits the recording [m].
+        turn: rotation T (3, 3) from base to tracker axes, fitted to the recording.
+        shift: place s (3,) [m] of the base in tracker axes, fitted to the recording.
+        target: place p (3,) [m] of the target in sensor axes, fitted to the recording.
     """
 
     name = "pose"

@@ -1,8 +1,8 @@
 """Linear fit with unknown noise, and unknown sizes of ordinary (healthy) errors.
 
-y = F a + Σ sₕ Bₕ bₕ + C c + e with b, c ~ N(0, 1) and e ~ N(0, vₖ) in the rows of group k. Noise
-and sizes maximise the marginal likelihood (MacKay 1992, doi 10.1162/neco.1992.4.3.415), with a
-prior on each size worth one earlier error of the usual size.
+Readings y = F a + Σ sₕ Bₕ bₕ + C c + e: amplitudes a; ordinary errors b, c ~ N(0, 1), those of kind
+h of unknown size sₕ; noise e ~ N(0, vₖ) in rows of group k. Noise and sizes maximise the marginal
+likelihood (MacKay 1992, 10.1162/neco.1992.4.3.415), with a prior on sizes worth one error.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 SEEN = 1.0
-"""Errors of usual size that each size counts as seen: without any, a few small ones by chance would
-make it nothing."""
+"""Weight of the prior of each size, in errors of usual size: without any, a few errors that are
+small by chance would make the size nothing."""
 _STEPS, _SETTLED = 200, 3e-3
 """Updates of the noise at most, and relative change of a variance that ends them."""
 _NOISELESS = 1e-12
@@ -28,10 +28,10 @@ class Posterior:
 
     Attributes:
         free: amplitudes a (p,); 0 along directions that the rows do not determine.
-        covariance: of them (p, p).
-        determined: whether the rows determine each (p,), boolean.
+        covariance: of the amplitudes (p, p).
+        determined: whether the rows determine each amplitude (p,), boolean.
         noise: standard deviation of a reading of each group (G,).
-        sizes: s of each kind of errors that every healthy robot has (ordinary), over the usual one.
+        sizes: size of each kind of ordinary errors (errors of healthy robots), over the usual one.
         fitted: fitted readings (n,).
     """
 
@@ -50,14 +50,14 @@ def posterior(
     known: np.ndarray,
     group: np.ndarray,
 ) -> Posterior:
-    """Fit amplitudes, noise and sizes of ordinary errors to readings.
+    """Fit amplitudes, noise and sizes of ordinary errors (those of healthy robots) to readings.
 
     Args:
         y: readings (n,).
-        free: columns F (n, p) of any unit.
-        ordinary: columns (n, m) of each kind, of one usual error each.
-        known: columns C (n, k), of one standard deviation each.
-        group: number of the group of each reading (n,), from 0.
+        free: columns F (n, p) of the free amplitudes, of any unit.
+        ordinary: columns (n, m) of each kind of ordinary errors, of one usual error each.
+        known: columns C (n, k) of errors of known size, of one standard deviation each.
+        group: number of the noise group of each reading (n,), from 0.
     """
     way, determined = _determined(free)
     start = way @ np.linalg.lstsq(free @ way, y, rcond=None)[0]
@@ -94,7 +94,7 @@ def posterior(
 
 
 def _determined(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (p, r) of amplitudes that columns (n, p) determine; if each amplitude is (p,)."""
+    """Directions (p, r) of amplitudes that columns (n, p) determine; whether each is (p,)."""
     norm = np.linalg.norm(free, axis=0)
     norm = np.where(norm > 0.0, norm, 1.0)
     _, scale, vt = np.linalg.svd(free / norm, full_matrices=True)

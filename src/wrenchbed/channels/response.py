@@ -1,6 +1,6 @@
 """Readings of all channels of a recording under effects, and their change with one effect.
 
-Readings (M, C) hold the columns of one channel after the other, the wrench's first.
+Readings (M, C) of M rows hold the columns of one channel after the other, the wrench's first.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -32,7 +32,7 @@ rounding 1e-12."""
 def readings(
     channels: Sequence[Channel], scene: Scene, active: Sequence[ActiveEffect] = ()
 ) -> np.ndarray:
-    """Mean readings (M, C) of all channels, for every row of a scene, with effects."""
+    """Mean readings (M, C) of all channels' C columns, for all M rows of a scene, with effects."""
     chain = EffectChain(active)
     return _predicted(channels, chain, scene, *chain.placed(scene))
 
@@ -51,12 +51,12 @@ def refitted(
 
 
 def _only(scene: Scene, seen: np.ndarray) -> Scene:
-    """Copy of a scene that compares only those of its observations that ``seen`` (H,) selects."""
+    """Copy of a scene in which only those measured rows that ``seen`` (H,) selects count."""
     return replace(scene, held=np.isin(np.arange(len(scene)), np.flatnonzero(scene.held)[seen]))
 
 
 def slices(channels: Sequence[Channel]) -> tuple[slice, ...]:
-    """Columns of each channel among all C."""
+    """Slice of each channel's columns among the columns of all channels, in their order."""
     ends = np.cumsum([0, *(len(c.columns) for c in channels)]).tolist()
     return tuple(slice(a, b) for a, b in pairwise(ends))
 
@@ -71,10 +71,9 @@ def _predicted(
 class Responses:
     """Cache of the readings of one scene with many sets of effects, as `readings` makes them.
 
-    Nuisance (what nobody knows of a sensor, as its mounting) in which readings are not linear is
-    refitted for each set, so that readings stay near the measured ones and the rest is linear. A
-    fit changes one number at a time: poses are kept while the effects up to that stage stay as they
-    are, readings while all effects do.
+    Nuisance in which readings are not linear (a sensor's mounting …) is refitted for each set, so
+    that predictions stay near the measured readings. As a fit changes one number at a time, sensor
+    poses are kept while the effects on them stay, readings while all effects do.
     """
 
     def __init__(
@@ -104,7 +103,7 @@ def _key(active: Sequence[ActiveEffect]) -> _Key:
 
 
 def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
-    """Cached value of a key, or a newly made one; the least recently used is dropped first."""
+    """Value of a key in the cache ``known``, else a new one; the least recently used is dropped."""
     value = known.pop(key) if key in known else make()
     if len(known) == _KEPT:
         del known[next(iter(known))]
@@ -114,7 +113,7 @@ def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Derivatives of a scene's readings (M, C) by amplitudes of one effect."""
+    """Derivatives of a scene's readings (M rows, C columns) by amplitudes of one effect."""
 
     scene: Scene
     channels: tuple[Channel, ...]
@@ -127,10 +126,10 @@ class Response:
     def changes(
         self, effect: Effect, parameters: Sequence[Parameter], at: Values
     ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-        """Changes (M, C) of the readings per typical size of amplitudes, each with their names.
+        """Yield changes (M, C) of the readings per typical size of amplitudes, with their names.
 
         Amplitudes that act on different columns of the wrench, or on different joints, are changed
-        at once: with several names, each change is that of its own column.
+        at once: a change that comes with several names holds each in its own column.
         """
         names_of_joints = [f"q{k + 1}" for k in range(self.scene.joints.shape[1])]
         groups: dict[str, list[Parameter]] = {}
@@ -155,8 +154,8 @@ class Response:
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]
     ) -> tuple[EffectChain, EffectChain]:
-        """Chains of one effect with amplitudes half a typical size above and below zero; one above
-        and at zero where the robot cannot have less, as of a tool that weighs next to nothing."""
+        """Two chains of one effect, with amplitudes half a typical size above and below zero; one
+        whole above and zero where a negative one is impossible, as of the mass of a light tool."""
         start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
         sizes = ({p.name: s * p.tolerance for p in parameters} for s in (0.5, -0.5, 1.0, 0.0))
         up, down, one, none = (EffectChain([ActiveEffect(effect, start | s)]) for s in sizes)
@@ -170,14 +169,14 @@ class Response:
         return _predicted(self.channels, chain, self.scene, *chain.placed(self.scene))
 
     def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
-        """Change (M, C) of all readings if of a joint shift (M, J) only joint ``joint`` is made."""
+        """Change (M, C) of all readings by the part of a shift (M, J) that one joint makes."""
         given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
         parts = [s[joint] * x[:, joint, None] for s, x in zip(self._slopes, given, strict=False)]
         return np.asarray(sum(parts))
 
     @cached_property
     def _slopes(self) -> tuple[np.ndarray, ...]:
-        """Slopes of readings (J, M, C) by joint values; in motion by their derivatives too."""
+        """Derivatives (J, M, C) of readings by joint values, in motion by their rates too."""
         scene, orders = self.scene, 3 if self.scene.moving else 1
 
         def read(order: int, shift: np.ndarray) -> np.ndarray:

@@ -13,10 +13,10 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 
 class Wrench(Channel):
-    """Readings (M, 6) [N, N·m] of the tool's load and of whatever else pulls, in sensor axes.
+    """Forces and torques (M, 6) [N, N·m] in sensor axes: of the tool's load, cables and contacts.
 
-    Other channels fit what nobody knows of their sensor (nuisance) and never blame it. Here zero
-    and tool are stated and fitted; where they are wrong they are causes.
+    Of other channels the sensor's zero and mounting are fitted and never named as a cause
+    (nuisance). Here zero and tool are stated and fitted; where they are wrong they are causes.
     """
 
     name = "wrench"

@@ -1,10 +1,10 @@
 """Payload, zeros of torque sensors and drive constants of an arm, from its joints' efforts at rest.
 
-y = g (τ₀ + P δ + z) + friction: τ₀ the torque that holds the stated arm, δ changes of the load's
-mass and first moment, z zeros, and g = 1/K where currents are measured. Static friction holds a
-joint at rest anywhere within a band: the part that follows the direction of approach has a prior,
-the rest is noise from pose to pose, of each joint. Stated links, sensors and zeros of joints have
-ordinary errors, whose common size is fitted too (`channels.posterior`).
+y = g (τ₀ + P δ + z) + friction: τ₀ the torque that holds the stated arm, P δ that of changes δ of
+the load's mass and first moment, z zeros, g = 1/K of drive constants K where currents are measured.
+Static friction holds a joint anywhere within a band: what follows the direction of approach has a
+prior, the rest is noise of each joint from pose to pose. Stated links, sensors and zeros of joints
+have ordinary errors, whose common size is fitted too (`channels.posterior`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,14 +37,14 @@ JOINT_ZERO = 1e-3
 FOLDS = 10
 """Parts of the poses, each of which is held out once."""
 _SHARED = 4
-"""Free numbers of a joint and of the load together, that degrees of freedom are counted off."""
+"""Free parameters of a joint and of the load, which are subtracted from the number of poses."""
 _STEP = 1e-4
 """Step of central differences by joint values [rad or m]."""
 _ROUNDS, _SETTLED = 30, 1e-9
 """Steps of the fit of drive constants at most, and relative change that ends them."""
 _NOTHING = 0.5
-"""Error on held-out poses over the spread of the efforts from which the robot is another one: real
-arms leave less than a tenth."""
+"""Error on held-out poses over the spread of the efforts, from which the fit is refuted: real arms
+leave less than a tenth."""
 _Columns = tuple[np.ndarray, np.ndarray, dict[str, np.ndarray], np.ndarray]
 """Linearised fit: residual efforts (N,), columns (N, …) of free parameters and gains, of ordinary
 errors by kind, and of friction."""
@@ -85,7 +85,7 @@ def calibrate_at_rest(
     prefix: str,
     groups: Sequence[str],
 ) -> DriveFit:
-    """Fit free ``groups`` of `GROUPS` to efforts (N, J) at rest, one row a pose or many.
+    """Fit parameters of ``groups`` to efforts (N, J) of poses at rest, in the unit of ``prefix``.
 
     Raises:
         CalibrationError: too few poses.
@@ -113,7 +113,7 @@ def calibrate_at_rest(
 def _poses(
     recording: Recording, robot: SimulatedRobot, rows: np.ndarray
 ) -> tuple[Scene, np.ndarray]:
-    """Poses of a recording, and their mean efforts (H, J) from those of rows (N, J)."""
+    """Scene of a recording's H poses at rest, and the poses' means (H, J) of ``rows`` (N, J)."""
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
     starts = first_rows(recording.columns)
@@ -157,7 +157,7 @@ def added_load(
 
 
 def _fitted(p: RestProblem) -> tuple[np.ndarray, _Columns, Posterior]:
-    """Gains (J,), the problem linearised about them, and its solution."""
+    """Gains (J,), the problem linearised about these, and its solution."""
     gain, x = _gains(p)
     columns = y, free, ordinary, friction = _columns(p, gain, x)
     joint = np.tile(np.arange(p.y.shape[1]), len(p.y))
@@ -216,7 +216,7 @@ def _of_gains(body: np.ndarray) -> np.ndarray:
 
 
 def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
-    """Problem linearised about gains (J,) and free parameters x (F,)."""
+    """Linearise a problem about gains (J,) and values x (F,) of its other free parameters."""
     free, ordinary = gain[:, None] * p.free, dict(p.ordinary)
     of_gains = _of_gains(p.nominal + p.free @ x)
     if p.gains:
@@ -233,7 +233,7 @@ def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
 
 
 def _held_out(columns: _Columns, fit: Posterior, joints: int) -> np.ndarray:
-    """Errors of efforts (H, J) at poses left out of a fit with the same noise and sizes."""
+    """Errors of efforts (H, J), each pose predicted without it, by noise and sizes of ``fit``."""
     y, free, ordinary, friction = columns
     sized = (s * errors for s, errors in zip(fit.sizes, ordinary.values(), strict=True))
     wide = np.column_stack([free, *sized, friction])
@@ -252,8 +252,8 @@ def _held_out(columns: _Columns, fit: Posterior, joints: int) -> np.ndarray:
 def _identified(
     joints: Sequence[Joint], load: np.ndarray, p: RestProblem, gain: np.ndarray, fit: Posterior
 ) -> tuple[tuple[IdentifiedValue, ...], np.ndarray]:
-    """Published parameters, and their covariance (K, K) by linear propagation, from changes of a
-    stated load (4,) of mass [kg] and first moment [kg·m], zeros and gains."""
+    """Parameters as published and their covariance (K, K), from a fit's changes of the stated
+    ``load`` (4,), mass [kg] and first moment [kg·m], and its zeros and gains."""
     loads, zeros, gains = p.load.shape[2], min(p.zeros.shape[2], len(joints)), len(gain) * p.gains
     names = [("tool.mass", "kg"), *((f"tool.cog.{a}", "m") for a in "xyz")][:loads]
     for kind, unit, count in ((OFFSET, "N·m", zeros), (CONSTANT, "N·m/A", gains)):

@@ -30,7 +30,7 @@ class BaseParameters:
 
     Attributes:
         columns: indices of the kept regressor columns (B,), in order.
-        grouping: (B, 10 L): base parameters = grouping @ φ.
+        grouping: (B, 10 L): base parameters = grouping @ φ, the 10 inertial parameters of L links.
         names: ``link.<k>.<m, mx …>`` of the kept columns, k from 1.
     """
 
@@ -57,7 +57,7 @@ def base_parameters(robot: SimulatedRobot, theta: np.ndarray) -> BaseParameters:
 
 
 def _independent(y: np.ndarray, links: Sequence[int]) -> np.ndarray:
-    """Sorted indices of independent columns of y, preferring those of the first ``links``."""
+    """Sorted indices of independent columns of y (N, 10 L); earlier ones of ``links`` go first."""
     chosen: list[int] = []
     basis = np.zeros((len(y), 0))
     for link in links:

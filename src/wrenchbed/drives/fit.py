@@ -20,7 +20,7 @@ POSITIVE = (
 
 @dataclass(frozen=True)
 class JointError:
-    """Errors of one joint in the filter's band [N·m, N of slides, or A], over the rows used.
+    """Rms errors of one joint in the filter's band [N·m, of slides N; A], over the rows used.
 
     Attributes:
         joint: number of the joint, from 1.
@@ -62,17 +62,17 @@ class AtRest:
 
 @dataclass(frozen=True, eq=False)
 class DriveFit(WrittenFit):
-    """A fit of joint torques or currents.
+    """Result of a fit of joint torques, motor currents or servo commands.
 
     Attributes:
-        unit: of the measured effort, ``N·m`` (slides have N) or ``A``.
+        unit: of the measured effort: ``N·m`` (``N`` of prismatic joints, slides), ``A`` or ``rad``.
         identified: the free parameters; friction in N·m, of slides in N.
         covariance: of the identified parameters (K, K).
-        cutoff: of the filter [Hz]; None at rest.
+        cutoff: edge of the low-pass filter of efforts [Hz]; None at rest.
         refuted: why the held-out rows refute these values, None if they do not.
-        constants: of the drives, where they were stated (J,) [N·m/A, of slides N/A].
+        constants: drive constants, where they were stated (J,) [N·m/A, of slides N/A].
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
-        cannot_tell: sentences on what the data do not tell, of commands.
+        cannot_tell: sentences on what a fit of servo commands cannot determine.
         link_errors: whether uncertainties include usual errors of the stated links.
     """
 
@@ -94,7 +94,7 @@ class DriveFit(WrittenFit):
 
     @property
     def about(self) -> str:
-        """Words on the amount of data."""
+        """Text on the amount of data, as "30 s, 900 rows below 5 Hz"."""
         if self.rest is not None:
             return f"{self.rest.poses} poses at rest, {self.rows} rows"
         return f"{self.seconds:.0f} s, {self.rows} rows below {self.cutoff:.3g} Hz"
@@ -188,7 +188,7 @@ def joint_errors(
 
 
 def impossible(values: Iterable[IdentifiedValue]) -> str | None:
-    """Sentence on a value that is surely negative though it cannot be; None without one."""
+    """Sentence on the first value of `POSITIVE` that is surely negative; None without one."""
     for p in values:
         half = p.interval95
         if p.name.startswith(POSITIVE) and half is not None and p.value + half < 0.0:

@@ -1,9 +1,9 @@
 """Friction, drive constants, payload and links of an arm, fitted to its joint torques or currents.
 
-y = g (τ₀ + P δ) + F f, joint by joint: τ₀ the nominal rigid body's torque, δ changes of inertial
-parameters, F f friction, rotor and offset, and g = 1/K where currents are measured. Folds of time
-leave a block out each: their fits give the standard errors (jackknife over blocks, Künsch 1989,
-doi 10.1214/aos/1176347265) and the errors on rows that no fit saw.
+y = g (τ₀ + P δ) + F f, joint by joint: τ₀ the nominal rigid body's torque, P δ that of changes δ of
+inertial parameters, F f that of friction, rotor and offset, g = 1/K of drive constants K where
+currents are measured. Folds of time leave a block out each: their fits give the standard errors
+(jackknife over blocks, Künsch 1989, doi 10.1214/aos/1176347265) and errors on rows that no fit saw.
 """
 
 from collections.abc import Sequence
@@ -49,8 +49,8 @@ LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
         *(f"tool.second.{a}" for a in INERTIA_AXES))  # fmt: skip
 """The ten inertial parameters of the load, about the sensor's origin in its axes."""
 _LEVER, _POWER = 0.2, np.repeat([0, 1, 2], [1, 3, 6])
-"""Distance of a load from the sensor over the arm's reach, and its power in each of `LOAD`: that a
-load is hardly heavier than the arm is known, and where currents' scale is free nothing else is."""
+"""Prior of a load: as heavy as the arm, this far from the sensor (over the arm's reach), and the
+distance's power in each of `LOAD`. Where the scale of currents is free nothing else bounds it."""
 WIDE = float(stdtrit(FOLDS - 1, 0.975))
 """Half a 95 % interval in standard errors, with one degree of freedom less than folds."""
 _COG = tuple(f"tool.cog.{a}" for a in "xyz")
@@ -128,7 +128,7 @@ def _calibrate_in_motion(
 
 
 def _of_link_errors(recording: Recording, signals: DriveSignals) -> np.ndarray:
-    """Filtered torques (M, J, 4 L) of ordinary errors of each link's mass and centre of gravity."""
+    """Filtered torques (M, J, 4 L) by ordinary errors of the mass and centre of each of L links."""
     _, inertias, _, y = _rigid(recording, signals)
     phi = inertias.phi
     errors = np.zeros((len(phi), INERTIAL, len(phi), 4))
@@ -140,8 +140,8 @@ def _of_link_errors(recording: Recording, signals: DriveSignals) -> np.ndarray:
 
 
 def _rigid(r: Recording, s: DriveSignals) -> tuple[np.ndarray, LinkInertias, Jet, np.ndarray]:
-    """Parameters (P,) of the arm, its links' inertias, its motion (M, J), thinned as speed allows,
-    and the torques (M, J, 10 L) of each inertial parameter."""
+    """Parameters (P,) of the arm, its links' inertias, its motion (M, J) in every ``s.coarse``-th
+    row, and the torques (M, J, 10 L) there by each inertial parameter of its L links."""
     robot = arm_of(r)
     model = Model.of(robot, r.metadata)
     theta = robot.robot_theta(model.configured(r.metadata))
@@ -172,8 +172,8 @@ def _groups(free: Sequence[str], prefix: str, *, stated: bool, rest: bool) -> tu
 def problem_of(
     recording: Recording, signals: Sequence[DriveSignals], groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
-    """Least-squares problem for the pieces of an arm's motion in order, with the columns of
-    ``groups``, and the nominal values of its load and rotor parameters."""
+    """Least-squares problem of all pieces of a motion, with columns for the free parameters of
+    ``groups``, and the nominal values of load, links and rotors by name."""
     parts, starts = zip(*(_of_piece(recording, s, groups) for s in signals), strict=True)
     y, nominal, loads, own, use = (
         np.concatenate([getattr(p, name) for p in parts])
@@ -232,7 +232,7 @@ def arm_of(recording: Recording) -> SimulatedRobot:
 
 
 def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Columns of each joint alone (N, J, F), and the group of each of the F."""
+    """Columns (N, J, F) of friction, offset and rotor of each joint, and the names of F groups."""
     speed, kinds = signals.q.d, tuple(g for g in FRICTION if g in groups)
     shapes = (np.sign(speed), speed, np.ones_like(speed), signals.q.dd)
     columns = [shape for kind, shape in zip(FRICTION, shapes, strict=True) if kind in kinds]
@@ -265,18 +265,18 @@ def load_torques(y: np.ndarray, robot: SimulatedRobot, theta: np.ndarray) -> np.
 
 
 def of_mass(place: np.ndarray) -> np.ndarray:
-    """Inertial parameters (10,) of 1 kg at a place (3,) [m]."""
+    """Inertial parameters (10,), mass and its moments, of 1 kg at a place (3,) [m]."""
     return np.array([1.0, *place, *six_of(_second(place, place))])
 
 
 def of_moment(place: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Change of inertial parameters (10,) per 1 kg·m along a way (3,) that a mass at a place (3,)
-    [m] makes as it moves."""
+    """Change of inertial parameters (10,) as a mass at a place (3,) [m] moves along a unit vector
+    ``way`` (3,), per 1 kg·m of mass times distance."""
     return np.array([0.0, *way, *six_of(2.0 * _second(place, way))])
 
 
 def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3): the inertia of a unit mass, bilinear in its place."""
+    """(a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3): with a = b the inertia of a unit mass at place a (3,)."""
     return np.asarray((a @ b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
 
 
@@ -284,7 +284,7 @@ def values_of(
     problem: Problem, solution: Solution, starts: dict[str, float], joints: Sequence[Joint],
     covariance: np.ndarray,
 ) -> tuple[IdentifiedValue, ...]:  # fmt: skip
-    """Published parameters of a fit, with their covariance (K, K)."""
+    """Parameters of a fit as published; ``starts`` are nominal values, ``covariance`` (K, K)."""
     std = np.sqrt(np.diagonal(covariance))
     names, determined = _names(problem, _certain(problem, solution, starts, std), joints)
     values = published(problem, solution.x, starts)
@@ -293,7 +293,7 @@ def values_of(
 
 
 def jackknife(folds: np.ndarray) -> np.ndarray:
-    """Covariance (K, K) by the jackknife, from the values without each block (FOLDS, K)."""
+    """Covariance (K, K) by the jackknife, from values (FOLDS, K) of fits without each block."""
     off = folds - folds.mean(axis=0)
     return np.asarray((FOLDS - 1) / FOLDS * off.T @ off)
 
@@ -342,7 +342,7 @@ def _names(
 
 
 def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray:
-    """Published parameters from those of the fit, x (K,), and nominal values ``starts``."""
+    """Parameters (K,) as published (mass, centre …), from x (K,) of the fit and nominal values."""
     gain, change, friction = parts(p, x)
     change = change + [starts[c] for c in p.changes]
     if p.changes == LOAD:
@@ -354,7 +354,7 @@ def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray
 
 
 def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
-    """Errors of each joint; held-out blocks by the fit without that block."""
+    """Errors of each joint; each block of time as held out by the fit without it."""
     unseen = np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]

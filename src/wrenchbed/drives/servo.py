@@ -1,9 +1,9 @@
 """Gains, friction and delay of position servos, fitted to commanded and reached joint values.
 
-M q̈ + C + g = kp (u(t − T) − q) − kv q̇ − friction, u the target that is held from one row to the
-next. So the tracking error is the effort of a drive whose constant is kp, as `identify` fits it to
-currents; T is one more column, linear near its value. Only the sum of kv and viscous friction is
-identifiable. Pieces between gaps and episodes are filtered apart.
+M q̈ + C + g = kp (u(t − T) − q) − kv q̇ − friction: rigid-body torque on the left, u the target, T
+the delay. So the tracking error is the effort of a drive whose constant is kp, as `identify` fits
+it to currents; T is one more column, linear near its value. Only the sum of kv and viscous friction
+is identifiable. Pieces between gaps and episodes are filtered apart.
 """
 
 from collections.abc import Callable, Sequence
@@ -43,7 +43,7 @@ friction falls with it; without it both pass for Coulomb friction and delay."""
 LATEST = 0.3
 """Longest delay that is sought [s]: that of a policy or a network."""
 _PER_ROW = 4.0
-"""Delays a row's time at which the search begins."""
+"""Delays that the first search tries per time of a row."""
 _STEPS, _CLOSE = 20, 1e-5
 """Steps towards the delays at most, and the change [s] that ends them."""
 _REST = 0.25
@@ -58,15 +58,15 @@ class Piece:
     """Consecutive rows of a motion, with its commands.
 
     Attributes:
-        signals: motion; its ``effort`` are the joint values as read.
-        target: antiderivative in time of each joint's target.
+        signals: the motion; its ``effort`` holds the joint values as read [rad or m].
+        target: antiderivative in time of each joint's target, a function of times [s].
     """
 
     signals: DriveSignals
     target: tuple[Callable[[np.ndarray], np.ndarray], ...]
 
     def noise(self, rng: np.random.Generator) -> np.ndarray:
-        """Random noise (N, J) of the encoders' size."""
+        """Random noise (N, J) [rad or m] as large as the encoders' noise is estimated."""
         std = [encoder_noise(x, self.signals.rate) for x in self.signals.effort.T]
         return rng.normal(size=self.signals.effort.shape) * std
 
@@ -86,7 +86,7 @@ class Piece:
         return self.signals.filtered(np.stack([speed * np.abs(speed), speed], axis=2))
 
     def held(self, delay: np.ndarray) -> np.ndarray:
-        """Delayed targets (N, J), each constant for one row: the mean of their smooth course."""
+        """Targets (N, J) delayed by ``delay`` (J,) [s]: mean of a spline over the time of a row."""
         t, period = self.signals.t, 1.0 / self.signals.rate
         each = zip(self.target, delay.tolist(), strict=True)
         means = [(s(t - d) - s(t - d - period)) / period for s, d in each]
@@ -223,8 +223,8 @@ def _first_delays(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
 
 
 def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Entries (…, J, F) of parameters (…, K) that belong to columns of single joints, the last of
-    which is the delay's."""
+    """Entries (…, J, F) of parameters (…, K) that each joint has alone (friction …, last the
+    delay)."""
     joints = problem.y.shape[1]
     numbers = x[..., joints + len(problem.changes) :]
     return numbers.reshape(*x.shape[:-1], joints, -1)
@@ -267,7 +267,7 @@ def _fit(
 
 
 def _as_servo(p: IdentifiedValue, joints: Sequence[Joint]) -> IdentifiedValue:
-    """Parameter under the name and unit of servos: a drive constant is a stiffness."""
+    """Rename a drive constant to a servo stiffness, with its unit; other parameters stay."""
     kind, _, number = p.name.rpartition(".")
     if kind != CONSTANT:
         return p
@@ -279,7 +279,7 @@ def _ratios(
     problem: Problem, solution: Solution, identified: Sequence[IdentifiedValue],
     joints: Sequence[Joint],
 ) -> tuple[str, ...]:  # fmt: skip
-    """Sentences on friction and damping over stiffness, of joints of unknown stiffness."""
+    """Sentences on friction and damping over stiffness, of joints of undetermined stiffness."""
     determined = {p.name: p.std is not None for p in identified}
     numbers, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
     sentences = []

@@ -101,7 +101,7 @@ class DriveSignals:
         return np.asarray(low_passed[first : first + len(range(half, rows - half, self.step))])
 
     def moving(self) -> np.ndarray:
-        """Whether each joint moves all through the filter's memory of a filtered row (M, J)."""
+        """Whether each joint moves all the time that a filtered row depends on (M, J), boolean."""
         speed = np.abs(self.q.d)
         still = (speed < REST * speed.max(axis=0)) | (np.ptp(self.q.v, axis=0) < _STILL)
         memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
@@ -224,12 +224,12 @@ def _edge(q: np.ndarray, rate: float, most: float) -> float:
 
 
 def encoder_noise(q: np.ndarray, rate: float) -> float:
-    """Standard deviation of a joint's white encoder noise, from its values (N,)."""
+    """Standard deviation of a joint's white encoder noise, from its values (N,) at a rate [Hz]."""
     return float(np.sqrt(0.5 * rate * _spectrum(q, rate)[2]))
 
 
 def _spectrum(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Frequencies [Hz], power density of a joint's values (N,) there, and that of its noise."""
+    """Frequencies [Hz], power density of a joint's values (N,) there, and that of white noise."""
     rows = min(len(q), int(_SPECTRUM_S * rate))
     straight = np.asarray(scipy.signal.detrend(q), dtype=np.float64)
     frequency, power = scipy.signal.welch(straight, rate, window="blackmanharris", nperseg=rows)
@@ -237,7 +237,7 @@ def _spectrum(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, float
 
 
 def cutoff_of(q: np.ndarray, rate: float) -> float:
-    """Cutoff [Hz]: five times the frequency below which nearly all of the speeds' power lies."""
+    """Five times the frequency [Hz] below which nearly all power of the speeds of q (N, J) lies."""
     ramp = np.linspace(0.0, 1.0, len(q))[:, None] * (q[-1] - q[0])
     each = ((np.gradient(q, axis=0), _SHARE, "boxcar"), (q - ramp, _PLACES, "blackman"))
     bands = list[float]()

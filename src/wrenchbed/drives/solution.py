@@ -24,10 +24,10 @@ class Problem:
     Attributes:
         y: measured effort (M, J).
         nominal: torque of the nominal rigid body (M, J).
-        loads: columns of inertial parameters (M, J, D), named by ``changes``.
+        loads: torques by unit changes of inertial parameters (M, J, D), named by ``changes``.
         own: columns of each joint alone (M, J, F): friction and the like, named by ``kinds``.
         use: rows to use (M, J), boolean.
-        fold: block of each row (M,).
+        fold: number of the block of time of each row (M,).
         gains: whether each joint's drive constant is free.
         spread: prior standard deviation of each inertial change (D,).
     """
@@ -56,7 +56,7 @@ class Solution:
 
 
 def solve(problem: Problem) -> Solution:
-    """Fit, weighted by each joint's residual; fits without a block are one more step from there."""
+    """Fit all rows, joints weighted by 1 / rms residual; then fit without each block of time."""
     spread, known = problem.y.std(axis=0), _prior_precision(problem)
     x, weight = start(problem), 1.0 / np.where(spread > 0.0, spread, 1.0)
     for _ in range(_ROUNDS):
@@ -77,7 +77,7 @@ def solve(problem: Problem) -> Solution:
 
 
 def moved_by(p: Problem, s: Solution, torques: np.ndarray) -> np.ndarray:
-    """Parameters (H, K) of fits to efforts that hold further torques (M, J, H), one at a time."""
+    """Parameters (H, K) of H fits, each to efforts to which one of H torques (M, J, H) is added."""
     gain = parts(p, s.x)[0]
     normal, right = _normal(p, s.x, s.weight)
     whole = normal.sum(axis=0) + np.diag(_prior_precision(p))
@@ -119,7 +119,7 @@ def start(p: Problem) -> np.ndarray:
 
 
 def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normal equations of each block: JᵀWJ (FOLDS, K, K) and JᵀWr (FOLDS, K)."""
+    """Normal equations of each block: JᵀWJ (FOLDS, K, K) and JᵀWr (FOLDS, K), residuals r."""
     rest, (gain, change, _) = residual(p, x), parts(p, x)
     body = p.nominal + p.loads @ change
     joints, changes, kinds = p.y.shape[1], len(p.changes), len(p.kinds)
@@ -150,7 +150,7 @@ def _blocks(fold: np.ndarray) -> np.ndarray:
 
 
 def _scaled(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Column lengths (K,), and eigenvalues and eigenvectors of the columns' cosines."""
+    """Roots (K,) of a matrix's diagonal; eigenvalues, eigenvectors of the matrix scaled by them."""
     scale = np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
     value, vector = np.linalg.eigh(normal / np.outer(scale, scale))
     return scale, value, vector

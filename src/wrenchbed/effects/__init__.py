@@ -2,9 +2,9 @@
 Read first: `base` (the contract), then `chain` (how effects act together).
 Free: the inside of each file (numerics); tests/effects compares formulas with plain numpy,
 tests/twin with MuJoCo.
-Others rely on: names, docstrings (`scripts/effects`), traits as `rough` (tests/data), sizes and
-weights (`scripts/learn_reliability`).
-Never: another effect, a recording or a diagnosis.
+Others rely on: names (docs/contracts.md, `benchmark/fault.py`), docstrings (`scripts/effects`),
+traits and variants (tests/data), sizes, weights (`scripts/learn_reliability`).
+Never: import another effect, a recording or a diagnosis.
 """
 
 SUPPORT = ("scene", "chain", "drives", "free_form")

@@ -5,7 +5,7 @@ An effect declares all that other rooms ask about it: the stages of the chain at
 
 A *variant* is one way in which an effect shows: its free amplitudes, and initial values of its
 shape (a moment, an anchor, a width). Amplitudes are zero where there is no effect; the mean of
-every variant is close to linear in them.
+every variant is close to linear in them. Names in `STAGES` and of parameters are public.
 """
 
 import re
@@ -32,7 +32,7 @@ else:
 _OF_JOINT = re.compile(r"(.+)\.q\d+")
 """Pattern of a name that ends with a joint."""
 _LISTED = 15
-"""Names that an error lists: two per joint of an arm of six, with ``joint`` and a short name."""
+"""Names that an error lists at most: two per joint of an arm of six, ``joint`` and short names."""
 STATED_NUMBERS = ("bias", "mass", "cog")
 """Numbers of a recording's metadata that every user fits; an effect may be that one is wrong."""
 Rng = np.random.Generator
@@ -43,9 +43,9 @@ Published = dict[str, dict[str, Any]]
 Sizes = dict[str, tuple[float, str]]
 """Value and SI unit of quantities by name."""
 _ALONG = 0.35
-"""Part of a unit vector from which it goes along an axis: all of three equal ones do."""
+"""Least component of a unit vector for `sides` to name its axis: less than 1/√3."""
 WAVES = 5
-"""Number of half waves of a free course in time: what warms and settles has few."""
+"""Number of sine waves of a free `course` in time: what warms and settles needs few."""
 
 
 class Stage(NamedTuple):
@@ -95,13 +95,13 @@ class Variant:
     """One way in which an effect may show: amplitudes to fit, and start values of its shape.
 
     Attributes:
-        label: for people, for instance ``joint 2``.
+        label: text for people, for instance ``joint 2``.
         free: names of the amplitudes that are fitted together.
         at: initial values of the shape parameters.
         shape: names of those in ``at`` that a nonlinear fit may move.
         detail: choices (not numbers) that the answer states: ``{"joint": 2}``.
-        weight: prior share among the effect's variants, relative.
-        rivals: names of effects that make the same readings in such rows.
+        weight: prior probability among the effect's variants, relative.
+        rivals: names of effects that give the same readings in the scene's rows.
     """
 
     label: str
@@ -122,8 +122,8 @@ class Curve(NamedTuple):
     """Curve that a form-free variant adds, over the variable that it depends on.
 
     Attributes:
-        channel: name of the channel it is of; empty if it is the same for all.
-        x: grid (P,); a loop goes there and back.
+        channel: name of the wrench channel that it changes; empty if the same in all.
+        x: grid (P,) of that variable; a loop goes there and back.
         columns: contribution of each amplitude ``names`` per SI unit (P, k).
     """
 
@@ -154,15 +154,15 @@ class Residual(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """R_world_sensor (M, 3, 3) and the sensor's origin in the world (M, 3) [m]; in motion each is a
-    `Jet`: the value with its first and second time derivative."""
+    """Sensor pose: rotation R_world_sensor (M, 3, 3), origin in the world (M, 3) [m]; in motion
+    each is a `Jet`, the value with its first and second time derivative."""
 
     rotation: Value
     position: Value
 
 
 class Effect(ABC):
-    """One unmodelled effect; a plug-in module holds its instance ``EFFECT``."""
+    """One unmodelled effect; each plug-in module holds an instance ``EFFECT``."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -189,7 +189,7 @@ class Effect(ABC):
     size_error: ClassVar[float] = 0.0
     """Relative standard uncertainty of a size, because this closed form is only nearly right."""
     stated: ClassVar[str] = ""
-    """Name in `STATED_NUMBERS` that the metadata state wrongly, if that is the effect."""
+    """Name in `STATED_NUMBERS` whose wrong value in the metadata is this effect; empty if none."""
     local: ClassVar[bool] = False
     """Whether a parameter's name ends with the joint or link that it belongs to; of a joint effect
     it then displaces that joint alone."""
@@ -262,7 +262,7 @@ class Effect(ABC):
         return ()
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
-        """Names of a variant's amplitudes that are nonzero if the effect has its typical size."""
+        """Names of a variant's amplitudes that a simulation sets to their typical size."""
         return variant.free
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
@@ -270,13 +270,15 @@ class Effect(ABC):
         return ()
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
-        """Parameter names that `values` accepts; those to give with ``joint=2`` come first."""
+        """Parameter names that `values` accepts; those to use with ``joint=2`` come first."""
         names = self.parameters(robot).names
         short = joint_stems(names)
         return ("joint", *short, *names) if short else names
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name, nominal if not given; for one joint also ``joint=2,offset=1e-3``.
+        """Values of all parameters by name, from some ``given``; the others are nominal.
+
+        ``joint=2,offset=1e-3`` is accepted for ``offset.q2=1e-3``.
 
         Raises:
             ParameterError: an unknown name (lists accepted ones) or an impossible value.
@@ -292,7 +294,7 @@ class Effect(ABC):
             raise ParameterError(f"{self.name}: {error}") from error
 
     def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
-        """Parameters as a diagnosis states them: value, standard uncertainty and unit by name."""
+        """Value, standard uncertainty (``std``) and unit of a variant's parameters, by name."""
         known = self.parameters(robot)
         result: Published = {
             n: {"value": values[n], "std": std.get(n), "unit": known[known.index(n)].unit}
@@ -307,14 +309,14 @@ class Effect(ABC):
         return dict(published)
 
     def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
-        """How large the effect is in a scene: value and SI unit of quantities by name; empty where
-        the parameters say it."""
+        """How large the effect is in a scene, as value and SI unit by name (``sag`` …); empty where
+        the parameters p say it."""
         return {}
 
     # ---- what it does at its stages: nothing at those at which it does not act ------------------
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        """Parameters (P,) of the robot with the effect on them (stage ``model``)."""
+        """Parameters (P,) of a robot, changed by an effect with values p (stage ``model``)."""
         return theta
 
     def displace(self, scene: Scene, p: Values) -> Value:
@@ -354,7 +356,7 @@ class Effect(ABC):
 
 
 class ModelEffect(Effect):
-    """Effect that is an error of the robot's own parameters, the same in closed form and MuJoCo."""
+    """Effect that changes the robot's own parameters, the same in closed form and in MuJoCo."""
 
     stage = "model"
 
@@ -370,7 +372,7 @@ class JointEffect(Effect):
     amplitude: ClassVar[str]
     """Name of the amplitude, before the joint's number: ``offset`` of ``offset.q2``."""
     sizes: ClassVar[tuple[float, float]]
-    """Typical amplitudes of rotary and of sliding joints."""
+    """Typical amplitudes for rotary and for prismatic joints."""
     units: ClassVar[tuple[str, str]] = ("rad", "m")
     text: ClassVar[str]
 
@@ -394,7 +396,7 @@ class LoadEffect(Effect):
     stage = "load"
 
     def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
-        """Largest force, or without one torque, of what acts on the tool from outside."""
+        """Largest force, or if there is none largest torque, that acts on the tool from outside."""
         if self.family != "external":
             return {}
         load = self.pull(scene, Pose(*scene.pose), scene.load, p)[scene.held]
@@ -421,7 +423,7 @@ class ReadingEffect(Effect):
 
 
 class ChannelEffect(ReadingEffect):
-    """Effect on readings with one amplitude a channel, ``stem.fx`` …, and no shape parameter."""
+    """Effect on readings with one amplitude for each channel, ``stem.fx`` …, and no shapes."""
 
     channelwise = True
     stem: ClassVar[str]
@@ -438,7 +440,7 @@ class ChannelEffect(ReadingEffect):
 
 
 class RowEffect(Effect):
-    """Effect on the scatter of rows only, made by ``corrupt``: its mean is 0."""
+    """Effect that only scatters rows (``corrupt``); the mean of a pose does not change."""
 
     stage = "row"
 
@@ -452,7 +454,7 @@ class RowEffect(Effect):
 def alike(
     names: Sequence[str], unit: str, size: float, bound: float, text: str
 ) -> tuple[Parameter, ...]:
-    """Make parameters of these names that share unit, typical size, text and ± bound; nominal 0."""
+    """Make parameters of nominal 0 with one unit, typical size and bound ± for all ``names``."""
     return tuple(Parameter(n, 0.0, unit, size, -bound, bound, text) for n in names)
 
 
@@ -496,7 +498,7 @@ def zero_and_gain_variants(
     at: Values | None = None,
     shape: tuple[str, ...] = (),
 ) -> tuple[Variant, ...]:
-    """Variants of a warming effect: zeros (6) alone, a common gain, gains (6), gains and zeros."""
+    """Variants of a sensor that warms: zeros (6) alone, one gain ``span``, gains (6), both."""
     where = dict(at or {})
     *single, _, _, together = channel_variants(zeros[0].partition(".")[0], where, shape)
     return (
@@ -515,8 +517,8 @@ def zero_and_gain_variants(
 def joint_parameters(
     robot: Robot, stem: str, rotary: float, linear: float, text: str, units: tuple[str, str]
 ) -> ParameterSet:
-    """Make parameters ``stem.q1`` … with typical sizes and units by joint type. The bounds only
-    refuse absurd values (estimates)."""
+    """Make parameters ``stem.q1`` … with typical size and unit of rotary or linear joints. Their
+    bounds only refuse absurd values (estimates)."""
     items = []
     for k, joint in enumerate(robot.joints, start=1):
         turns = joint.unit == "rad"
@@ -536,19 +538,19 @@ def each_joint(stem: str, robot: Robot) -> tuple[str, ...]:
 
 
 def has_loops(robot: Robot) -> bool:
-    """Whether the robot has closed chains (five-bars)."""
+    """Whether the robot has closed chains (five-bar linkages), by the name of a parameter."""
     return "L14" in robot.parameters.names
 
 
 def waves(stem: str) -> tuple[str, ...]:
-    """Names ``stem.1`` … of the amplitudes of the sine waves of a `course`."""
+    """Names ``stem.1`` … of the WAVES amplitudes of the sine waves of a `course`."""
     return tuple(f"{stem}.{k}" for k in range(1, WAVES + 1))
 
 
 def course(scene: Scene, p: Values, rate: str, wave: Sequence[str]) -> np.ndarray:
     """Smooth function of time r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) at each row (M,), first 0.
 
-    ``rate`` names r, per second, and ``wave`` the w (WAVES,); they end at ``duration`` D [s].
+    ``rate`` names r in p, ``wave`` the WAVES values w_k; ``p["duration"]`` is D [s].
     """
     return np.asarray(p[rate] * scene.age + half_waves(scene, p["duration"]) @ vector(p, wave))
 
@@ -573,7 +575,7 @@ def vector(p: Values, names: Sequence[str]) -> np.ndarray:
 
 
 def sides(way: np.ndarray) -> str:
-    """Axes along which a unit vector (3,) goes: ``+x−z``."""
+    """Signed axes along which a unit vector (3,) mainly points, as text: ``+x−z``."""
     along = zip("xyz", way, strict=True)
     return "".join(f"{'+' if w > 0.0 else '−'}{a}" for a, w in along if abs(w) > _ALONG)
 
@@ -585,7 +587,7 @@ def direction(p: Values, names: Sequence[str]) -> np.ndarray:
 
 
 def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> ParameterError:
-    """Error for a name that an effect lacks, or that needs the number of a joint beside it."""
+    """Make the error for a parameter name that an effect lacks, or that needs a joint beside it."""
     if name in taken:
         return ParameterError(f"{effect}: {name} belongs to one joint: add joint=1 … {joints}")
     near = sorted(taken, key=lambda n: -SequenceMatcher(None, name, n).ratio())
@@ -597,12 +599,12 @@ def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> P
 
 
 def joint_stems(names: Sequence[str]) -> tuple[str, ...]:
-    """Stems of the names that end with a joint: ``offset`` from ``offset.q2``."""
+    """Parts before the joint of those names that end with a joint: ``offset`` of ``offset.q2``."""
     return tuple(dict.fromkeys(m[1] for m in map(_OF_JOINT.fullmatch, names) if m))
 
 
 def of_joint(given: Mapping[str, Any], names: Sequence[str], joints: int) -> dict[str, Any]:
-    """Names with their joint: ``{"joint": 2, "offset": x}`` → ``{"offset.q2": x}``; else unchanged.
+    """Add the joint to short names: ``{"joint": 2, "offset": x}`` becomes ``{"offset.q2": x}``.
 
     Raises:
         ParameterError: there is no such joint.

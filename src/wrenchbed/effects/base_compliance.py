@@ -11,10 +11,10 @@ NAMES = ("compliance", "compliance.x", "compliance.y")
 
 
 class BaseCompliance(Effect):
-    """R → Exp(α) R about the base's origin, α = C M: M is gravity's moment on all that moves.
+    """R → Exp(α) R about the base's origin, α = C M: R the sensor's orientation, M weight's moment.
 
-    M [N·m] is taken about the base's origin; only its horizontal part tilts the base. C
-    [rad/(N·m)] is ``compliance`` about both x and y of the world, plus ``compliance.x`` about x
+    M [N·m] of all that moves is taken about the base's origin; only its horizontal part tilts the
+    base. C [rad/(N·m)] is ``compliance`` about x and y of the world, plus ``compliance.x`` about x
     and ``compliance.y`` about y. With ``compliance`` alone the base turns about M: α ∥ +M.
 
     Seen in: poses stretched out and drawn in, with joint 1 turned: the tilt follows reach times

@@ -40,9 +40,10 @@ _TURNS = np.array([
 
 
 class CablePull(LoadEffect):
-    """F = k (a − p)(1 − L/|a − p|)₊ + f₀ at a point c of the tool, slack within its length.
+    """F = k (a − p)(1 − L/|a − p|)₊ + f₀ at a point p of the tool, slack within its length L.
 
-    ``pull`` is f₀: with L = 0 the force k(a − p) is linear in k and f₀ = k a, whatever the anchor.
+    k is the stiffness, a the anchor. ``pull`` is f₀: with L = 0 the force is linear in k and
+    f₀ = k a, whatever the anchor.
 
     Seen in: many positions, also at like orientations: the pull follows position. A run with the
     cable unplugged settles it.

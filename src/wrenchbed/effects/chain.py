@@ -28,7 +28,7 @@ class ActiveEffect:
 
     @classmethod
     def of(cls, robot: Robot, name: str, given: Mapping[str, Any]) -> "ActiveEffect":
-        """Effect with values ``given`` for some parameters; the others are nominal.
+        """Make an effect by name, with values ``given`` for some parameters, others nominal.
 
         Raises:
             NotFoundError, ParameterError: the effect or a parameter does not exist.
@@ -43,7 +43,7 @@ def effects() -> dict[str, Effect]:
 
 
 def stated_effects() -> tuple[str, ...]:
-    """Names of the effects that are a wrong stated bias, mass or CoG, in this order."""
+    """Names of the effects of a wrong bias, mass, CoG in a recording's metadata, in this order."""
     by_number = {e.stated: name for name, e in effects().items()}
     return tuple(by_number[number] for number in STATED_NUMBERS)
 
@@ -95,8 +95,7 @@ class EffectChain:
         return pose
 
     def turned_base(self, scene: Scene) -> np.ndarray | None:
-        """Rotation of the base (M, 3, 3) in the world by effects that tilt it in each pose; None
-        without."""
+        """Rotation (M, 3, 3) of the base in the world by effects on the base; None without such."""
         tilting = [a for a in self._at["pose"] if a.effect.subsystem == "base"]
         pose = Pose(np.tile(np.eye(3), (len(scene), 1, 1)), np.zeros((len(scene), 3)))
         for a in tilting:
@@ -117,8 +116,7 @@ class EffectChain:
         return torque
 
     def read(self, scene: Scene, load: np.ndarray) -> np.ndarray:
-        """Sensor readings (M, 6) [N, N·m] of a load (M, 6), changed by the effects that can show in
-        the scene."""
+        """Readings (M, 6) [N, N·m] of a load (M, 6), changed by effects that show in a scene."""
         reading = load
         for a in (*self._at["reading"], *self._at["timing"]):
             if a.effect.acts(scene):
@@ -164,8 +162,8 @@ def parse_effect(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def active_effect(robot: Robot, text: str) -> ActiveEffect:
-    """Make an effect from its text. Without amplitudes it has its typical size, in the variant that
-    the given values select (``joint.offset:joint=3``), else in the commonest.
+    """Make an effect from text as ``joint.offset:joint=3``. Without amplitudes it has its typical
+    size, in the variant that the given values select, else in the commonest.
 
     Raises:
         NotFoundError, ParameterError: no such effect or parameter, or an impossible value.

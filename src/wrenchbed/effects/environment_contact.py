@@ -40,13 +40,13 @@ PLAIN = dict.fromkeys((*SLIDE, *ASIDE), 0.0) | {"power": 1.0, "reach": 1.0}
 
 
 class EnvironmentContact(LoadEffect):
-    """F = k l (x/l)₊ⁿ (n + s), x = d − n·p, at the tip p: a plane with the normal n pushes back.
+    """F = k l (x/l)₊ᵐ (n + s), x = d − n·p, at the tip p: a plane with the normal n pushes back.
 
-    l = 1 cm, and n = 1 of a spring, 3/2 of a ball on a half space (Hertz); s drags along the plane,
-    always the same way.
+    k is the stiffness, l = 1 cm, the ``power`` m = 1 of a spring, 3/2 of a ball on a half space
+    (Hertz); s drags along the plane, always the same way.
 
     The tip is that of the robot's model, else twice as far from the sensor as the CoG; what touches
-    may lie nearer, farther or aside.
+    may lie nearer, farther (``reach``) or ``aside``.
 
     Seen in: poses inside and outside the region that is touched; it acts on one side only.
     """
@@ -140,19 +140,20 @@ class EnvironmentContact(LoadEffect):
 
 
 def _from(normal: np.ndarray, begin: Values, weight: float) -> Variant:
-    """Variant of a plane with a normal (3,), which begins at these shapes."""
+    """Variant of a contact plane with a normal (3,), whose shapes begin at the values ``begin``."""
     side = sides(normal)
     return Variant(f"from {side}", ("stiffness",), begin, SHAPE, {"side": side}, weight)
 
 
 def _depth(scene: Scene, pose: Pose, p: Values) -> np.ndarray:
-    """Depth of the contact point behind the plane (M,) [m], negative in front."""
+    """Depth (M,) [m] of the contact point behind the plane, negative in front of it."""
     at = value(pose.position) + apply(value(pose.rotation), touching(scene, p))
     return np.asarray(p["depth"] - at @ direction(p, NORMAL))
 
 
 def pressed(x: np.ndarray, power: float) -> np.ndarray:
-    """Compression l (x/l)₊ⁿ [m] for depths x (M,) [m]."""
+    """Compression l (x/l)₊ᵐ [m] at depths x (M,) [m], with l = 1 cm, and m the exponent
+    ``power``."""
     return np.asarray(LENGTH * (np.maximum(0.0, x) / LENGTH) ** power)
 
 

@@ -1,7 +1,7 @@
 """Parameters, variants and curves of form-free effects: many linear amplitudes, smaller by order.
 
-Their evidence pays for each amplitude that data determine, so a formula that fits is preferred.
-Numbers of points and weights are estimates.
+The evidence of a fit pays for each amplitude that data determine, so a formula that fits is
+preferred. Numbers of points and weights are estimates.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,14 +19,14 @@ POINTS = 61
 
 
 def orders(stem: str, count: int) -> tuple[str, ...]:
-    """Stems ``stem1`` … ``stemN`` of the amplitudes of orders 1 to N = count of a free curve."""
+    """Names ``stem1`` … ``stemN`` of a free curve's terms of order 1 to N = ``count``."""
     return tuple(f"{stem}{k}" for k in range(1, count + 1))
 
 
 def falling(
     stem: str, sizes: Sequence[float], ratio: float, text: str, units: Sequence[str]
 ) -> tuple[Parameter, ...]:
-    """Make parameters ``stem1.fx`` … of typical sizes by order (K,), torques × ``ratio``."""
+    """Make parameters ``stem1.fx`` … with a typical size by order (K,); torques times ``ratio``."""
     return tuple(
         p
         for name, size in zip(orders(stem, len(sizes)), sizes, strict=True)
@@ -63,9 +63,9 @@ def channel_curves(
 
     Args:
         variant: form-free, with amplitudes ``….fx`` …
-        x: grid (P,), or a function from a channel to it.
+        x: grid (P,), or a function from a channel's name to its grid.
         basis: function of an amplitude's name and grid (P,): its contribution per SI unit (P,).
-        x_unit, y_unit: the channel's own if empty.
+        x_unit, y_unit: units of grid and values; if empty the channel's own.
     """
     result = []
     for c, unit in zip(CHANNELS, UNITS, strict=True):
@@ -80,6 +80,6 @@ def channel_curves(
 def share_curve(
     variant: Variant, x: np.ndarray, basis: Callable[[str, np.ndarray], np.ndarray], x_unit: str
 ) -> tuple[Curve, ...]:
-    """Curve of a form-free variant that adds a share of the load, the same in all channels."""
+    """Curve over x (P,) of a form-free variant that adds one share of the load to all channels."""
     columns = np.stack([basis(n, x) for n in variant.free], axis=1)
     return (Curve("", variant.free, x, columns, x_unit, "1"),)

@@ -22,10 +22,10 @@ against a link's weight, so that the gap is nearly a jump."""
 
 
 class JointBacklash(JointEffect):
-    """δq = (β/2) tanh(τ/τ₀) where gravity decides, −(β/2) sgn(q̇) where the last way does.
+    """δq = (β/2) tanh(τ/τ₀) where gravity decides, −(β/2) sgn(q̇) where the last motion does.
 
-    Amplitudes are half gaps β/2. A link that gravity loads lies on gravity's side; one that
-    friction holds lags behind its motor. τ₀ is small: tanh is the sign without its jump.
+    Amplitudes are half gaps β/2, τ is gravity's torque. A link that gravity loads lies on gravity's
+    side; one that friction holds lags behind its motor. τ₀ is small: tanh is nearly the sign.
 
     Seen in: poses approached from both sides, and gravity's torque of both signs; where gravity
     holds one side, nothing shows.

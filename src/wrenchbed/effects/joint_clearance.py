@@ -16,7 +16,7 @@ from wrenchbed.robots.medrue.kinematics import five_bar
 SEAT = 0.5
 """Force in a distal link at which it leaves the middle of its clearance [N]: the weight of 50 g."""
 DISTAL = ("L12", "L14", "L22", "L24")
-"""Links that carry the five-bars' tips."""
+"""Names of the lengths of the distal links, which carry the five-bar linkages' tips."""
 MOMENT = 0.05
 """Moment on a serial arm's last bearing at which it leaves the middle of its clearance [N·m]: the
 force `SEAT` at 0.1 m."""

@@ -71,8 +71,7 @@ def twist_and_length_names(robot: Robot) -> tuple[list[str], list[str]]:
 
 
 def public(name: str) -> str:
-    """Published name of a parameter: ``twist.3`` of alpha3, ``length.L11`` of L11,
-    ``twist.link.…``."""
+    """Public name of a robot's parameter: ``twist.3`` of alpha3, ``length.L11`` of L11."""
     if name.startswith("alpha"):
         return f"twist.{name[5:]}"
     return f"twist.{name}" if ".rotation." in name else f"length.{name}"

@@ -11,7 +11,7 @@ NAMES = tuple(f"rotation.{a}" for a in "xyz")
 
 
 class MountRotation(ModelEffect):
-    """R_world_sensor → R_world_sensor Exp(ω); the tool turns with the sensor.
+    """R_world_sensor → R_world_sensor Exp(ω), ω a rotation vector; the tool turns with the sensor.
 
     Seen in: varied orientations.
     """

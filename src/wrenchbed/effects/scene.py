@@ -12,7 +12,7 @@ from wrenchbed.physics.wrench import Tool, wrench
 from wrenchbed.robots.base import Robot
 
 WAY = 7
-"""Rows between two poses at rest: what remembers must not miss a turn on the way."""
+"""Rows between two poses at rest, so that effects with memory see a joint turn on the way."""
 LEAST_MOVE_S = 1.0
 """Shortest move from pose to pose [s]: a short one of a collaborative arm."""
 PEAK_SPEED = 1.875
@@ -35,7 +35,7 @@ class Scene:
         gravity: in world axes (3,) [m/s²].
         q: joint values (M, J), in motion a `Jet` (with two time derivatives), or the sensor's
             orientations (M, 4).
-        t: (M,) [s].
+        t: time of each row (M,) [s].
         held: whether each row was measured (M,); the others lie on the way between two poses, and
             matter only to effects with memory (hysteresis, creep, backlash).
         warmth: temperature above the first row's (M,) [K], None if not recorded.
@@ -70,7 +70,7 @@ class Scene:
 
     @property
     def mode(self) -> str:
-        """Mode of a recording with such rows: ``static`` or ``dynamic``."""
+        """Mode of the recording that the rows come from: ``static`` or ``dynamic``."""
         return "dynamic" if self.moving else "static"
 
     @property
@@ -101,7 +101,7 @@ class Scene:
         return Jet(x, d, np.gradient(d, self.period, axis=0))
 
     def resampled(self, rows: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Rows (M, …) at other times (T,) [s] by a cubic spline, held beyond the ends."""
+        """Rows (M, …) at other times (T,) [s] by a cubic spline, constant beyond the ends."""
         from scipy.interpolate import CubicSpline  # slow to load: only when it is used
 
         return np.asarray(CubicSpline(self.t, rows)(np.clip(t, self.t[0], self.t[-1])))
@@ -142,7 +142,7 @@ class Scene:
 
     @cached_property
     def inertial(self) -> np.ndarray:
-        """Inertial load of the tool (M, 6) [N, N·m] at accelerations in ``extra``; 0 without."""
+        """Inertial load of the tool (M, 6) [N, N·m] by accelerations in ``extra``; 0 without."""
         if ACCELERATION not in self.extra:
             return np.zeros((len(self), 6))
         tool, spin = self.tool, self.extra[SPIN]

@@ -27,8 +27,8 @@ RATE, TORQUE_RATE = 1e-4, 2e-6
 SPAN_RATE = 3e-6
 """Typical rate of the span's drift [1/s]: 1 %/h, a slow one beside those of zeros."""
 WAVES = 8
-"""Half cosines of a free rate over the recording, the steady part among them: a course with three
-turns."""
+"""Number of half cosines of a free rate over the recording, the steady part among them: a curve
+with three turns."""
 RATE_FREE = 4e-4
 """Typical rate of forces of a free form [N/s]: 1.4 N/h, as cables and warm-ups make."""
 RATES = per_channel("rate")
@@ -48,9 +48,6 @@ class SensorDrift(ReadingEffect):
     Steady: d_i = r_i t. Warming up: d_i and s end at ``warm`` with 1 − exp(−t/τ). Free: the rate is
     a sum of half cosines over the ``duration`` T, so that d_i = w_i1 t + Σ_k w_i,k+1 T/(kπ)
     sin(kπt/T), and s likewise.
-
-    The typical rates, 1e-4 N/s = 0.36 N/h and 2e-6 N·m/s = 7 mN·m/h, add up to 0.03 N and 0.6 mN·m
-    in five minutes.
 
     Seen in: a first pose that is visited again, in an order of poses that is mixed.
     """
@@ -128,7 +125,7 @@ class SensorDrift(ReadingEffect):
 
 
 def _wave(t: np.ndarray, duration: float, order: int) -> np.ndarray:
-    """Course ∫cos(kπt/T) dt at times (P,) [s], for the order k + 1."""
+    """Integral ∫cos(kπt/T) dt at times (P,) [s] for the order k + 1; T is the duration."""
     turn = (order - 1) * np.pi / duration
     if not turn:
         return t

@@ -34,8 +34,8 @@ FORMS = tuple(f"{w}{s}" for w in WIDTHS for s in ("", ".slope"))
 class SensorHysteresis(ReadingEffect):
     """y_i → y_i + Σ_w (h_iw + s_iw u_i) (play_w(y_i) − y_i)/w: a lag that turns with the load.
 
-    At rest the y_i of the loops also pass through the jolts of the moves between poses, times a
-    ``pace``: 1 at the joints' top speeds, 0 of slow moves.
+    At rest the y_i of the loops also pass through the inertial loads of the moves between poses,
+    times a ``pace``: 1 at the joints' top speeds, 0 of slow moves.
 
     The play operator follows its input once it is w behind; a sum of plays of several widths is
     the Prandtl–Ishlinskii form of hysteresis (Visintin, Differential Models of Hysteresis, 1994,
@@ -131,7 +131,7 @@ def _width(name: str) -> float:
 
 
 def _turned(name: str) -> bool:
-    """Whether an amplitude's name is of a slope s, by which the lag grows with the load."""
+    """Whether a name is of an amplitude s_iw, by which the lag grows with the load."""
     return ".slope" in name or name.startswith("turn")
 
 

@@ -14,7 +14,8 @@ SKEW = tuple(f"compliance.{a}" for a in ("xy", "xz", "yz"))
 class ToolFlexure(LoadEffect):
     """c → c + C F + φ × c, so T += (C F + φ × c) × F with C symmetric (3, 3), φ = b (c × F).
 
-    c is the tool's CoG, F the force on it. A tool as soft along x as along y and z shows nothing.
+    c: the tool's CoG; F: force on it; b: ``bending``. A tool that is equally soft along x, y and z
+    shows nothing.
 
     Seen in: varied orientations with a second payload: the torque is quadratic in the load.
     """
@@ -67,7 +68,7 @@ def _shift(scene: Scene, force: np.ndarray, p: Values) -> np.ndarray:
 
 
 def compliance(p: Values) -> np.ndarray:
-    """Compliance matrix C (3, 3) [m/N]."""
+    """Symmetric compliance matrix C (3, 3) [m/N] from its six parameters in p."""
     x, y, z, xy, xz, yz = (p[n] for n in (*NAMES, *SKEW))
     return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
 

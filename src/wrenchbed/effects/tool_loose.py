@@ -134,7 +134,7 @@ class ToolLoose(LoadEffect):
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:
-    """Position (M,) of a loose part between its stops, −1 … 1."""
+    """Position (M,) of a loose part, −1 … 1, by the share ``along`` (M,) of the load on its way."""
     if not grip:
         return np.tanh(along / SOFT)
     return held_on(np.where(np.abs(along) > grip, np.sign(along), 0.0)[:, None])[:, 0]

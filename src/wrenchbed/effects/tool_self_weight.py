@@ -8,7 +8,7 @@ from wrenchbed.robots.base import Robot
 
 
 class ToolSelfWeight(ModelEffect):
-    """F += δm (Rᵀg − a): the force of a mass δm at the sensor's origin; no torque.
+    """F += δm (Rᵀg − a): weight and inertia of a mass δm at the sensor's origin; no torque.
 
     Seen in: varied orientations with mass and CoG stated; where both are unknown it hides behind
     them.

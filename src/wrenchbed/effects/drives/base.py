@@ -20,11 +20,11 @@ class Size(NamedTuple):
 
     Attributes:
         unit: SI, for a hinge.
-        plausible: over `Block.level`: largest size with which a robot still runs; of a wrong load
-            the least size that a user asks about.
-        absolute: whether that level is 1, not the scale of what the cause changes.
+        plausible: largest size with which a robot still runs, as a multiple of `Block.level`; of
+            a wrong load the least size that a user asks about.
+        absolute: whether that level is 1, so that ``plausible`` is in ``unit``.
         columns: prefixes of the names of the columns whose amplitudes make the size; all if empty.
-        vector: whether the size is the amplitudes' length, not their sum.
+        vector: whether the size is the norm of the amplitudes, not their sum.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Column:
 
     Attributes:
         data: values at all rows.
-        std: prior standard deviation of the amplitude outside of causes; None: a small one.
+        std: prior standard deviation of the amplitude in healthy robots; None: a small one.
         free: whether every fit leaves its amplitude free.
     """
 
@@ -81,19 +81,19 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class DriveRows:
-    """Motion and predicted effort of one joint in time (N,), SI; on slides forces are torques.
+    """Motion and predicted effort of one joint in time (N,), SI; forces of slides are torques here.
 
     Attributes:
         joint: its number from 1.
         t, rate: times [s], and rows per second [Hz].
         total, body: predicted effort, and that of the rigid body alone.
+        hinge: whether the joint is rotary, not a slide (prismatic).
         level: Coulomb friction of the joint, stated or fitted.
         is_stated: whether that is stated.
         spread: standard deviation of stated numbers in healthy robots, by effect; None if unstated.
         free: effects with an unstated number, which every fit leaves free.
         warm: temperature of the drive [°C], if it was recorded and changes.
-        command: target times stiffness (N,) [N·m], if the effort is a servo's tracking error; None
-            for measured efforts.
+        command: target times stiffness [N·m], if the effort is a servo's tracking error.
     """
 
     joint: int
@@ -140,8 +140,9 @@ class DriveResidual:
 
     Attributes:
         y: measured minus predicted effort.
+        use: whether each row is used, boolean.
         left: residual of y after a fit of all columns, zero where not used.
-        own: columns of what every joint has, as friction, but a delay's (M, K).
+        own: columns of friction and the like, which every joint has, without a delay's (M, K).
         thin: function that picks (and filters) the kept rows (M,) of a column (N,).
     """
 
@@ -160,22 +161,21 @@ class DriveResidual:
 
 
 class DriveEffect(ABC):
-    """One effect of a drive; a plug-in module holds its instance ``EFFECT``."""
+    """One effect of a drive; each plug-in module holds an instance ``EFFECT``."""
 
     name: ClassVar[str]
     title: ClassVar[str]
     """What happens, ``{joint}`` in the place of the joint's number; begins small."""
     size: ClassVar[Size]
     remedy: ClassVar[str] = ""
-    """A recording that separates it from its usual rivals."""
+    """Advice: a recording that separates the effect from its usual rivals."""
     beside: ClassVar[tuple[str, ...]] = ()
-    """Words of stated numbers that it sets free too, where they are stated."""
+    """Column names (``coulomb`` …) of stated numbers that the cause leaves free as well."""
     one_way: ClassVar[bool] = False
     """Whether its size is never below zero: it can only add to friction, or be late."""
 
     def shapes(self, rows: DriveRows) -> Mapping[str, np.ndarray]:
-        """Effort (N,) that the effect adds at size 1, by name of column; empty where it cannot
-        show, or if a scan makes its columns."""
+        """Effort (N,) of the effect at size 1, by name of column; empty where it cannot show."""
         return {}
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
@@ -184,7 +184,7 @@ class DriveEffect(ABC):
         return tuple(rows.column(word, shape) for word, shape in self.shapes(rows).items())
 
     def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
-        """The cause that frees the effect's columns together; None if these rows have none."""
+        """Cause that frees all columns of the effect; None if the effect has none in ``rows``."""
         names = tuple(c.name for c in columns if c.std is None)
         if not names:
             return None
@@ -200,7 +200,7 @@ class DriveEffect(ABC):
         return Block(self.name, rows.joint, False, columns, value, prior, level)
 
     def shows(self, rows: DriveRows) -> bool:
-        """Whether a diagnosis looks for the effect in such rows."""
+        """Whether a diagnosis looks for the effect in ``rows``; by default in all."""
         return True
 
     def scan(

@@ -45,7 +45,7 @@ def closest(
 
 
 class Lag(DriveEffect):
-    """Delay or filter of the effort: its size is the lag [s], linear about the block's ``value``.
+    """Delay or filter of the effort: the size is the lag [s], linear about that of `Block.value`.
 
     Friction changes sign within an unstated distance after each reversal: a free column.
     """

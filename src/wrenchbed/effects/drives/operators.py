@@ -26,7 +26,7 @@ def direction(speed: np.ndarray, rest: float = REST) -> np.ndarray:
 
 
 def moving(speed: np.ndarray, rate: float) -> np.ndarray:
-    """Boolean (N,): whether the joint moves at all rows within `_MEMORY_S` of a row."""
+    """Boolean (N,): whether the joint moves at all rows within 0.04 s (`_MEMORY_S`) of a row."""
     still = np.abs(speed) <= REST * np.abs(speed).max()
     width = 2 * max(1, round(_MEMORY_S * rate)) + 1
     return np.asarray(np.convolve(still, np.ones(width), mode="same") < 0.5)
@@ -44,7 +44,7 @@ def since_reversal(q: np.ndarray, sign: np.ndarray) -> np.ndarray:
 
 
 def stop(x: np.ndarray, width: float) -> np.ndarray:
-    """Stop operator of a half width along rows (M, …), −1 … 1: elastic up to it, then sliding.
+    """Stop operator with a half width on rows x (M, …), scaled to −1 … 1: elastic, then sliding.
 
     It is what a play operator of that width lags behind. Brokate & Sprekels 1996, "Hysteresis and
     Phase Transitions", Section 2.1; a sum over widths is a Prandtl–Ishlinskii model.
@@ -65,7 +65,7 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
 
 @lru_cache(maxsize=_MOST_KEPT)
 def _kept_path(x: bytes, columns: int, width: float) -> np.ndarray:
-    """Cached, read-only result of `play` for an input given as bytes of rows with some columns."""
+    """Cached, read-only result of `play`, x being the bytes of the input (M, columns)."""
     path = _path(np.frombuffer(x).reshape(-1, columns), width)
     path.flags.writeable = False
     return path

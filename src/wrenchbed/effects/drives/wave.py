@@ -31,10 +31,10 @@ def first_of(effect: str) -> tuple[str, ...]:
 
 
 class Wave(DriveEffect):
-    """Effect periodic in the joint's angle; the block's ``value`` is its periods a turn."""
+    """Effect periodic in the joint's angle; its `Block.value` is the number of periods per turn."""
 
     tried: ClassVar[float]
-    """Periods that are looked through, each of which could be the one."""
+    """Range of periods per turn that is searched, which sets the prior of each."""
 
     @abstractmethod
     def periods(self, residual: DriveResidual) -> float:
@@ -68,8 +68,8 @@ def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
 
 
 def fitting(y: np.ndarray, basis: np.ndarray, angle: np.ndarray) -> float:
-    """Number of periods a turn, up to `GEAR_MOST`, whose wave fits a torque (M,) best beside an
-    orthonormal basis (M, K)."""
+    """Periods a turn, up to `GEAR_MOST`, whose wave over an angle (M,) best fits a torque (M,)
+    beside an orthonormal basis (M, K)."""
     residual, best, period = y - basis @ (basis.T @ y), -1.0, SLOWEST
     for turn in np.arange(SLOWEST, GEAR_MOST, _STEP):
         phase = turn * angle
