@@ -1,7 +1,7 @@
-"""Every error that wrenchbed raises on purpose: of `WrenchbedError` and of a built-in kind.
+"""The classes of all errors that wrenchbed raises on purpose; each is a built-in kind too.
 
 A message is one line. It names the file, field and row, the value and the remedy. File names and
-values of foreign files stand in it, so what a terminal would obey in them is spelled out.
+values of foreign files stand in it, so characters that a terminal would obey are spelled out.
 """
 
 import errno
@@ -14,24 +14,24 @@ OBEYED = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff"
     "\ufffe\uffff\ud800-\udfff\U000e0000-\U000e007f]"
 )
-"""Control characters but tab and line feed, marks that turn the direction of writing, characters
-without a width, numbers that are no characters, and halves of characters (file names that are not
-UTF-8)."""
+"""Characters that a terminal may obey or hide: control characters but tab and line feed, marks that
+turn the direction of writing, characters without a width, noncharacters, and lone surrogates (file
+names that are not UTF-8)."""
 _LONGEST_WORD, _LONGEST_LINE = 1000, 4000
-"""Longest word and message [characters]: what is longer is cut, and its length is said. A path has
-at most 255 characters a part, and a list of all parameters 2,000."""
+"""Longest word and message [characters]; longer ones are cut, and the message states their length.
+A path has at most 255 characters a part, and a list of all parameters 2,000."""
 _FILES = {errno.EMFILE, errno.ENFILE}
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
-"""What the dynamic linker says where a library does not fit into memory: glibc's dl-load.c."""
+"""Messages of the dynamic linker where a library does not fit into memory: glibc's dl-load.c."""
 
 
 def printable(text: str) -> str:
-    """The text with control characters spelled out (``\\x1b``); line feeds and tabs stay."""
+    r"""Return the text with control characters spelled out (``\x1b``); line feeds and tabs stay."""
     return OBEYED.sub(lambda m: m[0].encode("unicode_escape").decode(), text)
 
 
 def one_line(text: str) -> str:
-    """The text as one line without control characters; a very long one is cut."""
+    """Return the text as one line without control characters; a very long one is cut."""
 
     def cut(found: re.Match[str]) -> str:
         return f"{found[0][:200]}… ({len(found[0]):,} characters)"
@@ -50,7 +50,7 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
 
 
 class WrenchbedError(Exception):
-    """Base of all errors below; the command line prints it as one line and exits with 1."""
+    """Base of all errors of wrenchbed; the command line prints it as one line and exits with 1."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())
@@ -81,19 +81,19 @@ class CalibrationError(WrenchbedError, ValueError):
 
 
 class DiagnosisError(WrenchbedError, ValueError):
-    """A recording that cannot show where its gap comes from, whatever the cause."""
+    """A recording that cannot show where its sim-to-real gap comes from, whatever the cause."""
 
 
 class TwinError(WrenchbedError, ValueError):
-    """A twin's file that cannot be trusted, or a motion that its robot cannot follow."""
+    """A corrected simulator's file that is invalid, or a motion its robot cannot follow."""
 
 
 class ExportError(WrenchbedError, ValueError):
-    """Numbers that the data did not determine, or a file that cannot take them."""
+    """Values to export that the data did not determine, or a file that cannot take them."""
 
 
 class BenchmarkError(WrenchbedError, ValueError):
-    """Sealed cases, claims or answers that are missing, were changed or do not belong together."""
+    """Benchmark cases, answers or hashed claims that are missing, were changed or do not match."""
 
 
 class HistoryError(WrenchbedError, ValueError):
@@ -101,7 +101,7 @@ class HistoryError(WrenchbedError, ValueError):
 
 
 class FleetError(WrenchbedError, RuntimeError):
-    """Work of many simulated robots that broke off, or belongs to others; finished work is kept."""
+    """Work on many simulated robots that broke off, or another run's folder; results are kept."""
 
 
 class WorkerError(WrenchbedError, RuntimeError):
@@ -109,7 +109,7 @@ class WorkerError(WrenchbedError, RuntimeError):
 
 
 class ShortageError(WrenchbedError, RuntimeError):
-    """Memory or open files that this process lacks; no file is to blame."""
+    """This process lacks memory or may open too few files; no input file is to blame."""
 
 
 class NotFoundError(WrenchbedError, LookupError):
@@ -121,7 +121,7 @@ class DriverError(WrenchbedError, RuntimeError):
 
 
 class LinkError(DriverError, ConnectionError):
-    """A device that is silent, unreachable or gone; nothing moves until it is back."""
+    """A device that is silent, unreachable or disconnected; nothing moves until it is back."""
 
 
 class StoppedError(DriverError):
@@ -137,7 +137,7 @@ class LimitError(DriverError, ValueError):
 
 
 class LateError(DriverError, TimeoutError):
-    """A device that answers but was not done by its deadline."""
+    """A command that a device, which answers, had not finished by its deadline."""
 
 
 class MissingExtraError(WrenchbedError, ImportError):
@@ -145,7 +145,7 @@ class MissingExtraError(WrenchbedError, ImportError):
 
 
 class WrenchbedWarning(UserWarning):
-    """What a person should know; the work continues."""
+    """Warning of something that a person should know; the work continues."""
 
 
 def shortage(cause: BaseException, where: str | Path = "") -> ShortageError | None:

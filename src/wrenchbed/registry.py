@@ -5,8 +5,8 @@ constant in the kind's name (``ROBOT``, ``SENSOR``, ``DRIVER``, ``EFFECT``, …)
 another package in the group ``wrenchbed.robots`` that loads such an object. A sensor is a file
 ``wrenchbed/sensors/<name>.toml`` instead; emulators are those that `robot_emulators` lists.
 
-A robot or a sensor may also come from a user's TOML file: its path stands for its name. What a
-recording made with it carries (`record_of`) makes it known to whoever reads the recording
+A robot or a sensor may also come from a user's TOML file: its path stands for its name. A recording
+carries a copy of such a file (`record_of`), from which who reads the recording can load the object
 (`remember`), until `forget`.
 """
 
@@ -31,12 +31,12 @@ KINDS = {
     "exports": ("wrenchbed.exports", "EXPORT"),
     "channels": ("wrenchbed.channels", "CHANNEL"),
 }
-"""Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names; and
-the constant that each of them holds."""
+"""Kind → its package and the constant that each plug-in holds. Every module of the package is a
+plug-in, except `base` and those that the package lists in its `SUPPORT`."""
 _DESCRIBED = {kind: f"wrenchbed.{kind}.described" for kind in ("robots", "sensors")}
-"""Kind → the module that reads such an object from a file, or from what `record_of` gave."""
+"""Kind → the module that makes such an object from a user's file or from a record (`record_of`)."""
 _MODELS = (".xml", ".mjcf", ".urdf", ".xacro")
-"""Suffixes of models that need to be described first."""
+"""Suffixes of model files from which ``wrenchbed robot`` first has to make a robot's TOML file."""
 _records: dict[tuple[str, str], Mapping[str, Any]] = {}
 _known: dict[tuple[str, str], Any] = {}
 
@@ -47,7 +47,7 @@ def _entry_points(kind: str) -> dict[str, Any]:
 
 
 def _loaders(kind: str) -> dict[str, Callable[[], Any]]:
-    """Function that loads each plug-in of a kind, by name; this package's come before others'."""
+    """Functions that load each plug-in of a kind, by name; wrenchbed's own win over others'."""
     if kind not in KINDS:
         raise NotFoundError(f"there is no kind {kind!r} of plug-in. Known: {', '.join(KINDS)}")
     return {name: entry.load for name, entry in _entry_points(kind).items()} | _own_loaders(kind)
@@ -67,7 +67,7 @@ def _own_loaders(kind: str) -> dict[str, Callable[[], Any]]:
 
 @cache
 def plugin_modules(kind: str) -> tuple[str, ...]:
-    """Names of the modules that hold the plug-ins of a kind."""
+    """Names of the modules of wrenchbed that hold the plug-ins of a kind."""
     package = importlib.import_module(KINDS[kind][0])
     support = {"base", *getattr(package, "SUPPORT", ())}
     return tuple(m.name for m in pkgutil.iter_modules(package.__path__) if m.name not in support)
@@ -133,20 +133,20 @@ def _is_file(kind: str, name: str) -> bool:
 
 
 def _from_file(kind: str, path: Path) -> Any:
-    """Load the object that a file describes; it is kept as long as the file is unchanged."""
+    """Load the object that a user's TOML file describes; it is kept while the file is unchanged."""
     described = importlib.import_module(_DESCRIBED[kind]).read(path)
     _records.setdefault((kind, described.name), described.record)
     return _known.setdefault((kind, described.name), described)
 
 
 def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
-    """Register what a file carries of an object that a user described, but for a plug-in's name."""
+    """Register the record of a user's robot or sensor from a file; a plug-in's name wins."""
     if name not in names(kind):
         _records.setdefault((kind, name), record)
 
 
 def forget() -> Callable[[], None]:
-    """Forget what users' files describe or carry, as tests need; return what brings it back."""
+    """Forget all users' robots and sensors (for tests); return a function that restores them."""
     records, known = dict(_records), dict(_known)
 
     def undo() -> None:
@@ -160,18 +160,18 @@ def forget() -> Callable[[], None]:
 
 
 def revived(kind: str, name: str, record: Mapping[str, Any]) -> Any:
-    """Make the object of a name from what a file carries about it."""
+    """Load the object ``name`` from the record that a file carries of it."""
     remember(kind, name, record)
     return load(kind, name)
 
 
 def record_of(kind: str, name: str) -> Mapping[str, Any] | None:
-    """What a file has to carry so that others can load an object by name; None for a plug-in."""
+    """Record with which others can load a user's robot or sensor; None for a plug-in."""
     return _records.get((kind, name))
 
 
 def known_as(kind: str, name: str) -> str:
-    """The name under which files name an object: that of a user's file, else ``name`` itself.
+    """The name under which files name an object: the one inside a user's TOML file, else ``name``.
 
     Raises:
         NotFoundError, ParameterError: the user's file cannot be read.

@@ -1,6 +1,6 @@
 """Calibration environment: choose poses that inform most in few seconds of robot time.
 
-Information is linear, about the nominal robot: it does not depend on the readings.
+Information is linear, about the nominal parameters: it does not depend on the readings.
 """
 
 import math
@@ -26,11 +26,11 @@ _TARGETS, _SEED = 200, 20_160_798
 SETTLE_S, RATE_HZ = 0.5, 100.0
 """Rest before a reading [s], and rate of its rows [Hz]."""
 _TRIES = 50
-"""Draws of a robot that reaches every pose."""
+"""Most random draws of parameters to find a robot that reaches every pose."""
 
 
 def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
-    """Information on a robot before any pose of a pool (N, J) is read with noise ``std`` (6,)."""
+    """`Knowledge` of a robot before it is read at poses of a pool (N, J), noise ``std`` (6,)."""
     robot, nominal = model.robot, model.parameters.nominal
     columns = model.parameters.select(robot.free)
     scale = model.parameters.tolerance[list(columns)]
@@ -51,11 +51,11 @@ class Knowledge:
     """What readings at some poses tell about the robot's parameters, by their linear model.
 
     Attributes:
-        columns: parameters that differ from robot to robot.
-        unit: of errors.
-        rows: derivatives (N, 6, K) of poses' readings by parameters, in noise and tolerances.
-        criterion: function of an information matrix, 1 / mean square error.
-        information: on the parameters in tolerances (K, K).
+        columns: indices of the K parameters that differ from robot to robot.
+        unit: unit of `error`, ``m`` (tool position) or ``N`` (force readings).
+        rows: derivatives (N, 6, K) of each pose's reading, as noise std per parameter tolerance.
+        criterion: function of an information matrix: 1 / mean square error [1/unit²].
+        information: Fisher information of the parameters, each over its tolerance (K, K).
     """
 
     columns: tuple[int, ...]
@@ -66,17 +66,17 @@ class Knowledge:
 
     @cached_property
     def error(self) -> float:
-        """Expected rms error [unit], of positions or of readings, after calibration."""
+        """Expected rms error [unit], of positions or of force readings, after calibration."""
         return float(self.criterion.values(self.information)) ** -0.5
 
     @property
     def value(self) -> float:
-        """Information so far [nats], −log of ``error``; it grows with every informative pose."""
+        """Information so far [nats], −ln of `error`; it grows with every informative pose."""
         return -math.log(self.error)
 
     @property
     def open(self) -> tuple[float, float]:
-        """Smallest and mean share of the parameters' initial uncertainty that remains, 0 … 1."""
+        """Smallest and mean ratio of a parameter's present std to its initial one, 0 … 1."""
         std = np.sqrt(np.clip(np.linalg.inv(self.information).diagonal(), 0.0, 1.0))
         return float(std.min()), float(std.mean())
 
@@ -94,13 +94,13 @@ class Knowledge:
 class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
     """Choose poses from a pool; the robot moves there and its sensor is read.
 
-    Each episode has another robot with parameters uniform within tolerance; moves and readings
-    use up the budget. The reward is the information of a reading [nats] on the tool's position in
-    the target workspace (MedRUE) or on further readings (UR5).
+    Each episode has another robot with parameters uniform within tolerance; moves and readings use
+    up the budget. The reward is the information of a reading [nats] on the tool's position in the
+    target workspace (MedRUE) or on further readings (UR5).
 
     Observation (5 + J,) float32: remaining share of the budget; information since the start [nats];
-    length of the last step [s]; joint values from −1 to 1 between their limits; the least and the
-    mean remaining share of the parameters' tolerances.
+    length of the last step [s]; J joint values scaled to −1 … 1 between their limits; the least and
+    the mean ratio of the parameters' std to their tolerances.
 
     Action: number of a pose of the pool, ``env.unwrapped.pool`` (N, J).
 
@@ -184,7 +184,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return None if self.render_mode is None else self.picture(self.simulation, self.q)
 
     def _random_parameters(self) -> np.ndarray:
-        """Draw parameters within tolerance with which every pose is reached."""
+        """Draw parameters, uniform within tolerance, with which the robot reaches all poses."""
         columns, count = list(self._unread.columns), len(self.robot.parameters)
         tolerance = self.model.parameters.tolerance[columns]
         for _ in range(_TRIES):

@@ -23,7 +23,7 @@ added to J Jᵀ, which bounds joint moves near singular poses."""
 _FAR = 0.006
 """Travel of the tip after which the Jacobian is evaluated again [m]."""
 _CORRECTED, _OFTEN = 10, 50
-"""Moves over which the error until then is corrected; moves after which it is in any case."""
+"""Moves over which the tip's error is worked off; most moves until a new Jacobian."""
 CYCLE_S, CYCLES = 0.004, 5
 STEP_S = CYCLE_S * CYCLES
 """Duration of one action [s]."""
@@ -35,24 +35,24 @@ ends the episode at each overshoot, a much larger one never punishes."""
 TARGET_N = (2.0, 8.0)
 """Range of the wanted force [N]."""
 STIFFNESS = (300.0, 3000.0)
-"""Stiffness of soft tissue over bone [N/m], drawn at random as `RADIUS`, `ABOVE` and the bias."""
+"""Range of the limb's stiffness, soft tissue over bone [N/m], from which each episode draws."""
 RADIUS, ABOVE = (0.04, 0.07), (0.005, 0.02)
-"""Radius of the leg, and first distance from it to the tip [m]."""
+"""Ranges of the limb's radius and of the first distance from limb to tip [m], drawn at random."""
 _BIAS = (1.0, 0.02)
-"""Largest bias of a channel [N, N·m]."""
+"""Largest bias of a force and of a torque channel of the sensor [N, N·m]."""
 _HURT, _JERKY = 10.0, 0.01
-"""Penalties of a force that would hurt, and of the squared change of the action."""
+"""Penalty (reward) of a force that would hurt; factor on the squared change of the action."""
 _ZEROED = 25
-"""Readings that the sensor is zeroed with."""
+"""Number of readings whose mean zeroes the sensor."""
 
 
 class Hand:
-    """Computes joint targets that lead the tip of a nominal robot, from its home pose on.
+    """Computes joint targets that lead the tool's tip along straight lines, from the home pose on.
 
     Attributes:
-        q: joint targets (J,).
-        tip: its position there (3,) [m].
-        orientation: of the tool (3, 3), which is kept.
+        q: latest joint targets (J,) [rad or m].
+        tip: position of the tip at these targets, of the nominal robot, in the world (3,) [m].
+        orientation: rotation tool → world (3, 3), which is kept.
     """
 
     def __init__(self, robot: SimulatedRobot) -> None:
@@ -65,10 +65,9 @@ class Hand:
         self._gone, self._age = np.inf, 0
 
     def move(self, shift: np.ndarray, parts: int) -> np.ndarray:
-        """Joint values (parts, J) that move the tip by ``shift`` (3,) [m] in the world.
+        """Joint values (parts, J), evenly spaced, that move the tip by ``shift`` (3,) [m].
 
-        At a limit of the joints or of the workspace the robot stops.
-        """
+        At a limit of the joints or of the workspace the robot stops."""
         if self._gone >= _FAR or self._age >= _OFTEN:
             rotation, tip, jacobian = self._slopes()
             error = np.concatenate([self.tip - tip, _vector(self.orientation @ rotation.T)])
@@ -88,7 +87,7 @@ class Hand:
         return np.asarray(line)
 
     def _blocked(self, new: np.ndarray, length: float) -> bool:
-        """Whether a target (J,) is beyond the joint limits or, near its edge, the workspace."""
+        """Whether joint targets ``new`` (J,), ``length`` [m] ahead, leave limits or workspace."""
         low, high = self._limits.T
         if ((new < low) | (new > high)).any():
             return True
@@ -98,7 +97,7 @@ class Hand:
         return self._close and bool(self.robot.infeasible(new[None], self._theta))
 
     def _slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Orientation (3, 3), position (3,) and Jacobian (6, J), linear velocity first."""
+        """Tip's orientation (3, 3), position (3,), Jacobian (6, J), linear velocity first."""
         count = len(self.q)
         around = self.q + np.vstack([np.zeros(count), _STEP * np.eye(count)])
         rotation, tip = tip_of(self.robot, around, self._theta)
@@ -115,17 +114,17 @@ def _vector(r: np.ndarray) -> np.ndarray:
 class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
     """Press the tool's tip on a limb below it with a wanted force.
 
-    The robot is servo-driven MuJoCo, its sensor has its real noise, on request effects; the limb
-    is a cylinder after Hunt and Crossley with friction. Each episode has another limb, force and
-    bias, and one of the effects, if there are any.
+    MuJoCo simulates the robot with its servos; the sensor has the noise of its type, and effects
+    (imperfections) if asked for; the limb is a cylinder with Hunt-Crossley contact and friction.
+    Each episode has another limb, force and bias, and one of ``effects``, if there are any.
 
-    Observation (13,) float32: wrench in sensor axes since it was zeroed at the start [N, N·m]; way
-    of the tip since then in the world [m]; wanted force [N]; the last action.
+    Observation (13,) float32: wrench in sensor axes since it was zeroed at the start [N, N·m];
+    displacement of the tip since then in the world [m]; wanted force [N]; the last action (3,).
 
     Action (3,) −1 … 1: speed of the tip in the world, times `SPEED`; its orientation is kept.
 
-    Reward of a step: minus the true force's distance from the wanted one, in wanted forces, minus a
-    hundredth of the squared change of the action; −10 at the end when it hurts.
+    Reward of a step: −|true force − wanted force| / wanted force, minus 0.01 of the squared change
+    of the action; −10 at the end when the force exceeds `TOO_MUCH_N`.
 
     Args:
         robot: registry name.
@@ -212,7 +211,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         return Limb(self.hand.tip - [0.0, 0.0, radius + above], axis, radius, stiffness)
 
     def _reading(self) -> np.ndarray:
-        """Present reading (6,) [N, N·m] of the sensor."""
+        """Reading (6,) [N, N·m] of the sensor now."""
         return np.asarray(self.body.readings(np.array([self.body.time]))[0][0])
 
     def _observation(self) -> np.ndarray:

@@ -10,7 +10,7 @@ from wrenchbed.errors import ParameterError
 
 
 class GreedyInformation:
-    """Policy of a calibration environment, wrapped or not: the pose with the most information per
+    """Policy of a `CalibrationEnv`, wrapped or not: visits the pose with the most information per
     second of robot time, by the nominal model; a `ParameterError` for another environment."""
 
     def __init__(self, env: Any) -> None:
@@ -25,10 +25,10 @@ class GreedyInformation:
 
 
 class ForceController:
-    """Policy that lowers the tip until the sensor reads the wanted force, and keeps it: integral
-    control with an assumed compliance of what is touched, ``softness`` [m/N].
+    """Policy of a `ContactEnv`: lowers the tip until the sensor reads the wanted force, and keeps
+    it, by integral control with an assumed compliance ``softness`` of the limb [m/N].
 
-    The environment is one of contact, wrapped or not; a `ParameterError` for another one.
+    The environment may be wrapped; a `ParameterError` for one of another class.
     """
 
     def __init__(self, env: Any, softness: float = 5e-4) -> None:
@@ -36,7 +36,7 @@ class ForceController:
         self._gain = 0.15 * softness / (SPEED * STEP_S)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """Speed of the tip, up or down, as an action −1 … 1."""
+        """Action (3,): vertical speed of the tip −1 … 1, from the observation (13,)."""
         force = self._env.hand.orientation @ observation[:3]
         wanted, least = float(observation[9]), -0.5
         down = self._gain * (wanted - float(force[2]))

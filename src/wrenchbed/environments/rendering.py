@@ -12,16 +12,16 @@ from wrenchbed.simulation.simulation import Simulation
 SIZE = (480, 640)
 """Height and width [px]."""
 _HALF_M = 0.2
-"""Half of the length of a limb in pictures [m]."""
+"""Half of the length of the limb that is drawn [m]."""
 _SKIN = np.array([0.87, 0.67, 0.56, 1.0], dtype=np.float32)
-"""Colour of a limb."""
+"""Colour of a limb [RGBA]."""
 
 
 def simulated(name: str) -> SimulatedRobot:
     """Load a robot that can be simulated by its registry name.
 
     Raises:
-        NotFoundError, ParameterError: there is none, or it has no model to simulate.
+        NotFoundError, ParameterError: no robot has the name; it has no model to simulate.
     """
     robot = registry.load("robots", name)
     if not isinstance(robot, SimulatedRobot):
@@ -39,7 +39,7 @@ class Rendered:
     def picture(
         self, simulation: Simulation, q: np.ndarray, limb: Limb | None = None
     ) -> np.ndarray:
-        """Picture (H, W, 3) of the robot at joint values (J,), and of the limb if any."""
+        """RGB picture (H, W, 3) of the robot at joint values (J,), and of the limb if any."""
         data = mujoco.MjData(simulation.model)
         data.qpos[:] = simulation.robot.qpos(q[None], simulation.theta)[0]
         mujoco.mj_forward(simulation.model, data)

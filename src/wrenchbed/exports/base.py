@@ -18,7 +18,7 @@ the form in sensor axes, ``cog_sensor`` and ``inertia_sensor``."""
 
 
 XML = "<!--"
-"""Begin of XML's comments, which go on to ``-->`` and may hold no ``--``."""
+"""Start of XML's comments, which go on to ``-->`` and may hold no ``--``."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Export(ABC):
         name: as in ``export --to NAME``.
         title: one line for people.
         source: the document or program that defines the format.
-        comment: how a comment's line begins, or ``<!--``; empty where the format has none, then the
-            notes are written to a file beside it.
-        needs_flange: whether it is in flange axes and has no use for sensor axes.
-        carries: which numbers of `CARRIES` it takes; the others are named as left out.
+        comment: start of a comment line, or ``<!--``; empty where the format has no comments: then
+            the notes are written to a second file beside it.
+        needs_flange: whether its numbers are in flange axes; sensor axes are of no use.
+        carries: which numbers of `CARRIES` it takes; the notes name the others as left out.
     """
 
     name: str
@@ -79,8 +79,8 @@ def export_to(
 ) -> tuple[list[Path], list[str]]:
     """Write a calibration in the format of another program, by its name in ``list exports``.
 
-    Returns the files that were written, and the notes that stand in them: every number with its ±,
-    and what the format leaves out.
+    Returns the files that were written, and the notes in them: every number with its standard
+    uncertainty (±), and what the format leaves out.
 
     Raises:
         ExportError: the data did not determine what the format needs.
@@ -103,7 +103,7 @@ def export_to(
 
 
 def output_files(format_name: str, out: str | Path) -> list[Path]:
-    """Paths that an export in this format writes; last the notes, if the format has no comments.
+    """Paths that an export in this format writes; the notes' last, if the format has no comments.
 
     Raises:
         NotFoundError: no such format.
@@ -114,8 +114,8 @@ def output_files(format_name: str, out: str | Path) -> list[Path]:
 
 
 def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:
-    """Notes on an exported file for people, each one line without control characters: names of
-    files, recordings and parameters are texts of others."""
+    """Notes on an exported file for people, each one line. Names of files, recordings and
+    parameters come from outside: control characters in them are spelled out."""
     here = [getattr(numbers, name) for name in form.carries]
     absent = [n for n in CARRIES if not {n, f"{n}_sensor"} & set(form.carries)]
     unused = [q.line() for q in (getattr(numbers, n) for n in absent) if q.known]

@@ -1,4 +1,4 @@
-"""Franka Desk: the end effector's configuration as its settings import it."""
+"""Franka Desk: the end effector's configuration, a file that its settings page can import."""
 
 import json
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ _POINT = "inertia was not identified: zeros stand for a point mass, which is too
 
 
 class Franka(Export):
-    """Export format for Franka Desk: strict JSON, so that the notes are in a file beside it."""
+    """Export format for Franka Desk: strict JSON without comments; notes are in a second file."""
 
     name = "franka"
     title = "Franka Desk's end effector configuration (JSON)"

@@ -10,7 +10,7 @@ from wrenchbed.exports.load_numbers import LoadNumbers
 from wrenchbed.physics.wrench import symmetric
 
 _MM = 1000.0
-"""mm a metre."""
+"""Millimetres per metre."""
 
 
 class Kuka(Export):
@@ -41,7 +41,7 @@ class Kuka(Export):
 
 
 def _fields(names: str, values: Sequence[float] | np.ndarray) -> str:
-    """KRL aggregate {X 1.0,Y 2.0,…} of names and values, without exponents below 1e-9."""
+    """KRL aggregate {X 1.0,Y 2.0,…} of names and values, with twelve decimals and no exponent."""
     return f"{{{','.join(f'{n} {float(v):.12f}' for n, v in zip(names, values, strict=True))}}}"
 
 

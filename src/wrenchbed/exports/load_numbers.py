@@ -29,11 +29,11 @@ from wrenchbed.twin.twin import Twin
 
 FLANGE, SENSOR = "flange axes", "sensor axes"
 _FLAT = 1e-9
-"""Largest derivative that counts as none [SI]: what rounding leaves of 0."""
+"""Derivatives up to this size count as 0 [SI]: they are rounding."""
 _UNIT = 1e-3
-"""How far a quaternion may be from length 1."""
+"""How far the norm of a quaternion may be from 1."""
 _CARRIED = ("sensor.bias", "mount.", "base.tilt")
-"""How parameters begin that the formats carry, beside those of the load."""
+"""Starts of the names of parameters, beside those of the load, that some format carries."""
 _BIAS = tuple(f"sensor.bias.{c}" for c in CHANNELS)
 _TITLES = {
     "mass": ("mass", "kg"), "cog": ("CoG", "m"), "cog_sensor": ("CoG in sensor axes", "m"),
@@ -44,11 +44,11 @@ _TITLES = {
 }  # fmt: skip
 """Title and unit of each quantity of `LoadNumbers`."""
 _NO_LOAD = {"effort": "joint efforts", "pose": "a tracker's readings", "command": "commands"}
-"""Fits without a load, by what their ``channels`` say."""
+"""Fits that identify no load: value of their field ``channels`` → what was fitted, for messages."""
 _OF_TWIN = ("format", "robot", "robot_model", "gravity", "theta", "effects", "recording")
-"""Fields of a fit to a tracker's readings that make a twin."""
+"""Fields of a tracker fit's JSON that are needed to make a twin (corrected simulator)."""
 Vectors = Mapping[str, np.ndarray]
-"""All numbers of one θ, vectors (K,), by name."""
+"""Numbers computed from one θ: name → vector (K,)."""
 
 
 class Origin(StrEnum):
@@ -67,7 +67,7 @@ class Quantity:
         value: (K,) [unit].
         std: standard uncertainty (K,) [unit]; None if it is not known.
         unit: SI unit.
-        origin: where it comes from.
+        origin: whether it comes from the data, from a statement, or is undetermined.
         why: if it is undetermined, the parameters of which the data fix only a combination.
     """
 
@@ -110,20 +110,20 @@ class LoadNumbers:
     """Numbers of a calibration on the load, the sensor and its place, for other programs.
 
     Attributes:
-        source: name of the file.
+        source: name of the file, fit.json or twin.json.
         digest: SHA-256 of that file.
-        robot, recording: what was calibrated, and from what.
+        robot, recording: names of the calibrated robot and of the recording.
         frame: in whose axes ``cog``, ``inertia``, ``rotation`` and ``position`` are: the flange's,
             or the sensor's where no flange is known.
         mass: mass of all that loads the gauges [kg].
-        cog: centre of gravity of that in ``frame`` [m]; ``cog_sensor`` the same in sensor axes.
+        cog: centre of gravity of that mass in ``frame`` [m]; ``cog_sensor`` in sensor axes.
         inertia: about the CoG, axes of ``frame``, xx yy zz xy xz yz [kg·m²]; ``inertia_sensor``
-            the same in sensor axes.
+            in sensor axes.
         rotation: rotation vector of the sensor in ``frame`` [rad].
         position: position of the sensor's origin in ``frame`` [m].
         bias: zero of the sensor, six channels [N, N·m].
         gravity: gravity in axes of the robot's base [m/s²].
-        left: what the file knows and no format here carries, a line each.
+        left: lines on what the file knows and no format here carries.
         twin: the calibrated simulator with these numbers.
     """
 
@@ -160,8 +160,8 @@ class _Calibrated(NamedTuple):
 def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> LoadNumbers:
     """Read the numbers for other programs from fit.json or twin.json.
 
-    For robots whose model knows no flange ``mount`` is the place of the sensor in it, x y z [m] qw
-    qx qy qz. The numbers are then in flange axes.
+    ``mount``: pose of the sensor in the flange, x y z [m] qw qx qy qz, for a robot whose model has
+    no flange; the numbers are then in flange axes.
 
     Raises:
         ExportError: it is neither, its data refute it, it did not converge, or ``mount`` is wrong
@@ -196,7 +196,7 @@ def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> Load
 
 
 def calibrated_twin(path: str | Path) -> Twin:
-    """Make the simulator that fit.json or twin.json states.
+    """Make the twin (calibrated simulator) that fit.json or twin.json states.
 
     Raises:
         ExportError, TwinError: it is neither, or cannot be trusted; names the file and the field.

@@ -23,7 +23,7 @@ _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 class Urdf(Export):
-    """Export format for URDF: edits the user's elements; notes are comments in the inertial."""
+    """Export format for URDF: edits a user's URDF text; notes are comments in <inertial>."""
 
     name = "urdf"
     title = "the user's URDF with the load and the sensor's frame"

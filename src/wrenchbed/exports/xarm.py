@@ -8,15 +8,15 @@ from wrenchbed.exports.load_numbers import LoadNumbers
 from wrenchbed.files.checked import listed
 
 _MM = 1000.0
-"""mm a metre; the SDK takes millimetres since 1.11.0."""
+"""Millimetres per metre; the xArm SDK takes millimetres since 1.11.0."""
 
 _ENCODING = "# -*- coding: utf-8 -*-\n"
-"""First line of a Python file: Python obeys an encoding in the first two (PEP 263), which could
-stand in a name."""
+"""First line of the file: Python obeys an encoding in the first two lines (PEP 263), and a name in
+the notes could hold one."""
 
 
 class XArm(Export):
-    """Export format for xArm: mass [kg], CoG in sensor axes [mm], zero of six channels [N, N·m]."""
+    """Export format for xArm: mass [kg], CoG [mm], bias of six channels [N, N·m], sensor axes."""
 
     name = "xarm"
     title = "the ten numbers of xArm's ft_sensor_cali_load"

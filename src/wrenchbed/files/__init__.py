@@ -1,8 +1,8 @@
-"""The one way to write: a file is complete under its name, or what was there before is.
+"""Atomic writing: a file is complete under its name, or what was there before is.
 
 Free: the inside of each file (speed); tests/project/test_files.py and test_write_faults.py speak.
-Others rely on: atomicity, locks and names aside (NAME~, NAME~2), on which every room that writes
-builds; of `checked.Fields` that an absent entry is None and that errors name file and field.
+Others rely on: atomicity, locks and the names of kept files (NAME~, NAME~2) in every room that
+writes; of `checked.Fields` that an absent entry is None and that errors name file and field.
 Never: open an output in place; read JSON or TOML of others but by `checked`, with its limits.
 """
 
@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 TEMPORARY = ".wrenchbed-*.part"
 """Pattern of the temporary files and folders that a killed writer leaves in a folder."""
 _AT_ONCE = 1 << 20
-"""Size of a file's buffer [B]: most files are written by one call."""
+"""Size of a file's write buffer [B]: most files are written by one system call."""
 _HELD: set[Path] = set()
 """Outputs that this process has locked."""
 _ABANDONED_S = 60.0
@@ -74,10 +74,10 @@ def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
 
 @contextmanager
 def atomic_folder(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary folder to write files to; all of them appear in ``path`` when it ends.
+    """Yield a temporary folder; the files written to it appear in ``path`` when the block ends.
 
-    A new folder takes its name in one step. Where there is one already, its other files stay. If
-    the block raises, or a name is not free for its file, ``path`` stays as it was.
+    A new folder gets its name in one step. In an existing one, other files stay. If the block
+    raises, or a folder or device has the name of a file to move, ``path`` stays as it was.
 
     Raises:
         OSError: names the file in ``path``.
@@ -116,7 +116,7 @@ def locked(path: str | Path, folder: bool = False) -> Iterator[None]:
     """Lock an output for this process while the block runs; the lock ends with the process.
 
     A file is locked by ``.NAME.lock`` beside it; a folder, which is made if it is missing, by
-    itself. This process may lock an output again. File systems without locks lock nothing.
+    itself. This process may lock the same output twice. File systems without locks lock nothing.
 
     Raises:
         BlockingIOError: another process writes to ``path``.
@@ -149,10 +149,10 @@ def locked(path: str | Path, folder: bool = False) -> Iterator[None]:
 
 
 def set_aside(path: Path, suffix: str = "~", beside: str = "") -> Path | None:
-    """Rename a file to the first free one of NAME~, NAME~2, … (``suffix`` in the place of ``~``),
-    which are never replaced; return the new path, None if there was no file.
+    """Rename a file out of the way, to the first free one of NAME~, NAME~2, … (``suffix`` is the
+    ~); return its new path, None if there was no file. No other file is replaced.
 
-    A file that is named as this one with the suffix ``beside`` is renamed with it.
+    A companion file, named NAME + ``beside`` (such as ``.json``), is renamed with it.
     """
     there = [end for end in dict.fromkeys(("", beside)) if os.path.lexists(f"{path}{end}")]
     if not there:
@@ -167,7 +167,7 @@ def set_aside(path: Path, suffix: str = "~", beside: str = "") -> Path | None:
 
 
 def put_back(kept: Path, path: Path, beside: str) -> None:
-    """Undo `set_aside`: rename ``kept``, and the file beside it, back to ``path``."""
+    """Undo `set_aside`: rename ``kept`` and its companion file (+ ``beside``) back to ``path``."""
     for end in dict.fromkeys(("", beside)):
         if os.path.lexists(f"{kept}{end}"):
             Path(f"{kept}{end}").rename(f"{path}{end}")
@@ -207,7 +207,7 @@ def _temporary_name() -> str:
 
 
 def _hold(handle: int) -> None:
-    """Lock the temporary file or folder behind a descriptor until it is closed, if possible."""
+    """Lock an open temporary file or folder by its descriptor, if possible, to mark it as used."""
     with suppress(OSError):
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
 

@@ -12,7 +12,7 @@ from typing import Any
 from wrenchbed.errors import WrenchbedError, did_you_mean, raise_shortage
 
 _LARGEST = {"JSON": 2**25, "TOML": 2**20}
-"""Largest file by kind [bytes]: 10 times the largest diagnosis and 100 times the largest map."""
+"""Most bytes of a file, by kind: 10 times the largest diagnosis, 100 times a map of columns."""
 _MOST_DOTS = 200
 """Most dots in a line of TOML: time and memory of `tomllib` grow with the square of a key's
 parts."""
@@ -28,7 +28,7 @@ def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> 
     """Read a JSON or TOML file, chosen by its suffix (``other`` if neither); return its content.
 
     Raises:
-        error: no such file, a folder, unreadable or not valid.
+        error: the class given: no such file, a folder, unreadable or not valid.
     """
     path = Path(path)
     kind = {".json": "JSON", ".toml": "TOML"}.get(path.suffix, other)
@@ -51,7 +51,7 @@ def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSO
     """Parse JSON or TOML (``kind``) in UTF-8 bytes and return its content.
 
     Raises:
-        error: not valid, too long, or nested too deeply.
+        error: the class given, with ``where`` before its text: not valid, too long or too nested.
     """
     if len(raw) > _LARGEST[kind]:
         raise error(f"{where} is longer than {_LARGEST[kind]:,} bytes, which no {kind} here is")
@@ -81,7 +81,7 @@ def text_of(path: Path, error: type[WrenchbedError]) -> str:
     """Read the text of a regular TOML file, not beyond the length that one may have.
 
     Raises:
-        error: no such file, or it is no text; a longer one is left to `parsed` to refuse.
+        error: the class given: no such file, or no text; `parsed` refuses one that is too long.
     """
     if path.exists() and not path.is_file():  # a pipe would be waited for
         raise error(f"{path}: is no regular file: give a TOML file")
@@ -120,7 +120,7 @@ class Fields:
         self.raw = raw
 
     def error(self, key: str, rule: str) -> WrenchbedError:
-        """Make the error for a field: its value, or that it is missing, and the rule for it."""
+        """Make the error for a field: its value, or that it is missing, and the ``rule`` for it."""
         if key not in self.raw:
             return self.kind(f"{self.where}{self._label(key)} is missing: it {rule}")
         return self.kind(f"{self.where}{self._label(key)} = {self.raw[key]!r} {rule}")
@@ -129,7 +129,7 @@ class Fields:
         return f"{self.name}.{key}" if self.name else key
 
     def only(self, known: Collection[str], what: str = "it") -> "Fields":
-        """Raise an error for an unknown field, with the nearest known name; return this object."""
+        """Raise an error for a field not in ``known``, with the nearest of them; return self."""
         for key in self.raw:
             if key not in known:
                 has = f"{what} has {', '.join(sorted(known))}"

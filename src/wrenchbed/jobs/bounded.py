@@ -1,4 +1,4 @@
-"""Runs work of a library that ignores signals and has no limits in a process that has both."""
+"""Runs a library call that ignores signals and has no limits in a child process with limits."""
 
 import os
 import pickle
@@ -16,8 +16,8 @@ from wrenchbed.errors import ShortageError
 from wrenchbed.jobs.ending import end_by_kernel
 
 _CPU_S, _WALL_S = 10, 60
-"""Most processor time and most time [s]: MuJoCo reads the largest robots of MuJoCo Menagerie in
-0.5 s; a pipe that nobody writes to takes no processor time."""
+"""Most processor time and most elapsed time of the call [s]: MuJoCo reads the largest robots of
+MuJoCo Menagerie in 0.5 s; a pipe that nobody writes to takes no processor time."""
 _MEMORY = 2**30
 """Most memory beyond that of this process [byte]: 128 MB of meshes take 0.6 GB."""
 _CHUNK = 2**20

@@ -28,14 +28,14 @@ _START = (
     f"ctypes.CDLL(None).prctl({_PR_SET_PDEATHSIG}, {int(signal.SIGKILL)}, 0, 0, 0)\n"
     "if os.getppid() == int(sys.argv[1]): os.execv(sys.argv[2], sys.argv[2:])"
 )
-"""Becomes a program that the kernel kills with its parent; the setting survives execv."""
+"""Python code that turns into a program which the kernel kills with its parent (survives execv)."""
 
 
 def end_with(parent: int) -> None:
-    """Start to watch a parent process by its id, and end this process within a second of its end.
+    """Watch a parent process, given by its id, and end this one within a second after it ends.
 
-    Its standard output becomes the null device, so that a reader of the parent's output sees the
-    end of the parent.
+    Standard output becomes the null device: this process must not keep the parent's output open, or
+    who reads that output would wait for its end.
     """
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)

@@ -28,7 +28,7 @@ _SHARED: list[Any] = []
 
 
 def key(*things: object) -> str:
-    """Short hash of all that determines results: these things and the source of this package."""
+    """Short hash of all that determines results: ``things`` and the source code of wrenchbed."""
     return hashlib.sha256(repr((things, _code())).encode()).hexdigest()[:10]
 
 
@@ -55,7 +55,7 @@ class Parts:
 
     Args:
         folder: is made if it is missing.
-        prefix: begin of the files' names; must change with all that determines the rows (`key`).
+        prefix: start of the files' names; must change with all that determines the rows (`key`).
         schema: columns of the rows; inferred if None.
     """
 
@@ -110,9 +110,9 @@ def run(
     """Compute the parts that are not on disk; return the rows of all, in the order of ``numbers``.
 
     Args:
-        work: a module-level function, called in other processes.
+        work: a module-level function (``shared``, part's number) → rows; runs in other processes.
         shared: first argument of ``work``, sent once to each process.
-        report: called with the number of further parts that are done.
+        report: called with the number of parts finished since its last call.
         processes: number of processes; as many as cores if None.
     """
     missing = [n for n in numbers if not parts.readable(n)]
@@ -142,7 +142,7 @@ def check_folders(
     folders: Sequence[Path],
     error: type[WrenchbedError],
 ) -> None:
-    """Make the folders of a run, or check that they belong to one with equal settings, else raise.
+    """Make the folders of a run; raise ``error`` if they hold a run with other settings.
 
     The run keeps its settings in ``settings_file``, JSON in one of the folders.
     """

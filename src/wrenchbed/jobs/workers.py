@@ -54,11 +54,11 @@ def in_workers(
 
     Args:
         work: a module-level function of one item.
-        finished: called in this process with each item and its result, in the order they end.
+        finished: called in this process with each item and its `Future`, in the order they end.
         setup: called once in each process with ``shared``.
 
     Raises:
-        ShortageError, WorkerError: as `workers`.
+        ShortageError, WorkerError: too few files or memory; a process died (see `workers`).
     """
     if not items:
         return
@@ -115,7 +115,7 @@ def workers(
 
 
 def _check_files(count: int) -> None:
-    """Raise `ShortageError` for a limit of open files with which ``count`` workers would hang."""
+    """Raise `ShortageError` if the limit of open files is so low that the workers would hang."""
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     need = _LEAST_FILES + _FILES_A_WORKER * count
     if limit != resource.RLIM_INFINITY and limit < need:
@@ -135,7 +135,7 @@ def _initialise(parent: int, setup: Callable[..., None] | None, shared: tuple[An
 
 
 def _how(processes: Sequence[BaseProcess]) -> str:
-    """Describe how the first worker died, not those that the pool itself ended afterwards."""
+    """Describe how the first worker process died, not those that the pool ended afterwards."""
     codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
     code = codes[0] if codes else None
     if code == -signal.SIGKILL:

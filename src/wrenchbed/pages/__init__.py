@@ -1,12 +1,11 @@
 """HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
 Free: the inside of each file (styles and layout); tests/reports speak.
-Others rely on: `numbers` (digits on pages and in the terminal), fields of `chart`, which
-``assets/page.js`` reads too.
+Others rely on: `numbers` (digits on pages and in the terminal), fields of `chart` and `scene`,
+which ``assets/page.js`` and ``assets/scene.js`` read too.
 Never: a robot, a recording or a fit: this room draws data that it is given; a script or address
 that the page's security policy does not allow.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
-renderers), `scene` and ``assets/scene.js`` (a robot), `document` (studies), `plots`, `numbers`.
-"""
+renderers), `scene` and ``assets/scene.js`` (a robot), `document` (studies), `plots`, `numbers`."""
 
 import base64
 import hashlib
@@ -25,9 +24,9 @@ from wrenchbed.pages.draw import Drawn
 from wrenchbed.pages.scene import Scene
 
 LIBRARY, SCRIPT = "assets/echarts.min.js", "assets/page.js"
-"""Apache ECharts 6.1.0 as npm has it (its licences beside it), and what a page does with it."""
+"""Apache ECharts 6.1.0 as npm has it (licences beside it), and the page's script that uses it."""
 SOLIDS = ("assets/three.min.js", "assets/scene.js")
-"""What is used of three.js 0.187.0, and what a page with a robot does with it."""
+"""The parts of three.js 0.187.0 that are used, and the script of a page with a robot."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class ReportPage:
 
     Attributes:
         context: values that the template shows, by name; ``verdict``, if any, chooses its colour.
-        template: which kind of page it is, with ``.html`` or ``.md``.
+        template: name of the jinja2 template, of a kind of page, with ``.html`` or ``.md``.
         figures: interactive figures; libraries that none of them needs are left out.
     """
 
@@ -76,7 +75,7 @@ class ReportPage:
 
 @cache
 def _script(name: str) -> tuple[str, str]:
-    """Text of a script file, and the source expression by which a page's policy allows it."""
+    """Text of a script file, and its entry (hash) in the page's content security policy."""
     text = "\n" + _text(name).rstrip() + "\n"
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return text, f"'sha256-{digest}'"

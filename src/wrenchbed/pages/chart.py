@@ -1,6 +1,6 @@
 """Data of a figure: `draw` makes a still SVG of them, ``assets/page.js`` an interactive figure.
 
-Both take the same numbers, so they cannot disagree.
+Both read the same numbers, so that they cannot disagree.
 """
 
 from collections.abc import Sequence
@@ -11,16 +11,16 @@ from typing import Any, Literal
 import numpy as np
 
 Role = Literal["measured", "before", "after", "box"]
-"""What a colour means: measured, simulated without and with the effects, one simulator more."""
+"""What a colour means: measured, simulated without and with the effects, one more simulator."""
 Mark = Literal["dot", "ring", "diamond"]
 Kind = Literal["line", "points", "bars"]
 DIGITS = 6
 """Significant digits of a number in a page."""
 MOST_POINTS = 400
-"""Points of a series of a static figure; of more rows the extremes are kept."""
+"""Most points of a series in a static figure; of longer series the extremes are kept."""
 _MAPS = {False: "cividis", True: "RdBu_r"}
-"""Matplotlib's colours of scales: cividis (Nuñez, Anderton & Renslow 2018,
-10.1371/journal.pone.0199239), and of diverging ones ColorBrewer's, blue below zero, red above."""
+"""Matplotlib's colour map by whether a scale is diverging: cividis (Nuñez, Anderton & Renslow 2018,
+10.1371/journal.pone.0199239), or ColorBrewer's, blue below zero, red above."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class Axis:
     """One axis of a chart's panel.
 
     Attributes:
-        label, unit: quantity that it shows.
-        scale: ``log`` is in decades.
+        label, unit: name and unit of the quantity.
+        scale: ``log`` is logarithmic, marked in decades.
         names: categories of a y axis, whose values are 0, 1 … from the top down.
-        ticks: where it is marked; chosen by whoever draws it if empty.
-        low, high: its ends, None: those of the data.
+        ticks: values with a mark; if empty, whoever draws the axis chooses them.
+        low, high: ends of the axis; None: those of the data.
     """
 
     label: str
@@ -54,14 +54,14 @@ class Series:
     """N points, lines or bars of a chart's panel.
 
     Attributes:
-        name: for legend and table; one that is empty has none.
-        kind: ``bars`` are horizontal, y has names.
+        name: for legend and table; a series with an empty name is in neither.
+        kind: how it is drawn; ``bars`` are horizontal, on a y axis with names.
         x, y: (N,) in the axes' units.
         std: standard uncertainty of y (N,), None where it is not known.
         role: meaning that decides its colour.
         mark: shape of points.
         dashed: whether a line is dashed.
-        ids: number of the observation behind each point (N,): figures share their cursor by it.
+        ids: number of the observation behind each point (N,); figures share their cursor by it.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Series:
             raise ValueError(f"series {self.name!r}: arrays of different lengths")
 
     def at(self, keep: np.ndarray) -> "Series":
-        """Return a series with the points of these indices (K,) only."""
+        """Return a series that has only the points with these indices (K,)."""
         std, ids = (None if v is None else v[keep] for v in (self.std, self.ids))
         return replace(self, x=self.x[keep], y=self.y[keep], std=std, ids=ids)
 
@@ -92,8 +92,8 @@ class Scale:
     Attributes:
         label: name and unit of the values.
         low, high: ends; values beyond have the colours of the ends.
-        ticks: marks on its bar.
-        log: whether it is in decades.
+        ticks: values marked on its colour bar.
+        log: whether it is logarithmic.
         diverging: whether it has two colours, one on either side of zero.
     """
 
@@ -118,7 +118,7 @@ class Scale:
         return str(colors.to_hex(colormaps[_MAPS[self.diverging]](self.share(value))))
 
     def bar(self, steps: int = 40) -> dict[str, Any]:
-        """Legend of the scale: colours of equal steps, and its marks as (position, text)."""
+        """Legend: colours of ``steps`` equal steps, and marks as (position 0 … 1, text)."""
         ends = self.low, self.high
         values = np.geomspace(*ends, steps) if self.log else np.linspace(*ends, steps)
         return {
@@ -138,13 +138,13 @@ class Matrix:
 
     Attributes:
         rows, columns: names of rows and columns.
-        values: NaN where there is none.
+        values: numbers (R, C), NaN where there is none.
         scale: colour scale.
         texts: values as printed, row by row.
-        printed: whether they stand in the cells; at the cursor they always do.
+        printed: whether the texts stand in the cells; at the cursor they always appear.
         ids: number of the observation at which each cell is worst (R, C); empty if cells are not of
             observations (poses or samples).
-        spans: numbers of the first and last observation of each column (C, 2); empty likewise.
+        spans: first and last observation of each column (C, 2); empty if columns are none of them.
     """
 
     rows: tuple[str, ...]
@@ -158,7 +158,7 @@ class Matrix:
 
     @property
     def colours(self) -> list[list[str | None]]:
-        """Colour of each cell; None for one without a value, which has the page's own."""
+        """Colour ``#rrggbb`` of each cell (R × C); None for a cell without a value."""
         return [[self.scale.colour(float(v)) if np.isfinite(v) else None for v in row]
                 for row in self.values]  # fmt: skip
 
@@ -169,7 +169,7 @@ class Panel:
 
     Attributes:
         title: text above the panel, may be empty.
-        height: in units of a usual panel's.
+        height: as a multiple of a usual panel's height.
         zero: whether a line marks y = 0.
     """
 
@@ -189,9 +189,9 @@ class Chart:
     Attributes:
         name: unique on its page, of letters, digits and hyphens.
         title: text above the figure.
-        panels: row by row.
-        columns: panels beside each other where there is room.
-        shared: whether all panels have the same x.
+        panels: panels, row by row.
+        columns: number of panels beside each other where there is room.
+        shared: whether all panels have the same x axis.
         caption: text beneath the figure.
         note: sentence on data that are not drawn.
     """
@@ -210,9 +210,9 @@ class Chart:
 
 
 def extremes(y: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
-    """Indices of at most ``most`` points of y (N,): minimum and maximum of each of equal stretches.
+    """Indices of at most ``most`` points of y (N,): minimum and maximum of equally long stretches.
 
-    First and last are among them; NaN are not drawn.
+    The first and the last point are among them; NaN are left out.
     """
     n = len(y)
     if n <= most:
@@ -238,7 +238,7 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Indices of a series' points to draw: extremes, which alone look like two curves, and more."""
+    """Indices of a series' points to draw: extremes; in scatter plots also evenly spaced ones."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)
     even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)
@@ -259,7 +259,7 @@ def luminance(colour: str) -> float:
 
 
 def to_json(value: Any) -> Any:
-    """Convert parts of a chart to JSON: fields by name, numbers with `DIGITS` digits or null."""
+    """Convert charts or parts of them to JSON: fields by name, `DIGITS` digits, null for NaN."""
     if isinstance(value, np.ndarray):
         return to_json(value.tolist())
     if isinstance(value, float):

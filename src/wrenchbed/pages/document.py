@@ -1,6 +1,5 @@
 """Pages of studies and scores: tables and figures in sections, as Markdown and as one HTML page;
-and the origin of a page or a picture: date, data by their SHA-256, version, seed, command.
-"""
+and the origin of a page or a picture: date, data by their SHA-256, version, seed, command."""
 
 import hashlib
 import os
@@ -21,7 +20,7 @@ from wrenchbed.pages.numbers import measured, minus
 
 NO_FILE = "unknown: there is no such file here"
 Facts = Sequence[tuple[str, str]]
-"""Label and text of each."""
+"""Rows of label and text, such as those of `provenance`."""
 
 
 def provenance(
@@ -30,8 +29,8 @@ def provenance(
     """Facts on the origin of a page, as (label, text).
 
     Args:
-        files: paths of what was read; of a name without a file it is said that there is none.
-        command: command line that made it; left out if empty.
+        files: paths of the files that were read, stated with SHA-256; a missing one is named so.
+        command: command line that made the page; left out if empty.
         seed: seed of all random choices; left out if there were none.
     """
     lines = [(f"SHA-256 of {Path(r).name}", sha256(r) or NO_FILE) for r in files]
@@ -120,7 +119,7 @@ class Card:
 
     Attributes:
         label: the question, in a word or two.
-        figure: the answer, large.
+        figure: the answer, a number or word in large type.
         text: what it means, one sentence or two.
     """
 
@@ -143,11 +142,11 @@ class Document:
     """Content of a whole page: summary, cards and sections.
 
     Attributes:
-        made: how it was made, as a sentence.
+        made: sentence on how the page was made.
         summary: key results, for programs.
-        data: where it comes from, see `provenance`.
+        data: where the data come from, rows of `provenance`.
         cards: the answers of the first screen.
-        badge: key of its colour, as of a verdict, and the badge itself.
+        badge: key of the page's colour, such as a verdict, and text of the badge.
     """
 
     title: str

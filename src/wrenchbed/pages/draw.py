@@ -19,17 +19,17 @@ INK = "#1c2126"
 WIDTH = 4.9
 """Width of a column of panels [in]: fits a telephone, and two fit beside each other on a screen."""
 HEIGHT = 1.75
-"""Height of a usual panel [in]."""
+"""Height of a panel whose relative height is 1 [in]."""
 MOST_LETTERS = 75
-"""Letters of names beside each other under a matrix; names turn where there would be more."""
+"""Most letters of column names under a matrix; longer names are turned."""
 MOST_WHISKERS = 150
-"""Points of a still figure that have their uncertainty drawn."""
+"""Most points of a still figure with a bar of uncertainty each."""
 COLOURS = {"measured": BLUE, "before": ORANGE, "after": GREEN, "box": PURPLE}
 _THEME = {
     INK: "--ink", "#5b6670": "--soft", "#e3e7ea": "--line", BLUE: "--real", ORANGE: "--sim",
     GREY: "--soft", PURPLE: "--box", GREEN: "--after",
 }  # fmt: skip
-"""Colours drawn and the page's own ones that take their place, in light and in dark."""
+"""Colours as drawn → the page's CSS colours that replace them, in light and in dark."""
 _STYLE: Any = {
     "font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
     "grid.color": "#e3e7ea", "grid.linewidth": 0.7, "axes.axisbelow": True,
@@ -211,7 +211,7 @@ def _legend(figure: Any, axes: list[Any]) -> None:
 
 
 def _own(text: str, name: str, *, themed: bool) -> str:
-    """Make an SVG's ids unique, remove addresses and, if ``themed``, use the page's colours."""
+    """Make an SVG's ids unique by ``name``, remove links; if ``themed``, use the page's colours."""
     if not themed:
         return text
     for colour, variable in _THEME.items():

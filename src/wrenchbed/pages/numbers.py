@@ -12,7 +12,7 @@ from typing import Any
 NORMAL_95 = 1.96
 """Half the width of a 95 % interval, in standard uncertainties."""
 MOST_NINES = 4
-"""Decimals of a percentage close below the whole."""
+"""Most decimals of a percentage just below 100 %."""
 HUMAN: Mapping[str, tuple[str, float]] = {
     "m": ("mm", 1e3), "rad": ("°", 180.0 / math.pi), "kg·m²": ("g·m²", 1e3),
     "N/s": ("N/h", 3600.0), "N·m/s": ("N·m/h", 3600.0), "m/s": ("mm/min", 6e4),
@@ -24,13 +24,13 @@ _SMALL = {"s": ("ms", 1e3), "kg": ("g", 1e3)}
 """Units of times and masses below `_LEAST`, and the factor to them."""
 _LEAST = 0.1
 _SHARES = ("gain", "share", "span", "warm", "x", "relax", "even", "odd", "size")
-"""Parameters without unit that people read in percent, by the start of their name."""
+"""Starts of the names of parameters without unit that people read in percent."""
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 """Digits as exponents."""
 
 
 def gap(value: float) -> str:
-    """Text of a gap (in units of a row's noise variance) with two decimals, fewer if large."""
+    """Text of a gap (mean squared residual over a row's noise variance): two decimals or fewer."""
     size = abs(value)
     if size < 0.005:
         return "0.00"
@@ -39,7 +39,7 @@ def gap(value: float) -> str:
 
 
 def percent(x: float) -> str:
-    """Text of a fraction as %: one decimal, none from 1,000 % on, more just below 100 %."""
+    """Text of a ratio in %: one decimal, none from 1,000 % on, more just below 100 %."""
     rest = 1.0 - x
     if 0.0 < rest < 1e-3:
         digits = min(MOST_NINES, -math.floor(math.log10(rest)) - 2)
@@ -59,7 +59,7 @@ def p_value(p: float) -> str:
 
 
 def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> str:
-    """Text of a parameter's value ± standard uncertainty, with the unit for people."""
+    """Text ``value ± std unit`` of a parameter, from its JSON ``entry``, in the unit for people."""
     value, std = entry.get("value"), entry.get("std")
     if not _is_number(value) or "unit" not in entry:
         shown, rivals = f"{value:g}" if _is_number(value) else str(value), entry.get("rivals")
@@ -110,7 +110,7 @@ def minus(text: str) -> str:
 
 
 def human(name: str, value: float, unit: str) -> tuple[float, str]:
-    """Factor from an SI unit to the one in which people read a parameter of this value, and it."""
+    """(factor, unit) to convert a parameter's ``value`` from an SI unit to the one people read."""
     if unit == "1" and name == "skew":
         return 1e6, "ppm"
     if unit == "1":
@@ -126,7 +126,7 @@ def _with(number: str, unit: str) -> str:
 
 
 def _power(size: float) -> int:
-    """Power of ten to write as a factor; 0 where a plain number reads well."""
+    """Power of ten to write as a factor beside a number; 0 where a plain number reads well."""
     return 0 if size == 0.0 or 1e-2 <= size < 1e4 else math.floor(math.log10(size))
 
 

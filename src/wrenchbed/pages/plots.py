@@ -9,9 +9,9 @@ from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 
 LEAST_BINS = 8
 MOST_MARKS = 6
-"""Most marks on an axis in decades."""
+"""Most marks on a logarithmic axis."""
 MOST_PLACES = 1200
-"""Points of a workspace."""
+"""Most points that are drawn of a workspace."""
 
 
 def course(values: np.ndarray, x: str, y: str) -> Chart:
@@ -34,7 +34,7 @@ def histograms(
     Args:
         panels: panel title → name → sample (N,).
         x, y: labels of the axes.
-        log: whether x is in decades; for positive numbers only.
+        log: whether x is logarithmic; for positive numbers only.
         bins: largest number of bins; fewer for few values.
     """
     roles: tuple[Role, ...] = ("measured", "before")

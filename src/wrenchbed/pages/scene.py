@@ -1,4 +1,4 @@
-"""A robot that a page shows as a body: ``assets/scene.js`` turns it, `Scene.svg` is its picture."""
+"""A robot in 3D on a page: ``assets/scene.js`` lets readers turn it, `Scene.svg` is a picture."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,22 +11,22 @@ from wrenchbed.errors import printable
 from wrenchbed.pages.chart import Role, to_json
 
 _LEAST = (0.89, 0.90, 0.91)
-"""Colour of a part that nothing is wrong with: light grey."""
+"""Colour of a part with probability 0 of a cause: light grey [RGB, 0 … 1]."""
 _RAMP = np.array(
     [_LEAST, (0.99, 0.84, 0.42), (0.98, 0.62, 0.28), (0.86, 0.27, 0.26), (0.50, 0.04, 0.16)]
 )
-"""Light grey, yellow, orange, red, dark red: darker the worse, also without colour."""
+"""Light grey, yellow, orange, red, dark red [RGB, 0 … 1]: the darker the worse, also in print."""
 _LIGHT = np.array([0.36, -0.48, 0.8])
 """Direction to the light of the still picture."""
 _SHADOW = 0.55
-"""Brightness of what lies in the shadow, of 1."""
+"""Brightness of surfaces turned away from the light, relative to lit ones."""
 _WIDTH, _HEIGHT, _EDGE, _HEAD = 520, 420, 24, 9
 """Size of the still picture, its margin and an arrow's head [px]."""
 _VARIABLES = {"measured": "--real", "before": "--sim", "after": "--after", "box": "--box"}
 
 
 def heat(share: np.ndarray | float) -> np.ndarray:
-    """RGB colours (…, 3), 0 … 255, for shares of blame (…,), 0 … 1."""
+    """RGB colours (…, 3), 0 … 255, for probabilities (…,), 0 … 1, that a part is the cause."""
     at = np.clip(np.asarray(share, dtype=float), 0.0, 1.0) * (len(_RAMP) - 1)
     low = np.minimum(at.astype(int), len(_RAMP) - 2)
     part = (at - low)[..., None]
@@ -39,11 +39,11 @@ class Part:
     """A rigid part of the drawn robot, in one colour.
 
     Attributes:
-        name: what the part stands for.
-        body: number of the frame that moves it.
-        share: share of the blame, 0 … 1.
+        name: of the robot's part, such as a joint or the tool.
+        body: index of the frame in `Scene.frames` that moves it.
+        share: probability that the part is a cause of the gap, 0 … 1; decides its colour.
         places: corners of its surface in that frame (V, 3) [m].
-        faces: its triangles (T, 3), anticlockwise from outside.
+        faces: triangles as indices of corners (T, 3), anticlockwise from outside.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Arrows:
-    """Vectors (K, 3) at the sensor in its axes, as long as drawn [m]; torques have two heads."""
+    """Vectors (K, 3) at the sensor at K moments, sensor axes [m]; torques have two heads."""
 
     name: str
     role: Role
@@ -70,12 +70,12 @@ class Scene:
     Attributes:
         name, title, caption, note, columns: as of a `Chart`.
         parts: rigid parts of the robot.
-        frames: frames of its bodies in the world, last the sensor's (K, B, 3, 4): axes, place [m].
+        frames: frames of B bodies in the world, last the sensor's (K, B, 3, 4): axes, origin [m].
         arrows: arrows that begin at the sensor.
-        labels: texts of the moments.
-        ids: numbers of their observations (K,): figures share their cursor by it.
-        first: the moment that is shown first, and in the still picture.
-        eye: direction (3,) from the robot to who looks at it.
+        labels: a text for each moment.
+        ids: number of the observation at each moment (K,); figures share their cursor by it.
+        first: index of the moment that is shown first, and in the still picture.
+        eye: direction (3,) from the robot to the viewer, world axes.
     """
 
     name: str
@@ -121,12 +121,12 @@ class Scene:
 
 
 def _colour(share: float, light: float = 1.0) -> str:
-    """Colour ``#rrggbb`` for a share of blame, 0 … 1, under a brightness ``light``."""
+    """Colour ``#rrggbb`` for a probability of blame, 0 … 1, under a brightness ``light``, 0 … 1."""
     return "#" + "".join(f"{int(light * c):02x}" for c in heat(share))
 
 
 def _looking(eye: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) of a camera that looks from eye (3,): rows right, up, towards the camera."""
+    """Rotation (3, 3), world to camera, of a camera that looks from direction eye (3,)."""
     back = eye / np.linalg.norm(eye)
     right = np.cross([0.0, 0.0, 1.0], back) / np.hypot(back[0], back[1])
     return np.stack([right, np.cross(back, right), back])
@@ -135,7 +135,7 @@ def _looking(eye: np.ndarray) -> np.ndarray:
 def _surfaces(
     corners: np.ndarray, shares: np.ndarray, paper: np.ndarray, look: np.ndarray
 ) -> list[str]:
-    """SVG polygons of triangles (T, 3, 3), in the camera's axes, that face it, far ones first."""
+    """SVG polygons of triangles (T, 3, 3), in camera axes, that face the camera, far ones first."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
     bright = np.clip(normal @ look @ _LIGHT / length, 0.0, 1.0)
@@ -152,7 +152,7 @@ def _points(places: np.ndarray) -> str:
 
 
 def _arrow(begin: np.ndarray, end: np.ndarray, colour: str) -> list[str]:
-    """SVG elements of an arrow from ``begin`` to ``end``; a short one is only its head."""
+    """SVG elements of an arrow between two points [px]; a short one is only its head."""
     length = float(np.linalg.norm(end - begin))
     along = (end - begin) / max(length, 1e-9)
     neck, side = end - min(_HEAD, length) * along, 0.5 * min(_HEAD, length) * along[::-1]
@@ -162,7 +162,7 @@ def _arrow(begin: np.ndarray, end: np.ndarray, colour: str) -> list[str]:
 
 
 def _bar(name: str) -> str:
-    """SVG of the colour bar of blame, whose gradient has an id made of ``name``."""
+    """SVG of the colour bar of blame; ``name`` makes the id of its gradient unique."""
     stops = "".join(f'<stop offset="{s}" stop-color="{_colour(s)}"/>'
                     for s in np.linspace(0.0, 1.0, len(_RAMP)))  # fmt: skip
     y, text = _HEIGHT - 14, '<text font-size="11" style="fill: var(--ink)"'

@@ -1,4 +1,4 @@
-"""What an arm's own weight does: the torque at each joint and the moment at the base."""
+"""Torque at each joint and moment at the base that an arm's own weight causes."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from wrenchbed.physics.wrench import Tool
 
 @dataclass(frozen=True)
 class BodyMass:
-    """Mass [kg] and centre of gravity, in body axes [m], of one moving body of a robot's MJCF."""
+    """Mass [kg] and centre of gravity in body axes [m] of one moving body, named as in the MJCF."""
 
     body: str
     mass: float
@@ -21,10 +21,10 @@ class BodyMass:
 
 
 class ArmBodies(ABC):
-    """Base of a robot with weight: moving links that carry a sensor, which carries a tool.
+    """Base class of robots with weight: moving links that carry a sensor, which carries a tool.
 
-    Methods take joint values q (N, J), or a `Jet` of them in motion, real parameters theta (P,) and
-    gravity (3,) in world axes [m/s²].
+    Methods take joint values q (N, J), or a `Jet` of them (with speeds and accelerations),
+    parameter values theta (P,) and gravity (3,) in world axes [m/s²].
     """
 
     name: str
@@ -33,15 +33,15 @@ class ArmBodies(ABC):
 
     @abstractmethod
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        """R_world_sensor (…, N, 3, 3) and the sensor's origin in the world (…, N, 3) [m]."""
+        """Rotation R_world_sensor (…, N, 3, 3) and sensor's origin in the world (…, N, 3) [m]."""
 
     @abstractmethod
     def tool(self, theta: np.ndarray) -> Tool:
-        """Tool that the sensor carries, and the mass of the sensor's own tool side."""
+        """Tool that the sensor carries, with the part of the sensor that loads its gauges."""
 
     def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
-        """Masses (B,) [kg] and centres of gravity in the world, B times (N, 3) [m], of moving
-        bodies.
+        """Masses (B,) [kg] and centres of gravity in the world, a list of B arrays (N, 3) [m], of
+        the moving bodies.
 
         Raises:
             NotFoundError: the model of this robot has no masses of links.
@@ -57,7 +57,8 @@ class ArmBodies(ABC):
     ) -> np.ndarray:
         """Axial force (N,) [N] that all weights put on a link at rest, positive under tension.
 
-        By virtual work with the joints held, Σ m g·∂p/∂L; ``length`` is the index of L in theta.
+        By virtual work with the joints held, Σ m g·∂p/∂L: p are the centres of gravity, L the
+        link's length, at index ``length`` of theta.
 
         Raises:
             NotFoundError: the model of this robot has no masses of links.
@@ -100,15 +101,15 @@ class ArmBodies(ABC):
     def _pull(
         self, q: Value, theta: np.ndarray, gravity: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weights m (g − a) [N] of the moving bodies and their positions in the world [m], (N, B,
-        3) each."""
+        """Weights m (g − a) [N] of B moving bodies and their positions in the world [m], each (N,
+        B, 3)."""
         mass, centres = self._centres(q, theta)
         acceleration = centres.dd if isinstance(centres, Jet) else 0.0
         return mass[:, None] * (gravity - acceleration), value(centres)
 
     def _centres(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, Value]:
-        """Masses (B,) [kg] and centres in the world (N, B, 3) [m] of the moving bodies and the
-        tool, with the part of the sensor that loads its gauges."""
+        """Masses (B,) [kg] and centres in the world (N, B, 3) [m] of the moving bodies, last the
+        tool with the part of the sensor that loads its gauges."""
         masses, centres = self.links(q, theta)
         rotation, origin = self.sensor_pose(q, theta)
         tool = self.tool(theta)

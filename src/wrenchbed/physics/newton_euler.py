@@ -13,16 +13,16 @@ import numpy as np
 from wrenchbed.physics.time_derivatives import Jet
 
 Vector = Sequence[np.ndarray] | np.ndarray
-"""Components first: (3, …), or three arrays."""
+"""A vector with its components first: array (3, …), or three arrays (…)."""
 INERTIAL = 10
-"""Inertial parameters of a rigid body."""
+"""Number of inertial parameters of a rigid body."""
 
 
 class Motion(NamedTuple):
-    """Motion of a sensor in its own axes, components first (3, …, N).
+    """Motion of a sensor, in sensor axes, components first (3, …, N).
 
     Attributes:
-        origin: acceleration of its origin less gravity [m/s²].
+        origin: acceleration of the sensor's origin minus gravity [m/s²].
         spin: angular velocity [rad/s].
         turning: angular acceleration [rad/s²].
     """
@@ -33,8 +33,8 @@ class Motion(NamedTuple):
 
 
 def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
-    """Acceleration, spin and angular acceleration of a sensor from the jets of R_world_sensor (…,
-    N, 3, 3) and of its origin (…, N, 3) [m]."""
+    """Motion of a sensor from the jets of R_world_sensor (…, N, 3, 3) and of its origin (…, N, 3)
+    [m]; gravity (3,) in world axes [m/s²]."""
     to_sensor = np.swapaxes(rotation.v, -1, -2)
     spin = to_sensor @ rotation.d  # [ω]×
     turn = to_sensor @ rotation.dd - spin @ spin  # [ω̇]×
@@ -50,7 +50,7 @@ def twist_of(rotation: Jet, position: Jet) -> np.ndarray:
 
 
 def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
-    """Wrench (…, N, 6) [N, N·m] on the sensor by inertial parameters φ (…, 10), or (K, 1, 10)."""
+    """Wrench (…, N, 6) [N, N·m] on the sensor of a body with inertial parameters φ (…, 10)."""
     mass, h, inertia = _split(phi)
     force = [-mass * o for o in motion.origin]
     torque = [-x for x in _cross(h, motion.origin)]
@@ -66,7 +66,7 @@ def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
 
 
 def regressor(motion: Motion) -> np.ndarray:
-    """Matrix Y (N, 6, 10) of a motion; `load` is Y φ of inertial parameters φ (mass, m·CoG, …)."""
+    """Matrix Y (N, 6, 10) of a motion: Y φ is the wrench of inertial parameters φ (10,)."""
     return np.moveaxis(load(motion, np.eye(INERTIAL)[:, None]), 0, -1)
 
 

@@ -26,7 +26,7 @@ REST_S = 10.0
 """Length of the rest whose standard deviation is ``NoiseModel.row_std`` [s]."""
 
 _DECADES = 0.9
-"""Spacing of the rates: the summed density ripples by ± 2/cosh(π²/(0.9 ln 10)) = 3.4 % at most."""
+"""Spacing of rates [decades]: the summed density ripples by ± 2/cosh(π²/(0.9 ln 10)) = 3.4 %."""
 
 
 def channels(values: ArrayLike, name: str, *, signed: bool = False) -> Array:
@@ -143,8 +143,7 @@ def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
 
 
 class NoiseStream:
-    """Generator of a sensor's noise along one clock: each call continues where the last one
-    ended."""
+    """Generator of a sensor's noise along one clock; each call continues the one before."""
 
     def __init__(self, model: NoiseModel, seed: int) -> None:
         self.model = model
@@ -211,8 +210,8 @@ class NoiseStream:
 
 
 def carried(keep: Array, push: Array) -> Array:
-    """Solve x_k = keep_k x_(k−1) + push_k, x_0 = push_0, along rows (…, N) of ``push``, which may
-    be overwritten; the first of ``keep`` (N,) is not used."""
+    """Solve x_k = keep_k x_(k−1) + push_k, x_0 = push_0, along the last axis of ``push`` (…, N),
+    which may be overwritten; ``keep`` (N,), its first element is not used."""
     from scipy.linalg.lapack import dtbtrs  # slow to load: only when it is used
 
     bands = np.stack([np.ones(len(keep)), np.append(-keep[1:], 0.0)])  # x_k − keep_k x_(k−1)
@@ -244,7 +243,7 @@ def _root(correlation: Array) -> Array:
 
 
 def _mix(rows: Array, root: Array) -> Array:
-    """Product of ``root`` (6, 6) and rows (6, N), the same to the last bit whatever N is."""
+    """Product of ``root`` (6, 6) and rows (6, N), with bits that do not depend on N."""
     rows, mixed = np.ascontiguousarray(rows), np.empty(rows.shape)
     for i in range(6):
         mixed[i] = root[i, 0] * rows[0]
@@ -256,8 +255,8 @@ def _mix(rows: Array, root: Array) -> Array:
 def _rates(f_low: float, f_high: float) -> tuple[Array, float]:
     """Rates (K,) [rad/s] of unit processes, and the factor that makes their sum 1/f of level 1.
 
-    A process of variance v and rate a has the one-sided density 4va/(a² + ω²). With the variance
-    d(ln a) it integrates to 2π/ω = 1/f; K midpoints of ln a stand for the integral.
+    An Ornstein–Uhlenbeck process of variance v, rate a has the one-sided density 4va/(a² + ω²).
+    With variance d(ln a) it integrates to 2π/ω = 1/f; K midpoints of ln a stand for the integral.
     """
     span = np.log(f_high / f_low)
     count = max(1, int(np.ceil(span / (_DECADES * np.log(10.0)))))

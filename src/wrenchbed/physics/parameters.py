@@ -11,7 +11,7 @@ import numpy as np
 from wrenchbed.errors import ParameterError, did_you_mean
 
 _PATTERNS = 4096
-"""Patterns that are kept with what they match; MedRUE has 71 parameters (measured)."""
+"""Size of the cache of pattern matches; MedRUE has 71 parameters (measured)."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Parameter:
         nominal: the value in the design [unit].
         unit: SI unit, for instance ``m``, ``rad``, ``kg``.
         tolerance: typical deviation of a real robot from nominal [unit]; scales the fit's columns.
-        lower, upper: values outside are refused as impossible [unit].
+        lower, upper: bounds [unit]; values outside are refused as impossible.
     """
 
     name: str
@@ -90,7 +90,8 @@ class ParameterSet(Sequence[Parameter]):
     def select(self, patterns: Iterable[str]) -> tuple[int, ...]:
         """Indices of the parameters whose names match any pattern, in the set's order.
 
-        A pattern is a name, a group (``tool.cog`` takes ``tool.cog.x`` …) or of the shell (``L*``).
+        A pattern is a name, a group (``tool.cog`` has ``tool.cog.x`` …) or a shell pattern
+        (``L*``).
 
         Raises:
             ParameterError: a pattern matches nothing.
@@ -140,7 +141,7 @@ class ParameterSet(Sequence[Parameter]):
 
 @lru_cache(_PATTERNS)
 def _matching(names: tuple[str, ...], pattern: str) -> frozenset[int]:
-    """Indices of the names that a pattern matches: one name, a group, or shell style."""
+    """Indices of the names that a pattern matches: a name, a group of names, or a shell pattern."""
     return frozenset(
         i
         for i, name in enumerate(names)

@@ -11,7 +11,7 @@ import numpy as np
 from wrenchbed.physics.time_derivatives import Value, cos, reshape_matrix, sin, stack_jets
 
 _TERMS = 18
-"""Terms of the series, by definition φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
+"""Terms of the series of sin φ/φ, φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
 rounding."""
 
 
@@ -48,7 +48,7 @@ def euler(alpha: Value, beta: Value, gamma: Value) -> Value:
 
 
 def euler_rates(alpha: float, beta: float, gamma: float) -> np.ndarray:
-    """Matrix (3, 3): columns are the angular velocities, body axes, of dα/dt, dβ/dt, dγ/dt = 1."""
+    """Matrix (3, 3) from rates of (α, β, γ) to the angular velocity in body axes."""
     inner = rot_y(beta) @ rot_z(alpha)
     return np.stack([np.eye(3)[2], rot_z(alpha).T[:, 1], inner.T[:, 0]], axis=-1)
 
@@ -128,7 +128,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def sphere(count: int) -> np.ndarray:
-    """Evenly spaced unit vectors (count, 3) on a golden spiral, by definition of step π(1 + √5)."""
+    """Evenly spaced unit vectors (count, 3) on a spiral of step π(1 + √5) (golden ratio)."""
     k = np.arange(count) + 0.5
     z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
     flat = np.sqrt(1.0 - z**2)

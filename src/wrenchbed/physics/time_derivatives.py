@@ -21,7 +21,7 @@ STEP = 1e-30
 
 @dataclass(frozen=True, eq=False)
 class Jet:
-    """Value ``v`` with its time derivatives ``d`` [1/s] and ``dd`` [1/s²], exact."""
+    """An array ``v`` with its exact time derivatives ``d`` [1/s] and ``dd`` [1/s²]."""
 
     v: np.ndarray
     d: np.ndarray
@@ -71,7 +71,7 @@ class Jet:
         return Jet(self.v[key], self.d[key], self.dd[key])
 
     def _chain(self, f: np.ndarray, f1: np.ndarray, f2: np.ndarray) -> "Jet":
-        """Jet of a function of this one, from its value and first two derivatives there."""
+        """Chain rule: the jet of f(self), from f and its derivatives f', f'' at this value."""
         return Jet(f, f1 * self.d, f1 * self.dd + f2 * self.d**2)
 
 
@@ -107,7 +107,7 @@ def jet_sqrt(x: Value) -> Value:
 
 
 def atan2(y: Value, x: Value) -> Value:
-    """Angle [rad] of (x, y), also of jets: d atan2 = (x dy − y dx)/(x² + y²). Real values only."""
+    """Angle of (x, y) [rad], also of jets: d atan2 = (x dy − y dx)/(x² + y²). Real values only."""
     if not isinstance(y, Jet) and not isinstance(x, Jet):
         return np.arctan2(y, x)
     jy, jx = _as_jet(y), _as_jet(x)

@@ -42,7 +42,7 @@ class Tool:
 
     @property
     def inertial(self) -> np.ndarray:
-        """Ten inertial parameters (…, 10), as in `newton_euler`, with the sensor's own mass."""
+        """Inertial parameters (…, 10): mass with the sensor's, m·CoG, inertia about the origin."""
         cx, cy, cz = (self.cog[..., k] for k in range(3))
         m, about = self.mass, self.inertia
         six = [about[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
@@ -74,8 +74,7 @@ def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) ->
 
 
 def weight(seen: np.ndarray, tool: Tool) -> np.ndarray:
-    """Load on the sensor (…, N, 6) [N, N·m] at rest; ``seen`` is gravity in its axes (…, N, 3)
-    [m/s²]."""
+    """Load on the sensor (…, N, 6) [N, N·m] at rest, for gravity ``seen`` in its axes (…, N, 3)."""
     force, side_force = (np.asarray(m)[..., None] * seen for m in (tool.mass, tool.sensor_mass))
     return np.concatenate(np.broadcast_arrays(force + side_force, cross(tool.cog, force)), axis=-1)
 
@@ -92,8 +91,7 @@ def six_of(inertia: np.ndarray) -> np.ndarray:
 
 
 def physical_inertia(inertia: Sequence[float] | np.ndarray) -> bool:
-    """Whether principal moments of xx yy zz xy xz yz [kg·m²] are ≥ 0 with A + B ≥ C, as of
-    bodies."""
+    """Whether xx yy zz xy xz yz [kg·m²] can be a body's: principal moments ≥ 0 with A + B ≥ C."""
     a, b, c = np.linalg.eigvalsh(symmetric(inertia))
     slack = 1e-9 * max(abs(c), 1e-12)
     return bool(a >= -slack and a + b >= c - slack)

@@ -3,9 +3,9 @@
 Robot, sensor, noise and effects are those of the simulated driver, but in real time: the future is
 unknown. `step` and `readings` may be called from different threads.
 
-The servos of the simulated body carry links without weight and without friction (its MJCF is built
-so). Their torque accelerates the robot and holds external forces. The weight, by MuJoCo's inverse
-dynamics at rest, rotor, friction, faults and noise are added in `RealTimeDrives`.
+The links of the simulated body have no weight and no friction (its MJCF is built so): its servos'
+torque accelerates the robot and resists external forces. `RealTimeDrives` adds the weight, by
+MuJoCo's inverse dynamics at rest, and rotor, friction, faults and noise.
 """
 
 import threading
@@ -38,10 +38,10 @@ _WARM_EVERY = 250
 """Control cycles between updates of the temperatures, 0.5 s to 2 s: drives warm up over many
 minutes, so that rarer updates show as steps and more frequent ones only cost time of each cycle."""
 DELAY_S = 0.008
-"""How long a state is computed before it is reported [s], so that a fast sensor, which reads
-between states, knows the next one. At least one cycle."""
+"""Time between computing a state and reporting it [s], so that a fast sensor, which reads between
+states, knows the next one. At least one cycle."""
 HISTORY_S = 4.0
-"""How far back a cycle's state is kept [s]."""
+"""How long the state of a cycle is kept [s]."""
 
 
 class Efforts(NamedTuple):
@@ -49,7 +49,7 @@ class Efforts(NamedTuple):
 
     Attributes:
         servo: torque that moves links without weight and friction (J,) [N·m or N].
-        torque: of the motor, by the drive's nominal constant (J,) [N·m or N].
+        torque: motor torque, the current times the drive's nominal constant (J,) [N·m or N].
         current: of the motor (J,) [A].
     """
 
@@ -63,12 +63,12 @@ class RealTimeDrives:
 
     Args:
         theta: true parameters of the robot (P,).
-        given: true parameters of the drives where they differ from nominal.
-        effects: texts of the drives' faults, and of all other effects: those of the robot's own
-            parameters change its weight.
+        given: true drive parameters that differ from nominal, by name.
+        effects: two tuples of texts ``name:key=value``: faults of drives, and all other effects,
+            which may change the robot's parameters and so its weight.
         noise: ``real``, ``white`` or ``off``.
-        cycle: period [s].
-        behind: cycles after which a state is reported.
+        cycle: period of control [s].
+        behind: number of cycles after which a state is reported.
     """
 
     def __init__(
@@ -95,8 +95,8 @@ class RealTimeDrives:
         return self._past[0]
 
     def step(self, plant: ServoDrivenRobot, q: np.ndarray, qd: np.ndarray) -> None:
-        """Compute torques and currents of one control cycle, from joint values and speeds (J,)
-        before it and the simulated robot after it."""
+        """Compute torques and currents of one control cycle: ``q`` and ``qd`` (J,) are those before
+        it, ``plant`` is the robot after it."""
         train, model, data = self.train, plant.model, plant.data
         constant, spring, damper = model.actuator_biasprm[:, :3].T
         given = model.actuator_gainprm[:, 0] * data.ctrl + constant
@@ -122,10 +122,10 @@ class BodyOptions:
 
     Attributes:
         robot: registry name, or the robot itself.
-        parameters: true values where they differ from nominal, by name, SI.
+        parameters: true values that differ from nominal, by name, SI.
         noise: ``real``, ``white`` or ``off``.
         seed: of the noise and of the effects' random parts.
-        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
+        effects: texts as ``joint.compliance:joint=2,stiffness=1.4e4``; omitted values are typical.
         sensor: registry name, whose range and noise are simulated; None: the robot's.
     """
 
@@ -195,18 +195,18 @@ class Body:
             RealTimeDrives(robot, robot_theta, of_drives, (faults, effects), options.noise,
                            options.seed, cycle, self._behind) if drives else None
         )  # fmt: skip
-        """What its drives report, if that was asked for."""
+        """The drives, which report torques and currents; None if ``drives`` is False."""
         self._cycles = 0
         self._last_read = -np.inf
         self.step(robot.home)
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
-        """Take one control cycle towards a target (J,).
+        """Move for one control cycle towards a joint target (J,).
 
-        The new state was due at a time of `time.monotonic` [s]; 0: when it is there.
+        ``due`` is when the new state is due, by `time.monotonic` [s]; 0: when it is computed.
 
-        The servos follow the quadratic B-spline of the targets: with one acceleration a cycle and
-        no jump in speed, half a cycle late, as drives that interpolate do.
+        The servos follow the quadratic B-spline of the targets, half a cycle late, with constant
+        acceleration in each cycle and no jump in speed, as drives that interpolate do.
         """
         fraction = np.arange(1, self._substeps + 1)[:, None] / self._substeps
         last, new = self.target, np.asarray(target, dtype=float)
@@ -228,9 +228,9 @@ class Body:
                 self._sensor_effects.advance(self._rows)
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Readings (n, 6) [N, N·m] and saturated channels (n,), as bits 0 … 5, at times (n,) [s]
-        that increase from call to call: after the newest state that state is read; times before the
-        last call are moved on by a nanosecond each."""
+        """Readings (n, 6) [N, N·m] and saturated channels (n,), as bits 0 … 5, at times (n,) [s],
+        which increase from call to call; a time after the newest state gives the reading of that
+        state, one before the last call is moved after it by a nanosecond."""
         with self._lock:
             t = np.minimum(t, self.newest[1])
             t = np.maximum(t, self._last_read + 1e-9 * np.arange(1, len(t) + 1))

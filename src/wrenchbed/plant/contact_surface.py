@@ -1,4 +1,4 @@
-"""Surfaces that a tool's tip presses on: forces in closed form, since MuJoCo has no N/m."""
+"""Surfaces that a tool's tip presses on: forces by formulas, as MuJoCo states no N/m."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -19,13 +19,13 @@ class Surface(Protocol):
     """Surface that pushes back on the tool's tip."""
 
     def push(self, tip: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """Force (3,) [N] on a tip at (3,) [m] that moves with a speed (3,) [m/s]."""
+        """Force (3,) [N] on a tip at (3,) [m] that moves with a velocity (3,) [m/s], world axes."""
 
 
 @dataclass(frozen=True)
 class Plate:
-    """A horizontal plate with its top at a height [m], a `ParameterError` if that is no number: a
-    spring [N/m], straight up."""
+    """A horizontal plate with its top at a height [m] that pushes straight up as a spring [N/m]; a
+    `ParameterError` if the height is not finite."""
 
     height: float
     stiffness: float = 2e4
@@ -40,7 +40,7 @@ class Plate:
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """A compliant cylinder: Hunt and Crossley's contact (1975) with friction.
+    """A compliant cylinder with Hunt-Crossley contact (1975) and friction, in world axes.
 
     Attributes:
         point: a point on its axis (3,) [m].
@@ -84,7 +84,7 @@ def tip_in(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def tip_of(robot: Robot, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Orientation of the tool (N, 3, 3), position of its tip (N, 3) [m], world, at q (N, J)."""
+    """Tool's orientation (N, 3, 3), position of its tip (N, 3) [m], in the world, at q (N, J)."""
     if type(robot).tool_pose is Robot.tool_pose:
         rotation, origin = robot.sensor_pose(q, theta)
         return rotation, origin + rotation @ _TIP

@@ -30,30 +30,30 @@ STILL = 1e-4
 """Fastest joint at rest [rad/s or m/s]."""
 _CALM_CYCLES = 6
 _KNOTS = np.array([0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 40.0])
-"""Times after arrival at which readings at rest are computed ahead [s]; interpolated between."""
+"""Times after arrival at which readings at rest are computed [s]; others are interpolated."""
 _EPOCH = 1024
-"""Rows over which effects' random parts go on without a seam."""
+"""Rows over which effects' random parts continue without a jump."""
 _WINDOW = 256
-"""Cycles that effects of sensor and timing look back in motion."""
+"""Control cycles of the past that effects of sensor and timing see in motion."""
 _REMEMBERED = 3000
-"""Rows of `Playback` that are kept; a move and the rest after it are some twelve."""
+"""Rows of `Playback` that are kept; a move and the rest after it take about twelve."""
 _EVERY = 4
-"""Cycles between evaluations of what the mechanism changes in motion."""
+"""Control cycles between evaluations of the mechanism's effects on the reading in motion."""
 _LOW_HZ, _HIGH_HZ = 1e-3, 100.0
-"""Ends of the 1/f part of a robot's own wrench [Hz]."""
+"""Corner frequencies of the 1/f noise of a robot's built-in wrench sensor [Hz]."""
 _SEED = 104729
-"""Added to the emulator's seed, so that this noise is not the Net F/T's."""
+"""Added to the emulator's seed, so that this noise differs from that of the Net F/T sensor."""
 _EVERY_S = 0.032
-"""Time between evaluations of what the mechanism changes of a robot's own wrench [s]."""
+"""Time between evaluations of the mechanism's effects on a robot's built-in wrench sensor [s]."""
 _MOVED = 1e-5
-"""Motion of a joint after which the sensor's load is evaluated anew [rad]."""
+"""Motion of a joint after which the sensor's load is evaluated anew [rad or m]."""
 
 
 class BufferedNoise:
     """Generator of sensor noise for continuous reading, drawn in blocks of rows.
 
-    A block is drawn at the spacing of the reading that needed it, so that the slow parts keep their
-    pace; where the spacing changes, within a block they do not follow.
+    A block is drawn at the time step of the reading that needed it, for the right spectrum; if the
+    time step changes, the rest of the block keeps the old one.
 
     Args:
         model: of the noise.
@@ -68,8 +68,8 @@ class BufferedNoise:
         self._last = 0.0
 
     def corrupt(self, t: np.ndarray, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Add noise to loads (n, 6) at t (n,) [s]: readings (n, 6), and saturated channels (n,) as
-        bits."""
+        """Add noise to loads (n, 6) at t (n,) [s]; return readings (n, 6), saturated channels (n,)
+        as bits."""
         n = len(t)
         if len(self._rows) < n:
             self._draw(n, float(t[-1]))
@@ -89,7 +89,7 @@ class BufferedNoise:
 
 
 class SensorRow(NamedTuple):
-    """State of a robot in one control cycle: time [s], joint values, speeds (J,), sensor load."""
+    """State of a robot in one control cycle: time [s], joint values, speeds (J,), load (6,)."""
 
     t: float
     q: np.ndarray
@@ -99,7 +99,7 @@ class SensorRow(NamedTuple):
 
 class SensorWithEffects:
     """Computes a sensor's readings with effects, from the robot's state of each control cycle;
-    ``touching``: the tool may press on a surface."""
+    ``touching``: whether the tool may press on a surface."""
 
     def __init__(self, playback: Playback, touching: bool = False) -> None:
         self._playback, self._twin, self._touching = playback, playback.twin, touching
@@ -117,7 +117,7 @@ class SensorWithEffects:
         self._extra_load, self._age = np.zeros(6), 0
 
     def advance(self, rows: deque[SensorRow]) -> None:
-        """Compute what the newest control cycle, the last of ``rows``, adds to the readings."""
+        """Update the readings by the newest control cycle, the last of ``rows``."""
         now = rows[-1]
         self._calm = self._calm + 1 if np.abs(now.qd).max() < STILL else 0
         if self._calm >= _CALM_CYCLES:
@@ -153,7 +153,7 @@ class SensorWithEffects:
         return self._twin.corrupt(self._since, self._times, seed)[-len(rows) :]
 
     def _rest(self, now: SensorRow) -> None:
-        """Compute readings ahead for a robot at rest; a surface pushes on as it does now."""
+        """Compute readings in advance for a robot at rest, pushed by a surface as it is now."""
         push = np.zeros(6)
         if self._touching:
             push = now.load - self._plain.load(self._twin.scene(now.q[None], np.zeros(1)))[0]
@@ -182,11 +182,11 @@ class ArmSensor:
     """Wrench sensor that is built into the arm, read once a control cycle.
 
     Args:
-        model, theta: of the robot, with all its parameters (P,).
+        model, theta: closed form of the robot, and values of all its parameters (P,).
         q: joint values (J,) to begin with.
         cycle: period of the readings [s].
         error: three standard deviations of force [N] and torque [N·m].
-        effects: as given to the emulator.
+        effects: texts as given to the emulator.
         noise: ``real``, ``white`` or ``off``.
         seed: of the noise.
     """
@@ -229,7 +229,7 @@ class ArmSensor:
 
 
 def noise_of(error: tuple[float, float]) -> NoiseModel:
-    """Noise model with three standard deviations equal to a given force [N] and torque [N·m]."""
+    """Noise model whose std is a third of ``error``, force [N] and torque [N·m], half of it 1/f."""
     half = np.repeat(error, 3) / 3.0 / np.sqrt(2.0)
     flicker = half / np.sqrt(np.log(_HIGH_HZ / _LOW_HZ))
     return NoiseModel(white=half, flicker=flicker, f_low=_LOW_HZ, f_high=_HIGH_HZ)

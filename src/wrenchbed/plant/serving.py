@@ -1,6 +1,6 @@
-"""Serves emulators by name before robots in MuJoCo: a body as the plant that an emulator asks for,
-with nominal numbers, drives and own wrench; an emulator's errors become this package's.
-"""
+"""Serves emulators by name with a robot in MuJoCo behind each: a `Body` as the `Plant` that an
+emulator asks for, with the nominal model, drives and own wrench; an emulator's errors become this
+package's."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -33,7 +33,7 @@ from wrenchbed.simulation.drives.faults import faults_apart
 
 
 class MujocoPlant(Body):
-    """Robot in MuJoCo behind an emulator, by the door `Plant`; raises errors as `Body` does."""
+    """Robot in MuJoCo behind an emulator, by the interface `Plant`; raises errors of `Body`."""
 
     def __init__(self, options: "EmulatorOptions", request: PlantRequest) -> None:
         body = BodyOptions(
@@ -59,7 +59,7 @@ class MujocoPlant(Body):
 
     @property
     def efforts(self) -> Efforts:
-        """Torques and currents that the drives report of the reported state."""
+        """Torques and currents that the drives report for the reported state."""
         assert self.drives is not None
         _, torque, current = self.drives.now
         return Efforts(torque, current, self.drives.temperatures)
@@ -118,7 +118,7 @@ class EmulatorOptions(Options):
     Attributes:
         host: address of this machine to serve at, 127.0.0.1 … 127.255.255.254.
         seed: of the noise and of the effects' random parts.
-        setting: of this kind of emulator, name → text.
+        setting: options of this kind of emulator, name → text.
         parameters: true values where they differ from nominal, by name, SI.
         noise: ``real``, ``white`` or ``off``.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
@@ -141,8 +141,8 @@ def serve(
 ) -> Iterator[Emulator]:
     """Serve an emulated robot or sensor while the block runs.
 
-    Its ``addresses`` name each link, and ``failed`` is set if it breaks down. The time in a TOML
-    script of ``faults`` counts from the start of the block.
+    The emulator's ``addresses`` name each link; ``failed`` is set if it breaks down. ``faults`` is
+    a TOML script of faults, whose times count from the start of the block.
 
     Raises:
         NotFoundError: there is no such emulator.
@@ -157,7 +157,7 @@ def serve(
 
 @contextmanager
 def translated() -> Iterator[None]:
-    """Context manager: raise an emulator's errors inside the block as this package's own."""
+    """In the block, raise the errors of `robot_emulators` as wrenchbed's own."""
     try:
         yield
     except SettingError as error:

@@ -23,15 +23,15 @@ from wrenchbed.robots.oriented import ROBOT as ORIENTED
 
 _DOUBLE = np.dtype(float)
 _KEPT = 32
-"""Parameter vectors whose constants are kept: a fit compares a few."""
+"""Parameter vectors whose constants for C are cached: a fit compares a few."""
 _IDEAL = np.append(np.zeros(6), np.eye(3))
 """Bias and gains of a sensor whose reading is its load."""
 _ROWS_AT_ONCE = 200_000
-"""Poses times parameters of which derivatives are taken at once: complex numbers of every link."""
+"""Most poses times parameters per evaluation of derivatives, to limit memory."""
 _LOAD = slice(3, 8)
-"""Constants that are mass, CoG and the sensor's own mass, by definition in `_statics.c`."""
+"""Positions of mass, CoG and the sensor's own mass among the C constants, see `_statics.c`."""
 _PAST_LIMIT = 1e-3
-"""Largest reading of an encoder beyond a joint's limit [rad; m]: its noise, and overshoot."""
+"""Most that an encoder may read beyond a joint's limit [rad; m], by its noise or by overshoot."""
 
 
 def _sensor_parameters() -> ParameterSet:
@@ -58,7 +58,7 @@ SENSOR = _sensor_parameters()
 class CompiledForm:
     """Readings of a robot and its sensor under gravity (3,) [m/s²], by compiled C functions.
 
-    Each method returns None where C cannot evaluate it: `Model` then does by numpy.
+    Methods return None where the C functions do not apply: `Model` then evaluates with numpy.
     """
 
     robot: Robot
@@ -68,14 +68,14 @@ class CompiledForm:
     )
 
     def readings(self, q: Value, theta: np.ndarray, sensed: bool) -> np.ndarray | None:
-        """Readings (N, 6) as `Model.predict`, or loads as `Model.true_wrench` if not ``sensed``."""
+        """Readings (N, 6) [N, N·m], or loads before gains and bias if not ``sensed``; else None."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
         return statics.readings(name, q, self._of_one(theta, sensed))
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
-        """Gravity in sensor axes (N, 3) [m/s²] as `Model.gravity_seen`; None if not compiled."""
+        """Gravity in sensor axes (N, 3) [m/s²] at joint values (N, J); None if not compiled."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
@@ -83,7 +83,7 @@ class CompiledForm:
         return statics.readings(name, q, constants)[:, :3]
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
-        """Derivatives (N, 6, K) as `Model.jacobian`, by C and complex steps; None if not by C."""
+        """Derivatives (N, 6, K) of readings by parameters ``columns`` (K,); None if not by C."""
         name = self.robot.compiled
         if not statics.available(name, slopes=True) or not self._takes(q, theta):
             return None
@@ -94,8 +94,8 @@ class CompiledForm:
         return np.moveaxis(slopes, -3, -1)
 
     def _of_one(self, theta: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
-        """Bytes of `constants` for one parameter vector (P,), cached as they take longer than a
-        wrench; if ``unit`` with a tool of 1 kg at the sensor's origin."""
+        """Bytes of the C constants of one parameter vector (P,), cached as they take longer than a
+        wrench; if ``unit``, for a tool of 1 kg at the sensor's origin."""
         key = theta.tobytes(), sensed, unit
         constants = self._kept.get(key)
         if constants is None:
@@ -108,7 +108,7 @@ class CompiledForm:
         return constants
 
     def constants(self, theta: np.ndarray, sensed: bool) -> np.ndarray:
-        """Constants (…, C) of the C functions, in the order of `_statics.c`, of theta (…, P)."""
+        """Numbers (…, C) that the C functions take for parameters (…, P), see `_statics.c`."""
         parameter_count = len(self.robot.parameters)
         packed = self.robot.packed(theta[..., :parameter_count], np.asarray(self.gravity))
         tool = self.robot.tool(theta[..., :parameter_count])
@@ -143,12 +143,12 @@ class Model:
 
     @classmethod
     def of(cls, robot: Robot, metadata: Metadata | None = None) -> "Model":
-        """The model under the gravity that a recording states, else under the robot's default."""
+        """The model of a robot under the gravity of a recording's metadata, else its default."""
         stated = metadata.gravity if metadata is not None else None
         return cls(robot, tuple(robot.gravity if stated is None else stated))
 
     def configured(self, metadata: Metadata) -> np.ndarray:
-        """Parameters (P,) as the recording's metadata states them, nominal where it is silent."""
+        """Parameters (P,) as a recording's metadata states them, else nominal."""
         names, theta = self.parameters, self.parameters.nominal
         n = len(self.robot.parameters)
         tool, sensor = metadata.tool, metadata.sensor
@@ -202,8 +202,8 @@ class Model:
         return np.concatenate([force[..., 0, :], load[..., 3:]], axis=-1) + bias
 
     def predict(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Reading (N, 6) [N, N·m] at joint values (N, J), or orientations of a robot without a
-        model, at rest or, for jets, in motion; theta are parameters (P,)."""
+        """Reading (N, 6) [N, N·m] with parameters theta (P,), at rest or, for jets, in motion;
+        ``q`` are joint values (N, J), or the sensor's orientations for a robot without a model."""
         compiled = self._compiled.readings(q, theta, sensed=True)
         return self.read(self.plain_wrench(q, theta), theta) if compiled is None else compiled
 
@@ -237,8 +237,8 @@ def _mounted(pose: Sequence[float]) -> dict[str, float]:
 
 
 def robot_of(recording: Recording) -> Robot:
-    """The robot that a recording names, or `Oriented` for one with orientations only; a
-    `RecordingError` for no such robot, or joint values that it cannot take."""
+    """The robot that a recording names, or `Oriented` for a recording that has orientations only; a
+    `RecordingError` if there is no such robot, or it cannot take the joint values."""
     name, joints = recording.metadata.robot, len(recording.joints)
     if not joints:
         return ORIENTED
@@ -267,7 +267,7 @@ def robot_of(recording: Recording) -> Robot:
 
 
 def _within_limits(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Joint values (N, J), clipped to joint limits that an encoder reads a little beyond."""
+    """Joint values (N, J), clipped to joint limits that the encoders read a little beyond."""
     lower = np.array([joint.lower for joint in robot.joints])
     upper = np.array([joint.upper for joint in robot.joints])
     near = (q >= lower - _PAST_LIMIT) & (q <= upper + _PAST_LIMIT)

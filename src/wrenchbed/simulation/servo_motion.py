@@ -9,17 +9,17 @@ from mujoco import rollout
 from wrenchbed.simulation.simulation import Simulation, load_on_sensor
 
 LONGEST_STEP = 0.002
-"""MuJoCo's step [s]; with its discrete integrator MedRUE's loops stay within 0.4 µm."""
+"""Longest step of MuJoCo [s]; with its discrete integrator MedRUE's loops stay within 0.4 µm."""
 _STILL = 1e-10
 _THERE = 1e-12
-"""Speed [rad/s, m/s] and distance to target [rad, m] at which the servos' decay ends in
-rounding."""
+"""Speed [rad/s, m/s] and distance to target [rad, m] below which a joint counts as at rest there.
+"""
 _PATIENCE_S = 4.0
 _TOLERABLE = 1e-6
 
 
 class Sampled(NamedTuple):
-    """Joint values (J,), their speeds (J,) and the load on the sensor (6,) at one instant."""
+    """Joint values (J,), speeds (J,) and load on the sensor (6,) [N, N·m] at one instant."""
 
     q: np.ndarray
     qd: np.ndarray
@@ -30,7 +30,7 @@ class ServoDrivenRobot:
     """Dynamics of a robot in MuJoCo whose position servos follow joint targets.
 
     Args:
-        simulation: the compiled robot, whose state changes from now on.
+        simulation: the compiled robot; its MuJoCo state changes from now on.
         q: joint values (J,) at the start.
     """
 
@@ -76,7 +76,7 @@ class ServoDrivenRobot:
         mujoco.mj_step(self.model, self.data, steps)
 
     def settle(self, target: np.ndarray) -> tuple[bool, float]:
-        """Simulate until the joints rest at targets (J,): whether they do, and the time [s]."""
+        """Simulate until the joints rest at ``target`` (J,); return whether they do, time [s]."""
         waited, step = 0.0, 0.05
         while waited < _PATIENCE_S:
             self.advance(target, step)
@@ -86,8 +86,8 @@ class ServoDrivenRobot:
         return bool(np.abs(self.q - target).max() < _TOLERABLE), waited
 
     def follow(self, targets: np.ndarray, seconds: float) -> Sampled:
-        """Simulate ``seconds`` in S steps to targets (S, J); return state and load before the
-        first.
+        """Simulate ``seconds`` in S equal steps to targets (S, J); return joint state and load at
+        the start.
 
         The load is read inside MuJoCo's step: with the discrete integrator only that acceleration
         moves the robot; `mj_forward` would report the stiff servos' raw one.
@@ -103,8 +103,8 @@ class ServoDrivenRobot:
         return Sampled(q, qd, load)
 
     def follow_all(self, ways: np.ndarray, seconds: float) -> Sampled:
-        """Simulate N samples of ``seconds``, each of S steps with targets (N, S, J): states (N, J)
-        and loads (N, 6) at their beginnings."""
+        """Simulate N samples of ``seconds`` each, in S steps with targets ``ways`` (N, S, J);
+        return the joint states (N, J) and loads (N, 6) [N, N·m] at the start of each sample."""
         model, data, every = self.model, self.data, ways.shape[1]
         model.opt.timestep = seconds / every
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS

@@ -20,7 +20,7 @@ _FLAT = 5e-4
 _WIDE = 2.0
 """Half width of a plane without end [m]."""
 _ROUND = 20
-"""Corners of a circle: a multiple of four, so that round shapes are as wide as they are."""
+"""Corners of the polygon that stands for a circle: a multiple of four, to keep its full width."""
 _GEOM = mujoco.mjtGeom
 _BOXES = (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_BOX)
 _TUBES = (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER)
@@ -28,19 +28,19 @@ _BALLS = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID)
 
 
 def bodies(model: mujoco.MjModel) -> dict[str, int]:
-    """Numbers of the bodies with visible geoms, by name."""
+    """Indices of the bodies with visible geoms, by name."""
     shown = (b for b in range(model.nbody) if len(geoms_of(model, b)))
     return {model.body(b).name or f"body {b}": b for b in shown}
 
 
 def geoms_of(model: mujoco.MjModel, body: int) -> np.ndarray:
-    """Numbers of a body's visible geoms."""
+    """Indices of a body's visible geoms."""
     seen = (model.geom_group < _HIDDEN_GROUP) & (colours(model)[:, 3] > 0)
     return np.flatnonzero((model.geom_bodyid == body) & seen)
 
 
 def colours(model: mujoco.MjModel) -> np.ndarray:
-    """Colour (G, 4) of each geom as r g b a, 0 … 1; of its material where it states none."""
+    """Colour RGBA (G, 4), 0 … 1, of each geom; that of its material where it states none."""
     rgba, material = np.array(model.geom_rgba), model.geom_matid
     plain = (rgba == _PLAIN).all(axis=1) & (material >= 0)
     rgba[plain] = model.mat_rgba[material[plain]]
@@ -49,7 +49,7 @@ def colours(model: mujoco.MjModel) -> np.ndarray:
 
 
 def triangles(model: mujoco.MjModel, geom: int) -> np.ndarray:
-    """Surface of a geom in its body's frame: corners (T, 3, 3) [m], anticlockwise from outside; a
+    """Surface of a geom in its body's frame: triangles (T, 3, 3) [m], anticlockwise from outside; a
     `NotFoundError` if it is none of plane, box, sphere, ellipsoid, capsule, cylinder, mesh."""
     if model.geom_type[geom] == _GEOM.mjGEOM_MESH:
         m = int(model.geom_dataid[geom])
@@ -85,7 +85,7 @@ def _outline(model: mujoco.MjModel, geom: int) -> np.ndarray:
 
 
 def _hull(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Convex hull of points (V, 3): the points and its triangles (T, 3), as indices of them."""
+    """Convex hull of points (V, 3): its corners, and its triangles (T, 3) as indices of corners."""
     from scipy.spatial import ConvexHull  # slow to load: only when it is used
 
     hull = ConvexHull(points)
@@ -104,10 +104,10 @@ class BodyMotion:
     """Positions and orientations of a robot's visible bodies and its sensor at K moments.
 
     Attributes:
-        names: bodies that can be seen (B).
-        position: of their frames in the world (K, B, 3) [m].
-        quaternion: likewise, x y z w (K, B, 4).
-        sensor: position of the sensor's frame (K, 3) [m].
+        names: names of the B visible bodies.
+        position: positions of the bodies' frames in the world (K, B, 3) [m].
+        quaternion: orientations of the bodies' frames in the world, x y z w (K, B, 4).
+        sensor: position of the sensor's frame in the world (K, 3) [m].
         rotation: R_world_sensor (K, 3, 3).
     """
 

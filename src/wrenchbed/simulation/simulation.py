@@ -16,7 +16,7 @@ from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.robots.base import SimulatedRobot
 
 _STEP, _TRIES, _SEATED = 1e-6, 30, 1e-9
-"""Newton's iteration of `joints_touching`: step of its differences, most steps, error [m]."""
+"""Newton's iteration of `joints_touching`: finite-difference step, most steps, error [m]."""
 
 
 class Simulation:
@@ -77,11 +77,11 @@ class Simulation:
 
 
 def loop_sites(model: mujoco.MjModel) -> list[tuple[int, int]]:
-    """Numbers of the two sites that each loop constraint joins."""
+    """Indices of the two sites that each constraint of a closed chain joins."""
     pairs = zip(model.eq_type, model.eq_obj1id, model.eq_obj2id, strict=True)
     return [(int(a), int(b)) for kind, a, b in pairs if kind == mujoco.mjtEq.mjEQ_CONNECT]
 
 
 def load_on_sensor(data: mujoco.MjData) -> np.ndarray:
-    """Load (6,) [N, N·m] from MuJoCo's force and torque sensors, as last evaluated."""
+    """Load on the sensor (6,) [N, N·m], sensor axes, from MuJoCo's sensors as last evaluated."""
     return -np.concatenate([data.sensor("force").data, data.sensor("torque").data])

@@ -1,9 +1,9 @@
-"""Springs, backlash and cables in an MjSpec; what an effect adds is named ``effect:part``.
+"""Springs, backlash and cables added to an MjSpec; names of added elements are ``effect:part``.
 
-A joint with a range has backlash. Its spring is weak and only states how soft the middle is: the
-joint settles at half·tanh(force/(k·half)). With friction it stays until the force exceeds that;
-what ``lags`` settles against the way in which its joint last moved. A negative stiffness exchanges
-the sides.
+A joint with a range has backlash ±half, and a weak spring k: under a force it settles at
+half·tanh(force/(k·half)). With friction it stays until the force exceeds the friction; one that
+lags settles on the side opposite to its joint's last motion. With a negative stiffness it settles
+on the other side.
 """
 
 from collections.abc import Sequence
@@ -15,17 +15,17 @@ import numpy as np
 from wrenchbed.errors import ParameterError
 
 MARK = ":"
-"""Mark in the names of elements that effects add; no name of a robot's own MJCF has it."""
+"""Character in the names of elements that effects add; no name of a robot's own MJCF has it."""
 LAGS, MASS, ROUND = ".lags", ":mass", ".round"
-"""Ends of names: of a joint that lags, of the body with the tool's mass, of round play."""
+"""Ends of names: of a joint that lags, of the body with the tool's mass, of backlash in a plane."""
 FAR, BEHIND = 1e6, 1e7
-"""Distance of the anchors of a constant pull and of a plane [m]: it turns by 1e-6 rad and bulges
-by 5e-8 m within a metre."""
+"""Distance [m] of the anchor of a tendon that acts as a constant force, or as a plane: within a
+metre the force turns by 1e-6 rad, the plane bulges by 5e-8 m."""
 ROTOR, DAMPING_S = 1e-3, 1e-3
 """Inertia of an added joint [kg·m² or kg] and its damping over its stiffness [s]: no reading of
 the twin depends on them, but the exported model is stable."""
 _HARD = ((0.004, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0))
-"""Solver parameters of the ends of play: MuJoCo's usual ones give by more than the play."""
+"""MuJoCo's solref and solimp of the ends of backlash; the usual ones yield by more than it."""
 
 
 class Spring(NamedTuple):
@@ -33,8 +33,8 @@ class Spring(NamedTuple):
 
     Attributes:
         stiffness: of the spring [N·m/rad or N/m].
-        half: half its backlash [rad or m]; None without backlash.
-        lags: whether it rests on the side against its joint's last motion.
+        half: half of the backlash [rad or m]; None without backlash.
+        lags: whether it rests on the side opposite to the driven joint's last motion.
         friction: force [N] up to which it stays where it is.
         bias: the spring's force in the middle [N].
     """
@@ -47,7 +47,7 @@ class Spring(NamedTuple):
 
 
 def in_series(spec: mujoco.MjSpec, effect: str, joint: str, spring: Spring) -> None:
-    """Add a sprung joint in series with ``joint``, on its axis."""
+    """Add a sprung joint for ``effect`` in series with the joint of this name, on the same axis."""
     driven = spec.joint(joint)
     name = f"{effect}{MARK}{joint}{LAGS * spring.lags}"
     _add(driven.parent, name, driven.type, driven.axis, spring).pos = driven.pos
@@ -63,14 +63,14 @@ def hinge(
 def slide(
     spec: mujoco.MjSpec, effect: str, part: str, axis: Sequence[float], spring: Spring
 ) -> None:
-    """Let the tool's mass slide along an axis (3,) of the sensor, on a spring."""
+    """Let the tool's mass slide on a spring, along an axis (3,) in sensor axes."""
     body, kind = tool_mass(spec, effect), mujoco.mjtJoint.mjJNT_SLIDE
     added = _add(body, f"{effect}{MARK}{part}", kind, axis, spring)
     added.frictionloss, added.springref = spring.friction, spring.bias / spring.stiffness
 
 
 def tool_mass(spec: mujoco.MjSpec, effect: str) -> mujoco.MjsBody:
-    """Body of the MJCF that holds the tool's mass alone, so that it can move; made once."""
+    """Return the MJCF body that holds the tool's mass alone, so that it can move; made once."""
     tool = spec.body("tool")
     for child in tool.bodies:
         if child.name.endswith(MASS):
@@ -94,7 +94,7 @@ def cable(
 
 
 def pull(spec: mujoco.MjSpec, effect: str, point: Sequence[float], force: np.ndarray) -> None:
-    """Add a constant force (3,) [N] in world axes on a tool point (3,), as a cable to far away."""
+    """Add a constant force (3,) [N], world axes, on a tool point (3,), by a tendon to far away."""
     strength = float(np.linalg.norm(force))
     if strength > 0.0:
         anchor = FAR * np.asarray(force) / strength
@@ -109,8 +109,8 @@ def plane(
     depth: float,
     stiffness: float,
 ) -> None:
-    """Add a plane n·p = depth [m] that pushes a tool point (3,) back [N/m]: a strut from far behind
-    it that resists pressure only."""
+    """Add a plane n·p = depth [m] (n: ``normal``, world) that pushes a tool point (3,) back like a
+    spring [N/m]: a tendon from far behind the plane that resists pressure only."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     name = f"{effect}{MARK}plane"
@@ -147,7 +147,7 @@ def _tendon(
     stiffness: float,
     lengths: Sequence[float],
 ) -> None:
-    """Add a spatial tendon to a tool point (3,), with a MuJoCo sensor of its force."""
+    """Add a spatial tendon from a world anchor to a tool point (3,), with a sensor of its force."""
     if anchor is not None:
         spec.worldbody.add_site(name=f"{name}.anchor", pos=[float(x) for x in anchor])
     spec.body("tool").add_site(name=f"{name}.point", pos=[float(x) for x in point])

@@ -18,7 +18,7 @@ from wrenchbed.viewer.stream import ROW, log_words, to_file
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
-    """Write a diagnosis's rerun picture, with its command; a `MissingExtraError` without rerun."""
+    """Write a diagnosis as an ``.rrd`` picture that names ``command``; needs the library rerun."""
     readings, view, axis = HeldOutReadings(findings), None, None
     scene, shares = wrench_scene(readings), dict[str, float]()
     if scene is not None:
@@ -36,7 +36,7 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
 
 
 def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
-    """Markdown of a diagnosis's three answers, in the words of its page, which has the tables."""
+    """Markdown of a diagnosis's three answers; ``shares``: probability of a cause by body part."""
     d, words = findings.diagnosis, WrenchAnswer(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {o['sentence']}" for o in d.outliers]

@@ -15,7 +15,7 @@ from wrenchbed.simulation.shapes import BodyMotion
 from wrenchbed.viewer.stream import Canvas
 
 MEASURED = (40, 140, 220)
-"""Blue: what a robot's sensor said; as in reports, and told from orange by everybody."""
+"""Blue: what the robot's sensor measured, as in reports; the colour-blind tell it from orange."""
 SIMULATED = (230, 110, 20)
 """Orange: what a simulator says."""
 OTHERS = ((0, 158, 115), (170, 110, 190), (225, 190, 60))
@@ -23,7 +23,7 @@ OTHERS = ((0, 158, 115), (170, 110, 190), (225, 190, 60))
 RESIDUAL = (13, 148, 136)
 """Teal: the residual."""
 ROLES = {"measured": MEASURED, "before": SIMULATED, "after": OTHERS[0], "box": OTHERS[1]}
-"""The same by their role on a page: without the effects, with them, the load."""
+"""The colours above by role on a page: measured, without the effects, with them, the load."""
 JOINTS = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44),
     (214, 39, 40), (148, 103, 189), (140, 86, 75),
@@ -52,7 +52,7 @@ class Scale:
 
 
 def scale_for(wrench: np.ndarray) -> Scale:
-    """Choose round lengths so that the largest of wrenches (N, 6) [N, N·m] fits the scene."""
+    """Choose round lengths so that the largest arrow of wrenches (N, 6) [N, N·m] fits the scene."""
     finite = wrench[np.isfinite(wrench).all(axis=1)]
     if not len(finite):
         return Scale(0.01, 0.1)
@@ -90,9 +90,8 @@ def log_curves(
     names: Sequence[str],
     colours: Sequence[Colour],
 ) -> None:
-    """Draw curves (N, K) over times or rows ``at`` (N,), as one entity; that of the measurement is
-    wide, beneath the others.
-    """
+    """Draw K curves, ``values`` (N, K) over times [s] or rows ``at`` (N,), as one rerun entity; the
+    measured curve (by its colour) is wide, beneath the others."""
     shown, known = list(colours[: len(names)]), [printable(name) for name in names]
     widths = [_BENEATH if c == MEASURED else _WIDTH for c in shown]
     canvas.once(path, rr.SeriesLines(names=known, colors=shown, widths=widths))
@@ -106,7 +105,7 @@ def log_channels(
     wrenches: Mapping[str, np.ndarray],
     colours: Sequence[Colour] = (MEASURED, SIMULATED, *OTHERS),
 ) -> None:
-    """Draw wrenches, name → (N, 6), over times or rows ``at`` (N,), one entity for each channel."""
+    """Draw wrenches, name → (N, 6), over times [s] or rows ``at`` (N,); one entity per channel."""
     for k, channel in enumerate(CHANNELS):
         values = np.stack([w[:, k] for w in wrenches.values()], axis=1)
         log_curves(canvas, f"{root}/{channel}", at, values, list(wrenches), colours)

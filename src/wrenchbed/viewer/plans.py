@@ -21,17 +21,17 @@ from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot
 from wrenchbed.viewer.stream import ROW, TIME, log_words, to_file
 
 STAY_S = 1.0
-"""Shown at a pose whose plan leaves the time to the recorder."""
+"""Time shown at a pose whose plan leaves the duration of the rest to the recorder [s]."""
 WAY = (13, 148, 136)
-"""Teal of the sensor's way."""
+"""Teal: the path of the sensor."""
 _DOT_M, _LINE_M = 0.008, 0.0015
 
 
 def plan_view(plan: Plan, path: str | Path) -> None:
     """Write the rerun picture of a plan to an ``.rrd`` file.
 
-    Poses are reached from home as a campaign would reach them; a plan that cannot be run is shown
-    pose by pose, and why it cannot.
+    Poses are reached from home as a recording run would; for a plan that cannot be run the poses
+    are shown one after the other, with the reason.
 
     Raises:
         ParameterError: the robot has no model.
@@ -82,8 +82,9 @@ def _course(robot: SimulatedRobot, plan: Plan) -> tuple[str, np.ndarray, np.ndar
 def along(
     robot: SimulatedRobot, legs: Sequence[Leg], dwell: np.ndarray, speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (K, J) and times (K,) [s] of a campaign from home: moves at a fraction ``speed``
-    of top speed, a stay at each pose (``dwell`` by row of the plan [s]; `STAY_S` where it is 0)."""
+    """Joint values (K, J), times (K,) [s] of a recording run from home: moves at a fraction
+    ``speed`` of top speed, a stay at each pose (``dwell`` by row of the plan [s]; `STAY_S` where it
+    is 0)."""
     here, now = np.asarray(robot.home, dtype=float), 0.0
     q, at = [here], [now]
     for leg in legs:

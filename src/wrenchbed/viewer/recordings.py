@@ -28,8 +28,8 @@ from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 def recording_view(
     recording: Recording, path: str | Path, files: Sequence[str | Path] = ()
 ) -> None:
-    """Write the rerun picture of a recording to an ``.rrd`` file, beside it the readings that at
-    most three files, fit.json or twin.json, predict, and the residual of the last.
+    """Write a recording as a rerun picture (``.rrd``): its readings, what up to three simulators
+    (``files``: fit.json or twin.json) predict, and the residual of the last simulator.
 
     Raises:
         ParameterError: a file is no fit or twin of this robot.
@@ -70,7 +70,7 @@ def recording_view(
 
 
 def _over(recording: Recording) -> tuple[np.ndarray, str]:
-    """Values (N,) of the time axis, row numbers at rest or seconds, and its timeline's name."""
+    """Time axis of a recording: values (N,), rows at rest or seconds; its timeline's name."""
     if recording.metadata.mode == "static":
         return np.arange(float(len(recording))), ROW
     return recording.t.astype(float), TIME

@@ -21,20 +21,20 @@ from wrenchbed.viewer.recordings import recording_view
 HOST = "127.0.0.1"
 PORT = 9876
 NOWHERE = f"http://{HOST}:9"
-"""Proxy for what rerun would ask of others: the discard port, at which nobody listens."""
+"""Proxy for all that rerun would ask of the internet: the discard port, at which nobody listens."""
 _PROXIES = ("all_proxy", "https_proxy", "http_proxy")
 _QUIET_S = 20.0
 PICTURE = "diagnosis.rrd"
-"""Picture in the folder of a diagnosis."""
+"""File name of the picture in the folder of a diagnosis."""
 
 
 def command(file: str | Path, *, port: int = PORT) -> list[str]:
-    """Command line that starts rerun's viewer for a file, with its data on a port."""
+    """Command line that shows a file in rerun's viewer, which receives data on TCP ``port``."""
     return [str(_binary()), "--bind", HOST, "--port", str(port), str(file)]
 
 
 def show(file: str | Path, *, port: int = PORT) -> None:
-    """Show a file in rerun's viewer, with its data on a port, until its window is closed.
+    """Show a file in rerun's viewer, which listens on TCP ``port``, until its window is closed.
 
     Raises:
         ParameterError: there is no screen for a window.
@@ -53,9 +53,9 @@ def show(file: str | Path, *, port: int = PORT) -> None:
 
 @contextmanager
 def quiet() -> Iterator[dict[str, str]]:
-    """Yield an environment for a process in which rerun contacts nobody.
+    """Yield environment variables for a process in which rerun contacts nobody.
 
-    Telemetry is off, and its question for newer versions goes to a proxy that is not there.
+    Telemetry is off; the check for newer versions goes to a proxy address where nobody listens.
     """
     with tempfile.TemporaryDirectory(prefix="wrenchbed-view-") as folder:
         folders = dict.fromkeys(("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"), folder)
@@ -69,7 +69,7 @@ def quiet() -> Iterator[dict[str, str]]:
 
 
 def _binary() -> Path:
-    """Path of rerun's viewer program; killing the Python script around it would not end it."""
+    """Path of rerun's viewer program itself: killing its Python wrapper script would not end it."""
     return Path(str(registry.require("rerun_cli", "view").__file__)).parent / "rerun"
 
 
@@ -80,10 +80,10 @@ def view(
     rrd: str | Path | None = None,
     port: int = PORT,
 ) -> None:
-    """Show a recording or plan, a diagnosis's folder or an ``.rrd`` file until its window is
+    """Show a recording, a plan, a diagnosis's folder or an ``.rrd`` file until its window is
     closed; with ``rrd``, write the picture there and open nothing.
 
-    With a recording the simulators of ``against``, fit.json and twin.json files, are compared.
+    ``against``: up to three fit.json or twin.json files to compare with a recording.
 
     Raises:
         ParameterError: the file cannot be shown, or cannot be compared.
@@ -97,7 +97,7 @@ def view(
 
 
 def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder: Path) -> Path:
-    """Path of a file's picture: an ``.rrd`` itself; others are drawn to ``rrd`` or the folder."""
+    """Path of a file's ``.rrd`` picture: itself, or drawn from it to ``rrd`` or into ``folder``."""
     made = file / PICTURE if file.is_dir() else file
     if made.suffix == ".rrd":
         if against or rrd is not None:

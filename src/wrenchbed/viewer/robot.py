@@ -22,7 +22,7 @@ FRAMES_HZ = 30.0
 
 
 def shape(model: mujoco.MjModel, body: int) -> Any:
-    """Mesh of a body's geoms in its own frame; a `NotFoundError` for a kind that is not drawn."""
+    """Mesh of a body's geoms in its frame; a `NotFoundError` for a kind of geom not drawn here."""
     geoms = [int(g) for g in geoms_of(model, body)]
     surfaces = [triangles(model, g) for g in geoms]
     rgba = np.rint(255 * colours(model)[geoms]).astype(np.uint8)
@@ -30,7 +30,7 @@ def shape(model: mujoco.MjModel, body: int) -> Any:
 
 
 def mesh(corners: np.ndarray, rgba: np.ndarray) -> Any:
-    """Mesh of triangles (T, 3, 3) [m] with colours (T, 3 or 4); separate corners, sharp edges."""
+    """Mesh of triangles (T, 3, 3) [m] with colours (T, 3 or 4); corners unshared: sharp edges."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(across, axis=1, keepdims=True), _NO_AREA)
     return rr.Mesh3D(
@@ -54,7 +54,7 @@ def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
 
 
 def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyMotion) -> None:
-    """Draw the robot in its own colours, moving over times or rows ``at`` (K,)."""
+    """Draw the robot in its own colours as its bodies move (``real``), over times or rows (K,)."""
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     model = Simulation(robot, robot.parameters.nominal).model
     for name, body in bodies(model).items():
@@ -67,8 +67,8 @@ def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyM
 
 
 def log_scene(canvas: Canvas, scene: Scene) -> None:
-    """Draw the robot of a page's scene at its moments: parts coloured by their share of the blame,
-    colour bar, sensor axes and arrows."""
+    """Draw the robot of a diagnosis page's scene at its moments: parts coloured by the probability
+    that a cause lies there, colour bar, sensor axes and arrows."""
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     canvas.once("blame", rr.Image(heat(np.tile(np.linspace(0.0, 1.0, 256), (12, 1)))))
     for k, frames in enumerate(np.moveaxis(scene.frames, 1, 0)):

@@ -1,5 +1,5 @@
-"""A canvas: what a view is drawn on, how views lie on the screen (a blueprint for each kind of
-picture), and the file of rerun that it becomes; Markdown for it."""
+"""The canvas on which a view is drawn, the layouts of views on the screen (rerun's blueprints), and
+the ``.rrd`` file that results."""
 
 import uuid
 from collections.abc import Iterator, Sequence
@@ -18,17 +18,17 @@ from wrenchbed.robots.base import SimulatedRobot
 
 APP = "wrenchbed"
 TIME, ROW = "time", "row"
-"""Timelines: of a motion [s], and of poses at rest, between which nothing is recorded."""
+"""Timelines: of a motion [s]; of poses at rest (row numbers), between which nothing is recorded."""
 _NEAR = 0.55
-"""Distance of the eye over the diagonal of the box in which a robot moves, to see all of it."""
+"""Distance of the eye that shows all of a robot, over the diagonal of the box in which it moves."""
 _SKY = (242, 244, 247)
-"""Behind the robot; curves keep the viewer's own ground."""
+"""Background behind the robot [RGB]; curves keep the viewer's own background."""
 Window = tuple[str, np.ndarray]
-"""A timeline, and where on it data lie (N,) [s or rows]."""
+"""A timeline's name, and where on it data lie (N,) [s or rows]."""
 
 
 class Canvas:
-    """Writes objects to a rerun stream: for all times, or as columns over a timeline, ``axis``."""
+    """Writes objects to a rerun stream: for all times, or as columns over the timeline ``axis``."""
 
     def __init__(self, stream: Any, axis: str = TIME) -> None:
         self.stream, self.axis = stream, axis
@@ -64,7 +64,7 @@ def log_words(canvas: Canvas, path: str, text: str) -> None:
 
 
 def scene(robot: str, name: str = "robot", places: np.ndarray | None = None) -> Any:
-    """Make a 3D view of the robot, from where its arm and sensor are seen best."""
+    """Make a 3D view of a robot from a good side, around ``places`` (N, 3) [m] if given."""
     shown = registry.load("robots", robot)
     assert isinstance(shown, SimulatedRobot)  # only such have a scene
     (position, target), up = np.array(shown.eye), (0.0, 0.0, 1.0)
@@ -79,7 +79,7 @@ def scene(robot: str, name: str = "robot", places: np.ndarray | None = None) -> 
 
 
 def channels(name: str, window: Window, *, residual: bool = False) -> Any:
-    """Make a view of the curves of six channels, each above its ``residual`` if asked for."""
+    """Make a view of six wrench channels' curves, each above its residual's if ``residual``."""
     views = []
     for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
         view = curves(f"/wrench/{c}", f"{c} [{u}]", window, legend=k == 0)
@@ -92,7 +92,7 @@ def channels(name: str, window: Window, *, residual: bool = False) -> Any:
 
 
 def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> Any:
-    """Make a view of an entity's curves, zoomed to the whole of a time window at first."""
+    """Make a view of an entity's curves, at first zoomed to all of ``window`` (times or rows)."""
     b = rr.blueprint
     timeline, at = window
     unit = "seq" if timeline == ROW else "seconds"
@@ -111,7 +111,7 @@ def document(origin: str, name: str) -> Any:
 
 
 def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
-    """Make views of robot (around ``places``), blame's colours, residuals over numbers ``at``."""
+    """Make views of the robot (around ``places``), its colour scale, residuals over rows ``at``."""
     title = "probability that the cause is there: 0 (grey) … 1 (dark red)"
     bar = rr.blueprint.Spatial2DView(origin="/blame", name=title)
     residual = curves("/residual", "residual of all channels, rms [noise of a row]", (ROW, at))
@@ -122,7 +122,7 @@ def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
 def page(left: Any | None, right: Sequence[Any], timeline: str | None = TIME) -> Any:
     """Make the layout of a picture: one view on the left, if any, and tabs on the right.
 
-    Without a timeline nothing changes over time, and there is no slider.
+    If ``timeline`` is None, nothing changes over time and there is no slider.
     """
     b = rr.blueprint
     time = b.TimePanel(state="hidden")

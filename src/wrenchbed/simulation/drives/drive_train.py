@@ -23,14 +23,14 @@ from wrenchbed.simulation.simulation import loop_sites
 
 Kind = Literal["torque", "current"]
 COLUMN: Mapping[str, str] = {"torque": "tau", "current": "i"}
-"""Prefix of the columns by kind of effort."""
+"""Start of a column's name by kind of effort: ``tau`` for torques, ``i`` for currents."""
 _WHITE = 0.01
-"""White noise of a current before its filter, as a share of `level`: a current sensor of 1 %."""
+"""White noise of a current before its filter, over `DriveTrain.level`: a sensor of 1 %."""
 _RIPPLE = 0.005
-"""Amplitude of a current's ripple, as a share of `level`: half of its noise."""
+"""Amplitude of a current's ripple, as a share of `DriveTrain.level`: half of its white noise."""
 _FRICTIONS = 4.0
-"""Coulomb frictions that count as load of a drive, beside what holds the robot: motors are chosen
-for some times their gear's friction."""
+"""Typical load of a drive: the torque that holds the robot plus this many times the Coulomb
+friction; motors are chosen for some times their gear's friction."""
 _GEAR, _POLES = 100.0, 6.0
 """Turns of a motor per turn of its joint (strain wave gears have 100), and waves a turn of the
 motor: three pole pairs."""
@@ -45,10 +45,10 @@ hand-warm, half an hour."""
 _POSES, _SEED = 200, 5
 """Number and seed of the random poses for the torque that holds the robot."""
 _COULOMB: Mapping[str, tuple[float, ...]] = {"ur5": (6.0, 6.5, 4.5, 1.4, 1.2, 1.0)}
-"""Friction of direction alone [N·m]; estimates: one third of a UR10e's (recordings of Innopolis
-University, doi 10.3389/frobt.2020.571574) to one half."""
+"""Coulomb friction of each joint by robot [N·m]; estimates: one third of a UR10e's (recordings of
+Innopolis University, doi 10.3389/frobt.2020.571574) to one half."""
 _VISCOUS: Mapping[str, tuple[float, ...]] = {"ur5": (8.0, 8.5, 6.5, 1.5, 1.4, 1.2)}
-"""Friction per speed [N·m·s/rad]; estimates, as those of `_COULOMB`."""
+"""Viscous friction of each joint by robot [N·m·s/rad]; estimates, as `_COULOMB`."""
 _CONSTANT: Mapping[str, tuple[float, ...]] = {
     "ur5": (12.6, 12.6, 12.6, 9.3, 9.3, 9.3),
     "medrue": (50.0, 0.5, 0.5, 0.5, 0.5, 0.5),
@@ -56,13 +56,12 @@ _CONSTANT: Mapping[str, tuple[float, ...]] = {
 """Torque per current, gear included [N·m/A; N/A]. UR5: estimate, as its emulator has. MedRUE:
 rated 200 N and 2 N·m over 4 A, estimates as the emulated drives have."""
 _USUAL_CONSTANT = 10.0
-"""Torque per current of an arm that the table lacks [N·m/A]: between a UR10e's joints."""
+"""Torque per current of a robot that `_CONSTANT` lacks [N·m/A]: between a UR10e's joints."""
 _SHARE, _LEAST = 0.04, 0.5
-"""Coulomb friction of an arm that nobody states: share of the torque that holds its weight, about a
-UR5's, and no less than that [N·m or N]."""
+"""Coulomb friction where none is stated: share of the torque that holds the arm's weight, about a
+UR5's, and no less than the second number [N·m or N]."""
 _PER_SPEED = 1.0
-"""Viscous over Coulomb friction of an arm that nobody states [s/rad or s/m]: about a UR5's, 1.1 to
-1.4."""
+"""Viscous over Coulomb friction where none is stated [s/rad or s/m]: about a UR5's, 1.1 to 1.4."""
 
 
 class JointTorques:
@@ -105,7 +104,7 @@ class JointTorques:
         self.model, self.data, self._loops = model, mujoco.MjData(model), loop_sites(model)
 
     def of(self, q: Jet) -> np.ndarray:
-        """Torques (N, J) [N·m, N for slides] at joint values with speeds and accelerations."""
+        """Torques (N, J) [N·m, N for slides] at a jet of joint values (N, J)."""
         all_joints = self.robot.qpos(q, self.theta)
         assert isinstance(all_joints, Jet)
         rows = zip(all_joints.v, all_joints.d, all_joints.dd, strict=True)
@@ -149,8 +148,9 @@ class DriveParameters:
 
     @classmethod
     def nominal(cls, rigid: JointTorques, holding: np.ndarray) -> "DriveParameters":
-        """Default parameters of a robot's drives, by the tables here or its MJCF or, without, by
-        the largest torques that hold its weight (J,): friction is a share of them."""
+        """Default parameters of a robot's drives, from this file's tables or its MJCF; else
+        friction is a share of ``holding`` (J,), the largest torques that hold its weight [N·m or
+        N]."""
         name, likely = rigid.robot.name, np.maximum(_SHARE * holding, _LEAST)
         coulomb = np.where(rigid.coulomb > 0.0, rigid.coulomb, likely)
         viscous = np.where(rigid.viscous > 0.0, rigid.viscous, _PER_SPEED * likely)
@@ -186,9 +186,9 @@ class DriveTrain:
     """Drives of one simulated robot: motion in, reported torques out.
 
     Args:
-        theta: its true parameters (P,).
+        theta: true parameters of the robot (P,).
         gravity: in world axes (3,) [m/s²].
-        given: true parameters of the drives where they differ from nominal: ``drive.coulomb.2``.
+        given: true drive parameters that differ from nominal, by name: ``drive.coulomb.2``.
         faults: (name, values) of each fault.
 
     Raises:
@@ -209,17 +209,17 @@ class DriveTrain:
         self.joints = len(robot.joints)
         self.rigid = JointTorques(robot, theta, gravity, self.parameters.inertia)
         self.controller = nominal
-        """Parameters of the robot that the controller assumes."""
+        """Torques of the robot with nominal parameters, which its controller assumes."""
         self.faults: tuple[ActiveFault, ...] = tuple(
             active_fault(name, values, self.nominal.coulomb) for name, values in faults
         )
 
     def torques(self, t: np.ndarray, q: Jet, rigid: np.ndarray | None = None) -> np.ndarray:
-        """Torques of the motors (N, J) [N·m or N], as drives with nominal constants report them, at
-        times (N,) [s] and joint values with speeds and accelerations (N, J).
+        """Torques (N, J) [N·m or N] that drives with nominal constants report, at times t (N,) [s]
+        and a jet of joint values (N, J).
 
-        Calls must follow each other in time: some faults have memory. Torques of the rigid body
-        (N, J) are computed unless they are given.
+        Calls must follow each other in time: some faults have memory. ``rigid`` are torques of the
+        rigid body (N, J), computed if None.
         """
         p = self.parameters
         rigid = self.rigid.of(q) if rigid is None else rigid
@@ -241,8 +241,8 @@ class DriveTrain:
 
 
 class EffortNoise:
-    """Generator of the noise of current readings (``real``, ``white`` or ``off``) for rows at a
-    rate [Hz]; each call continues the last one."""
+    """Generator of a current sensor's noise (``real``, ``white`` or ``off``) for rows at a constant
+    rate [Hz]; each call continues the previous one."""
 
     def __init__(self, train: DriveTrain, noise: str, seed: int, rate: float) -> None:
         self._kind, self._level = noise, train.level()
@@ -267,8 +267,8 @@ class EffortNoise:
 
 
 class ReportedEfforts:
-    """Makes a recording's drive columns: efforts, the controller's targets, temperatures; noise is
-    ``real``, ``white`` or ``off``."""
+    """Makes a recording's drive columns: efforts, the controller's targets, temperatures; ``noise``
+    is ``real``, ``white`` or ``off``."""
 
     def __init__(self, train: DriveTrain, kind: Kind, noise: str, seed: int) -> None:
         self._train, self._kind, self._noise, self._seed = train, kind, noise, seed
@@ -277,8 +277,8 @@ class ReportedEfforts:
     def columns(
         self, t: np.ndarray, q: Jet, targets: np.ndarray, rate: float
     ) -> dict[str, np.ndarray]:
-        """Columns (N,) by name for rows that follow each other in time at a rate [Hz], of times
-        (N,) [s], joint values with speeds and accelerations, and their targets, (N, J) each."""
+        """Columns (N,) by name for N rows at a rate [Hz] that follow those of the last call: times
+        (N,) [s], a jet of joint values and their targets, (N, J) each."""
         train = self._train
         if self._stream is None:
             self._stream = EffortNoise(train, self._noise, self._seed, rate)

@@ -27,12 +27,12 @@ _TURN = 2.0 * np.pi
 
 
 class Rows(NamedTuple):
-    """Motion, rigid-body torque and drive temperature of one joint over time (N,), SI.
+    """Motion, rigid-body torque and temperature of one drive over time (N,), SI.
 
     Attributes:
-        rigid: torque of the rigid body, motor included.
+        rigid: torque of the rigid body, rotor included [N·m or N].
         warm: temperature of the drive [°C].
-        coulomb: nominal friction of the joint, a number.
+        coulomb: nominal Coulomb friction of the joint, one number [N·m or N].
     """
 
     t: np.ndarray
@@ -50,15 +50,15 @@ class Rows(NamedTuple):
 
 
 Formula = Callable[[Rows, np.ndarray, Values, Memory], np.ndarray]
-"""Function of rows and the torque so far (N,) that returns the torque with the fault (N,)."""
+"""Function (rows, torque so far (N,), values, memory) → torque with the fault (N,)."""
 
 
 class Fault(NamedTuple):
     """One kind of drive fault: its formula, units and default values.
 
     Attributes:
-        unit: of ``size``; N·m stands for N on a slide.
-        typical: default size; with ``of_friction`` times the Coulomb friction.
+        unit: unit of ``size`` on a rotary joint; N·m stands for N on a slide.
+        typical: default size [unit], or, if ``of_friction``, as a multiple of Coulomb friction.
         more: further parameters with their defaults.
     """
 
@@ -71,7 +71,7 @@ class Fault(NamedTuple):
 
 
 def _hysteresis(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    """Torque with bristles that wind up over w: z ← s + (z − s) e^(−|dq|/w), s the sign of dq."""
+    """Add presliding friction: state z ← s + (z − s) e^(−|dq|/width), s the sign of the step dq."""
     z, last = memory.get("z", 0.0), memory.get("q", float(rows.q[0]))
     deflection = np.empty_like(rows.q)
     for k, q in enumerate(rows.q.tolist()):
@@ -145,7 +145,7 @@ FAULTS: Mapping[str, Fault] = {
     ),
     "delay": Fault("the effort is reported late", "s", 0.02, _delay),
 }  # fmt: skip
-"""Fault formulas by kind, without ``drive.``; typical sizes, speeds [rad/s or m/s], widths [rad or
+"""Fault by kind, the name without ``drive.``; default sizes, speeds [rad/s or m/s], widths [rad or
 m], orders [1 per rad] and phases [rad] are estimates."""
 
 
@@ -172,8 +172,8 @@ class ActiveFault:
 
 
 def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> ActiveFault:
-    """Make a fault from its name, as ``drive.coulomb``, and from ``joint`` (from 1), ``size`` and
-    further parameters; missing ones are typical, of the friction of the joints (J,).
+    """Make a fault from its name, as ``drive.coulomb``, and ``given``: ``joint`` (from 1), ``size``
+    and further parameters, else defaults; these may scale with the Coulomb frictions (J,).
 
     Raises:
         NotFoundError, ParameterError: there is no such fault, joint or parameter.
@@ -205,7 +205,7 @@ def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> Ac
 
 
 def apart(given: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Split values by name into those of the drives (``drive.…``), as numbers, and all others."""
+    """Split values by name into those of drives (``drive.…``), as numbers, and all others."""
     drives = {k: v for k, v in given.items() if k.startswith(PREFIX)}
     return drives, {k: v for k, v in given.items() if k not in drives}
 
