@@ -1,7 +1,7 @@
-"""The decision: what may be said of a recording. Nothing else makes or changes a verdict.
+"""The decision: which verdict a recording gets. Nothing else makes or changes a verdict.
 
-`decide` is a pure function of the evidence for every structure of causes, of gaps on held-out rows,
-and of the share of such claims that were right. Its rules are in `RULES`, in the order in which
+`decide` is a pure function of the evidence for every set of causes, of gaps on held-out rows, and
+of the share of similar claims that were right. Its rules are in `RULES`, in the order in which
 they act. ``scripts/ablations`` measures what each of them changes, see
 ``docs/explanation/decision.md``.
 """
@@ -22,24 +22,24 @@ from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
 PARTIAL = "partial"
 LARGEST_NONE = 1.0
-"""Calibrated gap beyond the noise up to which there may be no cause: the contract's."""
+"""Largest calibrated gap beyond noise at which the verdict may be ``none`` (docs/contracts.md)."""
 LEAST = 0.5
-"""Gap that a cause must close at least: below it small imperfections are none (the contract's)."""
+"""Least gap that a claimed cause closes; below it is an imperfection (docs/contracts.md)."""
 MOST = 0.5
-"""Share of the gap from which causes explain most of it: the word ``partial`` of the contract."""
+"""Closed share of the gap below which the verdict is ``partial`` (docs/contracts.md)."""
 DOUBTFUL = 0.5
-"""Largest probability of a cause beside a sure one whose interval holds 0: few poses show it."""
+"""Largest probability of a cause beside a sure one if the interval of its closed gap holds 0."""
 WITHDRAWN = 0.05
-"""Share of a withdrawn answer's probability that it keeps, so that none is impossible: the odds at
-which held-out rows' 95 % interval errs."""
+"""Share of its probability that a withdrawn answer keeps, so that no answer is impossible: how
+often the 95 % interval on held-out rows errs."""
 MOST_RIVALS = 4
-"""Most rivals of a named cause (the contract's): more than five candidates tell nothing."""
+"""Most rivals of a named cause (docs/contracts.md): more than five candidates tell nothing."""
 FIRM = 0.75
-"""Probability from which evidence names a cause that ordinary errors imitate: 3 to 1."""
+"""Least probability of a cause that is claimed although ordinary errors imitate it: 3 to 1."""
 CONTRIVED = 0.05
-"""Least weight, beside 1, of an effect that makes a cause's readings with numbers that happen to
-fit: evidence against it is as good as what is taken for its likely sizes; so it stays listed, as
-with `WITHDRAWN`."""
+"""Least weight, where the cause has at most 1, of a rival that makes the same readings only with
+numbers that happen to fit. Evidence against it is as uncertain as its assumed sizes, so it stays
+listed."""
 
 Rule = Callable[[Facts[S], Verdict[S], Closure], Verdict[S]]
 
@@ -100,7 +100,7 @@ def _cause(
     facts: Facts[S], mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part,
     without: Collection[str],
 ) -> Cause:  # fmt: skip
-    """Cause from one effect (or wrong number) of the claimed set of causes, with its rivals."""
+    """Cause, with rivals, from a part of the claimed option; ``mass``: probability of each set."""
     beside = claim.keys - {part.key}
     score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
     score |= {(n, None): 1.0 for n in part.twins}
@@ -126,8 +126,8 @@ def _word(causes: Iterable[Cause]) -> str:
 def small(gap: Closure) -> bool:
     """Whether the calibrated gap is so small that there may be no cause.
 
-    It takes the mean gap of single channels, as the analysis weighs it, because imperfections lack
-    the noise's correlation, and the lower end of the gap's interval.
+    The larger counts of the mean gap of single channels (imperfections lack the correlation that
+    noise has between channels) and the lower end of the gap's 95 % interval.
     """
     floor = max(gap.floor, 0.0)
     return max(gap.channels, gap.calibrated.low) - floor <= LARGEST_NONE
@@ -144,11 +144,11 @@ def surely(member: Interval | None) -> bool:
 
 
 def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Drop causes that close no part of the gap on held-out rows; without any left, withdraw.
+    """Drop causes that close no part of the gap on held-out rows; withdraw the claim if none stays.
 
     The cause that closes most leads. A cause whose interval contains zero is doubtful beside a sure
     one: few poses show it. A wrong stated number is fitted away and closes nothing afterwards; its
-    own gap decides. What values show needs no held-out row: a limit may be reached in few poses.
+    own gap decides. Effects in `Facts.seen`, as a limit that few poses reach, are exempt.
     """
     while verdict.causes:
         shown = _closing(facts, verdict, gap)
@@ -209,8 +209,8 @@ def _imitated(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> bool:
 
 
 def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Withdraw ``none`` if the gap after the usual fit is large (or if what no cause explains
-    counts as noise), ``unknown`` if there is no gap."""
+    """Withdraw ``none`` if the gap after the fit of bias, mass and CoG is large (or if the
+    unexplained residual counts as noise), ``unknown`` if there is no gap."""
     if verdict.word == NONE and (facts.own_rest or not small(gap)):
         return withdrawn(verdict, UNKNOWN)
     hardly = gap.calibrated.high - max(gap.floor, 0.0) < CLAIMABLE and small(gap)
@@ -256,7 +256,7 @@ RULES: Mapping[str, Rule[Any]] = {
     "held out": held_out, "size": size, "partial": partial, "reliability": reliable,
     "contact": probable,
 }  # fmt: skip
-"""Rules after `leading`, whose own is ``rivals``, in the order in which they act."""
+"""Rules by name, in the order in which they act after `leading`, whose own is ``rivals``."""
 
 
 def beside_own_rest(

@@ -1,9 +1,9 @@
 """Rivals of the leading cause on held-out rows: a paired comparison, row by row.
 
 Evidence takes the residual for white noise. That of a real robot is not white, and an effect of
-many numbers takes up some of it. So each rival is fitted in the leading cause's place, all are
-judged on held-out rows, and what closes as much there, within the interval of the difference, is a
-rival. Channels weigh by the noise of the analysis, the recording's own residual included.
+many numbers takes up some of it. So each candidate is fitted in the leading cause's place, all are
+judged on held-out rows, and one that closes as much there, within the interval of the difference,
+is a rival. Channels are weighted by the noise of the analysis, unexplained residual included.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -25,21 +25,21 @@ from wrenchbed.diagnosis.prepare.configuration import STATED
 TRIED = 5
 """Number of rivals that are fitted, the likeliest first."""
 ALIKE = 0.8
-"""Share of what the leading cause closes from which a rival closes as much: a fifth may be the
-recording's own rest."""
+"""Share of the leading cause's closed gap that a rival closes at least: the fifth that it lacks may
+be residual that no effect explains."""
 APART = 0.5
-"""Share of what the leading cause closes that it closes beside a rival too, from which the two are
-two causes and no rivals: the larger half is its own."""
+"""Share of its closed gap that the leading cause still closes beside a candidate, from which the
+two are separate causes and no rivals: the larger half is its own."""
 
 Tried = tuple[Key, np.ndarray, Callable[[], np.ndarray]]
-"""Candidate in the leading cause's place: its key, the gap of each observation (S,) with it, and a
-function to that with both."""
+"""Candidate for the leading cause's place: effect and joint, gap of each observation (S,) with it
+alone, and a function that returns the gap (S,) with both."""
 
 
 def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key, ...]:
     """Effects that do as well in the leading cause's place on held-out rows, best first.
 
-    A wrong stated number has none.
+    Empty if the leading cause is a wrong stated number.
     """
     if not verdict.causes or verdict.causes[0].part.index is None:
         return ()
@@ -81,9 +81,9 @@ def not_apart(
 
     Args:
         mean: mean of gaps (S,) with its interval.
-        without: gap of each observation (S,) with neither.
+        without: gap of each observation (S,) with neither of the two.
         leading: gap of each observation (S,) with the leading cause.
-        spare: gap more than the leading cause's that a rival may leave.
+        spare: gap that a rival may leave beyond what the leading cause leaves.
         each: candidates.
     """
     closes, worse = mean(without - leading).value, dict[Key, float]()
@@ -115,7 +115,7 @@ class _Judge:
         self.mean = Bootstrap([(rows.block, rows.count)], seed).mean
 
     def gaps(self, f: Finalist) -> np.ndarray:
-        """Gap at each of S observations that no fit used (S,), with the causes of a fitted set."""
+        """Gap (S,) at each of S observations that no fit used, with the causes of a fitted set."""
         keep = tuple(range(len(f.parts)))
         reading = self._fits.explained(twin_of(self._a, f, keep), f, keep, self._wrong)[0]
         p = self._a.prepared

@@ -1,10 +1,9 @@
 """The dictionary: columns that every effect, and a flexible unknown, would add to each reading.
 
-All columns are linear responses at the baseline, whitened; a column's coefficient is in units of
-the parameter's typical size. The Gram matrix of these columns is all that the evidence needs. The
-flexible unknown has one group of columns (kernel) per variable that a residual may depend on:
-smooth functions, channel by channel. Together they fit what no effect of the library makes, and
-their share of a residual says what it varies with.
+All columns are linear responses at the baseline (simulator after the fit of bias, mass and CoG),
+whitened; a coefficient is in units of its parameter's typical size. Evidence needs their Gram
+matrix alone. The flexible unknown has one group of columns (kernel) per variable that a residual
+may depend on: smooth functions, channel by channel, which fit what no effect of the library makes.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -28,18 +27,18 @@ from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
 
 TIME_WAVES = 8
-"""Half waves over the recording's length that model a drift in time."""
+"""Number of cosines, of 1, 2, … half periods over the recording, that model a drift in time."""
 FLOW_S = (10.0, 40.0)
-"""Times in which what flows follows an orientation [s]: one pose to several."""
+"""Time constants [s] with which a flowing load follows the orientation: one pose to several."""
 LARGEST = 30.0
-"""Largest multiple of its typical size that an effect may have; invisible then: not considered."""
+"""Largest size of an effect, in typical sizes; an effect that is invisible then is left out."""
 VISIBLE = 0.5
-"""Gap that an effect must be able to add to be considered at all."""
+"""Least gap that an effect of size `LARGEST` must add; effects that add less are left out."""
 _Shape = tuple[tuple[str, float], ...]
 
 
 def features(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Smooth functions (C R, k) at R rows of C channels, by variable; a group adds a gap of 1."""
+    """Smooth functions (C R, k) at R rows of C channels, by variable; each group has gap 1."""
     groups: dict[str, np.ndarray] = {}
     for name, base in variables(prepared).items():
         columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
@@ -130,7 +129,7 @@ def _scaled(x: np.ndarray) -> np.ndarray:
 
 
 def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Columns (C R, C): x (H,), averaged to R rows, in one of C whitened channels each."""
+    """Columns (C R, C) from x (H,), averaged to R rows: one for each of C whitened channels."""
     count = len(prepared.variance)
     fit = prepared.averages(x[:, None])
     return np.asarray((fit[:, :, None] * np.eye(count)).reshape(-1, count))
@@ -152,22 +151,22 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class EffectDictionary:
-    """Columns of all effects for one design (poses, noise), at one baseline: the simulator after
-    the usual fit of bias, mass and CoG.
+    """Columns of all effects for one design (poses, noise), at R rows of C measured columns, from
+    one baseline: the simulator after the fit of bias, mass and CoG.
 
     Attributes:
         prepared: the design and its noise, with the scene at the baseline's parameters.
-        baseline: whitened readings there (C R,).
-        E: columns (C R, n).
+        baseline: whitened readings that the baseline predicts (C R,).
+        E: whitened change of the readings per typical size of each parameter (C R, n).
         size: typical size of each column's parameter (n,), SI.
         label: (effect, parameter) of each column, or (kernel, '') of a feature.
-        hypotheses: variants of effects that may be claimed.
+        hypotheses: variants of effects that may be claimed; ``invisible``: names of the others.
         kernels: indices of the unknown's columns, by the variable that they depend on.
         stated: indices of the numbers that every user fits; ``tolerance`` in typical sizes.
-        nuisance: indices of columns of what nobody knows of a sensor, which every fit takes.
+        nuisance: indices of columns of unknown numbers of sensors, which every fit frees.
         imperfections: indices of columns of imperfections of healthy sensors.
         of_all: the dictionary of all rows, if this one leaves a fold out.
-        free_form: indices of columns of form-free variants only.
+        free_form: indices of columns that only variants without a formula have.
     """
 
     prepared: Prepared
@@ -234,30 +233,31 @@ class EffectDictionary:
 
     @cached_property
     def always(self) -> np.ndarray:
-        """Indices of the columns that every fit takes: nuisance, then the stated numbers."""
+        """Indices of the columns that every fit frees: `nuisance`, then the stated numbers."""
         return np.concatenate([self.nuisance, self.stated])
 
     @cached_property
     def fitted_away(self) -> np.ndarray:
-        """Orthonormal basis (C R, S) of the S columns that every fit takes, each vector in one
+        """Orthonormal basis (C R, S) of the S columns that every fit frees, each vector in one
         channel."""
         return np.linalg.qr(self.E[:, self.always])[0]
 
     def mean_square(self, x: np.ndarray) -> np.ndarray:
-        """Mean square of each channel's readings (F, …) of signals (C R, …)."""
+        """Mean square (F, …) of whitened signals (C R, …) over rows and columns of each channel."""
         rows = x.reshape(-1, self.channels, *x.shape[1:])
         of = (rows[:, f] for f in self.prepared.families)
         squares = [np.einsum("rc...,rc...->...", y, y) / (y.shape[0] * y.shape[1]) for y in of]
         return np.stack(squares)
 
     def gap(self, signal: np.ndarray, *, configured: bool = False) -> float:
-        """Gap of a signal (C R,) after the usual fit, or before it if ``configured``."""
+        """Gap of a whitened signal (C R,): before bias, mass and CoG are fitted if ``configured``,
+        else after."""
         if not configured:
             signal = self.without_stated(signal)
         return float(self.mean_square(signal).sum())
 
     def gaps(self, signal: np.ndarray) -> np.ndarray:
-        """Gap of a signal (C R,) in each channel (F,) after the usual fit, noise subtracted."""
+        """Gap (F,) of a whitened signal (C R,) by channel, after the fit of bias, mass and CoG."""
         return self.mean_square(self.without_stated(signal)) - self.channel_noise
 
     @cached_property
@@ -272,7 +272,7 @@ class EffectDictionary:
 
     @cached_property
     def column_gap(self) -> np.ndarray:
-        """Gap of each column at typical size after bias, mass and CoG are fitted (n,)."""
+        """Gap (n,) of each column at typical size after bias, mass and CoG are fitted."""
         taken = (self.fitted_away.T @ self.E) ** 2
         of_channel = self.mean_square(self.fitted_away).sum(axis=0)  # of unit vectors
         return np.asarray(np.maximum(self.configured_gap - of_channel @ taken, 0.0))
@@ -303,12 +303,12 @@ class EffectDictionary:
 
     @property
     def row_noise(self) -> float:
-        """Gap of the fitted rows' noise, all channels together."""
+        """Noise of the averaged rows that are fitted, as a gap, summed over all channels."""
         return float(self.channel_noise.sum())
 
     @property
     def channel_noise(self) -> np.ndarray:
-        """Gap of the fitted rows' noise in each channel (F,)."""
+        """Noise of the averaged rows that are fitted, as a gap, in each channel (F,)."""
         return np.array([self.prepared.variance[f].mean() for f in self.prepared.families])
 
     @cached_property
@@ -341,7 +341,7 @@ def build(
     Args:
         prepared: the recording's design and noise.
         robot_theta: parameters of the robot at the baseline.
-        tolerance: of bias, mass and CoG if readings show them, by effect, SI; inf if unstated.
+        tolerance: tolerance of bias, mass and CoG by effect, SI; inf if they are not stated.
     """
     at = prepared.at(robot_theta)
     response = Response(at.scene, at.channels)
@@ -403,14 +403,14 @@ def build(
 
 
 def nuisance(prepared: Prepared) -> np.ndarray:
-    """Nuisance columns (C R, k) of all channels, orthogonal, with a mean square of 1."""
+    """Columns (C R, k) of unknown numbers of all sensors, orthogonal, with mean square 1."""
     slopes = [c.nuisance(prepared.scene) for c in prepared.channels]
     block = orthonormal(_of_channels(prepared, slopes))
     return np.asarray(block * np.sqrt(len(block)))
 
 
 def _of_channels(prepared: Prepared, each: Sequence[np.ndarray]) -> np.ndarray:
-    """Whitened columns (C R, k) of each channel's slopes (M, c, n), 0 in other channels."""
+    """Whitened columns (C R, k) from each channel's derivatives (M, c, n), 0 in other channels."""
     width, result = prepared.families[-1].stop, list[np.ndarray]()
     for slopes, of in zip(each, prepared.families, strict=True):
         for slope in np.moveaxis(slopes, 2, 0):
@@ -467,7 +467,7 @@ def _with_hypotheses(
 
 
 class FittedResidual:
-    """Leading channel's residual after the usual fit, to be scanned for shapes of effects."""
+    """Leading channel's residual after the fit of bias, mass and CoG, scanned by effects."""
 
     def __init__(self, prepared: Prepared, response: Response, stated: Collection[str]) -> None:
         alone = Response(prepared.scene, prepared.channels)

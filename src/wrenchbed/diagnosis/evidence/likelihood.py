@@ -19,25 +19,25 @@ from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 LARGE = 1e4
-"""Variance, in typical sizes, of a number that nobody states."""
+"""Prior variance, in typical sizes squared, of a number that nobody states."""
 LADDER = (0.02, 0.08, 0.3, 1.2, 5.0, 20.0)
-"""Gap that the background adds in all. Up to `NORMAL` every robot has it; more is a gap of its
-own, or the price of an effect's form that the library has only nearly."""
+"""Gap of each background level: what all small imperfections add together. Up to `NORMAL` any robot
+may have it; more is a gap without a cause, or an effect whose formula fits only nearly."""
 NORMAL = 0.5
 """Largest gap [noise variances] of a background that every robot may have, half the noise."""
 SHARES = {"effects": 0.45, "kernels": 0.3, "rows": 0.25}
-"""Shares of that gap: of effects of the library, of smooth functions, of single rows."""
+"""Shares of a background's gap: of effects of the library, smooth functions, single rows."""
 MOST = 0.2
-"""An imperfection is at most so large beside its effect's typical size."""
+"""Largest prior standard deviation of an imperfection, in typical sizes of its effect."""
 CORRELATION_S = 0.4
-"""Correlation time of what the model of a motion lacks [s]."""
+"""Correlation time [s] of errors in motion that the model does not have."""
 WITHIN = 1.0
-"""Standard deviation of a stated number over its tolerance."""
+"""Prior standard deviation of a stated number, over its tolerance."""
 
 
 class OfProducts:
-    """Gaussian background given by products alone: columns of variances V (n,), G = Eᵀ v₀⁻¹ E. For
-    many rows, and for readings of which nothing else is kept."""
+    """Gaussian background, E c + noise with c ~ N(0, V), given by V (n,) and G = Eᵀ v₀⁻¹ E (n, n)
+    alone, noise variance v₀. For many rows, and where readings themselves are not kept."""
 
     V: np.ndarray
 
@@ -88,7 +88,8 @@ class OfProducts:
         return result
 
     def information(self, columns: np.ndarray) -> np.ndarray:
-        """Information matrices (b, k, k), P = Eᵀ K₀⁻¹ E, for b sets of k columns."""
+        """Information matrices P = Eᵀ K₀⁻¹ E (b, k, k) of b sets of k columns (b, k), with the
+        covariance K₀ of noise and background."""
         return self.informations([columns])[0]
 
     def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
@@ -123,7 +124,7 @@ class BackgroundLevel(OfProducts):
     """Background of one level, with covariance K₀ = v₀ I + E V Eᵀ and diagonal V (n,).
 
     Attributes:
-        E: columns (C R, n).
+        E: columns (C R, n) of C measured columns at R rows.
         v0: noise variance of each value (C R,).
         V: variance of each column's coefficient (n,).
         weighed: makes Eᵀ v₀⁻¹ E (n, n) from a v₀ (C R,) that is the same in all rows of a measured
@@ -162,7 +163,7 @@ class BackgroundLevel(OfProducts):
         return float(2 * np.log(diagonal).sum() + np.log(self.v0).sum())
 
     def solve(self, x: np.ndarray) -> np.ndarray:
-        """K₀⁻¹ x for x (C R, k)."""
+        """Product K₀⁻¹ x for x (C R, k), with the covariance K₀ of noise and background."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
         if self.tall:
@@ -182,12 +183,12 @@ class BackgroundLevel(OfProducts):
         return Whitened(z, solve_triangular(factor, weighed, lower=True, check_finite=False))
 
     def products(self, x: np.ndarray) -> np.ndarray:
-        """Product xᵀ K₀⁻¹ x (k, k) for x (C R, k)."""
+        """Product xᵀ K₀⁻¹ x (k, k) for x (C R, k), covariance K₀ of noise and background."""
         white = self.whitened(x)
         return white.products(white)
 
     def precision(self, rows: np.ndarray) -> np.ndarray:
-        """Block (k, k) of the inverse K₀⁻¹ for k selected rows."""
+        """Block (k, k), for k rows, of the inverse covariance K₀⁻¹ of noise and background."""
         if not self.tall:
             return np.asarray(self._inverse[np.ix_(rows, rows)])
         root = np.sqrt(self.v0[rows])
@@ -222,7 +223,7 @@ class BackgroundLevel(OfProducts):
 
 
 class Whitened(NamedTuple):
-    """Factors of columns x from which `products` computes x'ᵀ K₀⁻¹ x.
+    """Factors of columns x from which `products` computes x'ᵀ K₀⁻¹ x, with the covariance K₀.
 
     Attributes:
         rows: columns over the noise (m, k).
@@ -233,7 +234,7 @@ class Whitened(NamedTuple):
     taken: np.ndarray
 
     def products(self, other: "Whitened") -> np.ndarray:
-        """Products (k, k') of these columns with those of another."""
+        """Products (k, k') xᵀ K₀⁻¹ x' of these columns x with those, x', of another object."""
         return np.asarray(self.rows.T @ other.rows - self.taken.T @ other.taken)
 
     def put(self, columns: Sequence[int], other: "Whitened") -> None:
@@ -272,7 +273,7 @@ def gains(
         scales: factors on ``size`` to try (s,) or (b, s).
 
     Returns:
-        (b, s, C): −½ log|I + D½ P D½| + ½ uᵀ(I + D½ P D½)⁻¹u.
+        (b, s, C): −½ log|I + D½ P D½| + ½ uᵀ(I + D½ P D½)⁻¹u, prior variances D, u = D½ w.
     """
     p = information * size[:, :, None] * size[:, None, :]
     u = score * size[:, :, None]  # (b, k, C)
@@ -288,9 +289,8 @@ def gains(
 
 
 class Moments(NamedTuple):
-    """Information (k, k), score (k,) of k columns, and log evidence (log probability of the
-    readings) without any cause. Moments of independent readings add up.
-    """
+    """Information (k, k), score (k,) of k columns, and log evidence ``null`` (log probability of
+    the readings) without any cause. Moments of independent readings add up."""
 
     information: np.ndarray
     score: np.ndarray
@@ -330,7 +330,7 @@ def over_scales(
     """Log evidence on one background level, averaged over the scales of one cause after another.
 
     Args:
-        moments: of the linearised readings, for the slopes of all variables (k,).
+        moments: information and score of the k columns, and log evidence without causes.
         owner: index of the cause of each column (k,).
         fixed: prior standard deviation of columns whose scale is known (k,), else 0.
         ladder: scales to try of each of p causes (p, s).
@@ -373,7 +373,7 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
 
 
 def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
-    """Variance (n,) of each of n columns' coefficients at a background level of this gap.
+    """Prior variance (n,) of n columns' coefficients at the background level of this gap.
 
     The gap is of the wrench: in further channels a background adds `NORMAL` at most.
     """
@@ -393,7 +393,7 @@ def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
 
 
 def row_variance(prepared: Prepared, gap: float) -> np.ndarray:
-    """Variance of each value of the fit (C R,): its noise, and a gap of rows without a model.
+    """Variance (C R,) of each value of the fit: its noise, and ``gap`` for errors of single rows.
 
     The noise of further channels already holds what nothing explains.
     """

@@ -1,5 +1,5 @@
-"""Evidence of every hypothesis, alone or beside others, in the linear model: of wrenches over all
-rungs and sizes; joint efforts have one of each."""
+"""Evidence of every hypothesis, alone or beside others, in the linear model: for wrenches on every
+background level ("rung") and size, for joint efforts on one of each."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ from wrenchbed.diagnosis.evidence.likelihood import (
 NONE, UNKNOWN = "none", "unknown"
 PRIOR = {NONE: 0.35, "one": 0.45, UNKNOWN: 0.15}
 MORE = 0.1
-"""Prior odds of each effect after the first."""
+"""Prior odds of each further effect beside a first one."""
 STEPS = 7
-"""Scales from the smallest that adds a gap of 1 upwards, doubling."""
+"""Number of sizes tried of an effect, each twice the one before, from a gap of 1 upwards."""
 LEAST_SCALE, LARGEST_SCALE = 0.06, 8.0
 KERNEL_SCALES = 2.0 ** np.arange(0, 9, 1.0)
-"""Standard deviations of the unknown's groups; their squares are gaps."""
+"""Prior standard deviations of a group of smooth functions; their squares are gaps."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Candidates:
 
     Attributes:
         batches: the hypotheses.
-        levels: of background.
+        levels: levels of background (small errors of all kinds).
     """
 
     batches: Sequence[Batch]
@@ -91,8 +91,8 @@ class Candidates:
             rung: index of the background level.
             base: log posterior of the set of causes alone.
             score: w of all columns (n,), beside these causes.
-            known: H (m, n), where the structure takes HᵀH from the columns' information; None if it
-                is empty.
+            known: H (m, n), where HᵀH is the information of the columns that these causes take up;
+                None if there are none.
         """
         result: list[SingleEvidence] = []
         for batch, alone in zip(self.batches, self._information(rung), strict=True):
@@ -117,7 +117,7 @@ class Candidates:
 def batches(
     each: Iterable[tuple[int, np.ndarray, np.ndarray, np.ndarray, float]],
 ) -> list[Batch]:
-    """Hypotheses by number of columns; index, columns, size, scales and prior of each."""
+    """Hypotheses grouped by number of columns; each: index, columns, size, scales, log prior."""
     groups: dict[int, list[Any]] = {}
     for hypothesis in each:
         groups.setdefault(len(hypothesis[1]), []).append(hypothesis)
@@ -209,11 +209,11 @@ class Searcher(Candidates):
     def remainders(
         self, rung: int, energy: float, score: np.ndarray, known: np.ndarray
     ) -> np.ndarray:
-        """Cost (H,) that each hypothesis leaves of a signal at least: square of the rest over
+        """Least cost (H,) of a signal fitted by each of H hypotheses: square of the rest over
         background and noise, plus the square of its sizes over their largest scales.
 
         Args:
-            rung: of the background.
+            rung: index of the background level.
             energy: square of the whole signal over background and noise.
             score: w of all columns (n,), for the signal as readings.
             known: H (m, n), as in `added`.
