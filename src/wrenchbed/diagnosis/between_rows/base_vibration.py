@@ -1,10 +1,10 @@
 """Vibration of the base: row scatter that turns with the tool as a world-fixed acceleration does.
 
-The covariance of rows is N + M_h A M_hᵀ: N is of the sensor and the same in every pose; A is the
-covariance of an acceleration in world axes, and M_h = [m I; m [c]×] R_hᵀ its effect on the sensor.
-Both are linear in the products of two channels, so least squares over holds separates them, and the
-holds' disagreement gives the uncertainty. Electronic noise is all N. An isotropic acceleration
-looks like N too, so that part of A is taken as small as possible.
+The covariance of rows is N + M_h A M_hᵀ: N is of the sensor and the same in every pose; A is that
+of an acceleration in world axes; M_h = [m I; m [c]×] R_hᵀ is its effect on the sensor (mass m, CoG
+c, orientation R_h of hold h). Products of two channels are linear in N and A, so least squares over
+holds separates them, and the holds' disagreement gives the uncertainty. Electronic noise is all N.
+An isotropic acceleration looks like N, so that part of A is taken as small as possible.
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from wrenchbed.diagnosis.between_rows.scatter import Scatter
 _I, _J = np.triu_indices(6)
 _P, _Q = np.triu_indices(3)
 _TRACELESS = np.linalg.svd(np.eye(3)[_P, _Q][None])[2][1:].T
-"""(6, 5) basis of symmetric matrices without the part that is alike in all directions."""
+"""Basis (6, 5) of symmetric 3×3 matrices with trace 0, each as its 6 upper elements."""
 _EQUAL = 3.0
-"""The two weaker directions are taken as equal if they differ by less than this many std."""
+"""Standard deviations below which the two smaller principal variances are taken as equal."""
 SURE = 1e-4
-"""There is no shaking if chance makes as much more often than this."""
+"""Largest p-value with which shaking of the base is reported."""
 ALIKE = 1e-5
-"""Poses cannot tell if they change what an acceleration puts on the sensor by less, squared."""
+"""Least eigenvalue of the design, over its trace, with which poses separate A from N."""
 GRID = 4
 """Trial frequencies per 1/(length of a group)."""
 LOWEST_HZ = 3.0
@@ -51,12 +51,12 @@ class Shaking:
     """Random acceleration of the base, and the row variance that it adds.
 
     Attributes:
-        rise: added variance of a row (6,), in units of the squared scale.
+        rise: added variance of a row (6,), in units of `Scatter.scale` squared.
         seen: part of it that the residual rows show (6,).
         std: standard uncertainty of ``rise`` (6,).
         rms: acceleration along its main direction [m/s²].
         direction: unit vector in base axes (3,).
-        line: None if the power is spread over frequencies.
+        line: narrow peak of its spectrum; None if the power is spread over frequencies.
     """
 
     rise: np.ndarray
@@ -107,7 +107,7 @@ def shaking(s: Scatter) -> Shaking | None:
 
 
 def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarray]:
-    """Smallest covariance (6,) of a given traceless part (6,), its largest power, that axis."""
+    """Smallest covariance with traceless part ``vector``, both as (6,); largest variance, axis."""
     B = np.zeros((3, 3))
     B[_P, _Q] = B[_Q, _P] = vector
     power, axes = np.linalg.eigh(B)
@@ -126,7 +126,7 @@ def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
-    """Strongest line of a signal (N,); None if it holds little of ``power`` (a variance)."""
+    """Strongest spectral line of a signal (N,); None if it has little of ``power``, a variance."""
     size = int(s.count.max())
     length = size / s.rate
     grid = np.fft.rfftfreq(GRID * size, 1.0 / s.rate)

@@ -27,23 +27,23 @@ from wrenchbed.robots.base import Robot
 STALE_ROWS, NOISE = timing_stale.EFFECT.name, sensor_noise.EFFECT.name
 QUANTIZATION, VIBRATION = sensor_quantization.EFFECT.name, base_vibration.EFFECT.name
 COUNTS, LEVEL = 0.35, 0.05
-"""Measured rise that counts, and the standard uncertainty of the stated variance, relative."""
+"""Relative rise of a row's variance that counts, and relative std of the stated variance."""
 APART = 0.45
 """Least relative rise of the variance for a step or a shaking base to count: both show beside the
 noise, stated or not, so that only the scale of the rise is uncertain."""
 UNEXPLAINED = 0.6
-"""Rise of a channel's variance that nothing explains, from which there is a cause: the contract's
-half, and what small imperfections add to it (at most 0.15 in 13 healthy look-alikes)."""
+"""Least unexplained relative rise of a channel's variance that is an unknown cause: a half
+(docs/contracts.md) plus small imperfections (at most 0.15 in 13 healthy look-alikes)."""
 BURST = 3.0
-"""Scatter of a group over that of the median one, from which it is a burst: nine times its
-variance, beyond the heavy tails of sound sensors."""
+"""Variance of a group of rows over the median group's from which it is a burst: beyond the heavy
+tails of sound sensors."""
 STALE = 0.03
-"""Excess fraction of repeated rows that is reported: fewer repeat by chance in coarse counts."""
+"""Least share of repeated rows, beyond chance, that is reported: coarse counts repeat too."""
 BESIDE = 1.3
 """Factor on the row variance that other causes explain: only what exceeds it counts as noise."""
 REPORTED, REPORTED_CHANNEL = 0.75, 0.5
-"""Probability from which a finding, and a channel of it, is reported: a false alarm costs more than
-a cause that hardly counts."""
+"""Least probability of a reported finding, and of a channel in it: a false alarm costs more than a
+cause that hardly counts."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class RowFinding:
         channels: those in which the rise counts; of stale rows all that repeat.
         parameters: of the effect by name: value, std (None if not known) and unit.
         sentence: for people.
-        size: as in ``which[].size``.
+        size: field ``which[].size`` of diagnosis.json: numbers by name, as in ``parameters``.
     """
 
     effect: str
@@ -69,7 +69,7 @@ class RowFinding:
     size: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def active(self, robot: Robot) -> ActiveEffect | None:
-        """Effect with its parameters, for a twin; None if only some channels repeat."""
+        """Effect with its parameters, for a simulator; None if only some channels repeat."""
         if self.effect == STALE_ROWS and len(self.channels) < len(CHANNELS):
             return None
         given = {name: p["value"] for name, p in self.parameters.items()}

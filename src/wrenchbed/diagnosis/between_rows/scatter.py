@@ -1,4 +1,4 @@
-"""Scatter of rows about what moves slowly: a line through each hold, or a motion's smooth course.
+"""Scatter of rows about what changes slowly: a line through each hold, or a smoothed motion.
 
 Residuals come in groups, a hold or about a second of motion each. The scatter between groups is the
 uncertainty of a variance, whatever tails and memory the rows have.
@@ -17,18 +17,18 @@ from wrenchbed.diagnosis.prepare.prepared import RATES_HZ
 from wrenchbed.physics.wrench import CHANNELS
 
 WINDOW_S, ORDER = 0.6, 5
-"""Savitzky–Golay window [s] and order of a motion's smooth course: it passes below about 3 Hz."""
+"""Window [s] and order of the Savitzky–Golay filter of motions: it passes below about 3 Hz."""
 GROUP_S, LEAST_GROUP = 1.0, 32
 """Length of a group in motion [s, rows at least]."""
 LEAST_HOLD, LEAST_GROUPS = 6, 12
 """Fewest rows of a hold whose scatter counts, and fewest groups of rows: from fewer a variance is
 too rough to compare; more leave out short recordings."""
 TAIL = 5.0
-"""Rows further out than this many median distances are drawn in to it."""
+"""Largest distance of a row, in median distances; rows further out are scaled down to it."""
 QUIET = 0.4
-"""Least share of the mean power in the quieter quarter of a motion: play and friction burst."""
+"""Least power of a motion's quieter quarter, over the mean, that is noise: friction bursts."""
 STEADY = 1.15
-"""Largest variance over that of the median group: more means bursts, which are no noise."""
+"""Largest variance of a hold's rows over the median group's: more is bursts, not noise."""
 _Gathered = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -37,14 +37,14 @@ class Scatter:
     """Residuals of N rows in G groups, in units of ``scale``.
 
     Attributes:
-        t: (N,) [s].
-        rows: (N, 6), scaled up for the white noise that smoothing removed.
-        scale: (6,) [N, N·m], the stated noise of a row, else the measured one.
-        stated: whether the metadata state it.
+        t: times of the rows (N,) [s].
+        rows: residuals (N, 6), scaled up for the white noise that smoothing removed.
+        scale: stated noise of a row (6,) [N, N·m], else the measured one.
+        stated: whether the metadata state the noise.
         starts: index of the first row of each group (G,).
         count: number of rows in each group (G,).
         rotation: R_world_sensor of each group (G, 3, 3).
-        lever: (6, 3) acceleration of the tool in sensor axes [m/s²] → load [N, N·m].
+        lever: load [N, N·m] per acceleration of the tool in sensor axes [m/s²] (6, 3).
         kernel: smoothing weights in motion, empty at rest.
     """
 
@@ -68,7 +68,7 @@ class Scatter:
         return self.means_of(lambda at: x[at])
 
     def means_of(self, make: Callable[[slice], np.ndarray]) -> np.ndarray:
-        """Mean over each group (G, …) of what ``make`` gives (n, …) for a slice of rows."""
+        """Mean over each group (G, …) of values (n, …) that ``make`` returns for n rows."""
         total = [
             np.add.reduceat(make(at), self.starts[some] - at.start)
             for some, at in parts(self.count)
@@ -92,8 +92,8 @@ class Scatter:
     def variance(self) -> tuple[np.ndarray, np.ndarray]:
         """Variance of a row in each channel (6,) and its standard uncertainty (6,).
 
-        In motion without the scatter that reversals, jumps and friction add for a part of the time,
-        or just above the smooth course.
+        In motion it leaves out scatter that reversals, jumps and friction add for a part of the
+        time, or at frequencies just above those of the smoothed motion.
         """
         groups = self.means(self.rows**2)
         std = groups.std(axis=0, ddof=1) / np.sqrt(len(groups))

@@ -1,4 +1,4 @@
-"""Vibration of a tool without joints: fast forces that follow an accelerometer, by its mass.
+"""Vibration of the tool where joints are not recorded: fast forces that follow an accelerometer.
 
 Rows of a motion scatter about their averages. Noise of the sensor would not show in an
 accelerometer; a tool that vibrates shows the same movement twice, as a force −m a and as an
@@ -22,7 +22,7 @@ leave stretches shorter than the vibration's memory."""
 FOLLOWS = 0.3
 """Least share of the fast force that the accelerometer must explain."""
 BURST_S, BURST = 0.1, 3.0
-"""A stretch so long [s] with so many times the median stretch's rms is a blow."""
+"""A stretch of this length [s] whose rms is this many times the median stretch's is a blow."""
 
 
 def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:

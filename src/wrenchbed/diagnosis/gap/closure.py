@@ -1,6 +1,6 @@
-"""How far the gap shrinks: the twin runs in MuJoCo on rows that took no part in any fit.
+"""How far the gap shrinks: the corrected simulator (twin) runs in MuJoCo on rows that no fit used.
 
-Beside it a black box, a flexible model of the residual, which closes a gap and names nothing.
+It is compared with a black box, a flexible model of the residual that names no cause.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,9 +21,9 @@ from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.twin.twin import Twin
 
 RIDGES = 10.0 ** np.arange(-3.0, 3.0, 0.5)
-"""Prior variances of a coefficient, in noises of a row, that are tried."""
+"""Prior variances of a regression coefficient that are tried, in noise variances of a row."""
 NOISES = 2.0 ** np.arange(0.0, 8.0)
-"""Variances of what the box does not fit, in noises of a row, that are tried."""
+"""Residual variances of the black box that are tried, in noise variances of a row."""
 
 
 def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
@@ -45,7 +45,7 @@ def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
 
 
 def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: float) -> np.ndarray:
-    """Predictions (H, C) of whitened y (H, C) by x (H, k), fitted where ``fit`` (H,), boolean."""
+    """Predict whitened y (H, C) from x (H, k), fitted to each ``stride``-th row of ``fit`` (H,)."""
     x = (x - x[fit].mean(axis=0)) / np.maximum(x[fit].std(axis=0), 1e-9)
     x = np.column_stack([np.ones(len(x)), x])
     use = np.flatnonzero(fit)[::stride]
@@ -65,7 +65,7 @@ def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: fl
 
 
 def calibrated(a: Analysis) -> Twin:
-    """Twin without effects, with fitted bias, mass and CoG."""
+    """Simulator (twin) without effects, with fitted bias, mass and CoG."""
     return Twin(a.prepared.model, a.baseline.configuration.theta, (), a.prepared.recording.name)
 
 
@@ -84,7 +84,7 @@ class Claimed:
     Attributes:
         twin: simulator, fitted to all rows.
         finalist: fitted set of causes behind it.
-        keep: indices of its parts that the twin has as effects.
+        keep: indices, in the finalist, of the effects that the twin has.
         wrong: names of stated numbers that are claimed to be wrong.
     """
 
@@ -170,6 +170,6 @@ class Claims:
         return Claimed.of(self.analysis, f, keep, wrong)
 
     def twin(self, verdict: Verdict[Explanation]) -> Twin:
-        """Twin with the causes of a verdict, or after the usual fit if it has none."""
+        """Twin with the causes of a verdict; without any, only with fitted bias, mass and CoG."""
         claim = self.claimed(verdict)
         return calibrated(self.analysis) if claim is None else claim.twin

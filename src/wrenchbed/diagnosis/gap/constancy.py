@@ -1,8 +1,8 @@
-"""Whether a cause keeps its size: a residual that goes with it is not the recording's own.
+"""Tests whether the size of a cause is constant through a recording.
 
-An effect of the library keeps its size through a recording. What only looks like one leaves a
-residual that is its own readings times something that changes: a floor that sinks is a tilt that
-grows, a bad plug a gain that comes and goes. Two score tests of a constant coefficient detect that:
+An effect of the library keeps its size. What only looks like one leaves a residual that is the
+effect's readings times a factor that changes: a floor that sinks is a base tilt that grows, a bad
+plug a gain that comes and goes. Two score tests of a constant coefficient detect that:
 against one that is drawn anew at each pose (Breusch & Pagan 1979, doi 10.2307/1911963), and against
 one that wanders with time (Nyblom 1989, doi 10.1080/01621459.1989.10478759). The residual is
 permuted as in `dependence`, so that it may have any size and distribution.
@@ -23,9 +23,9 @@ CHANGES = 0.01
 PERMUTATIONS = 499
 """Random orders of blocks: the least p-value that they can give is 1/500."""
 MOST = 0.5
-"""Share of what causes leave from which a size that grows with time takes most of it. Tuned on the
-sealed families of 2026-11-26: 23 right claims have 0.15 at most, two unknown faults 0.60 and
-0.68."""
+"""Share, of the gap that causes leave, above which causes that grow with time explain most of it.
+Tuned on the sealed families of 2026-11-26: 23 right claims have 0.15 at most, two unknown faults
+0.60 and 0.68."""
 _RANK = 1e-9
 """Singular value over the largest one, below which a column depends on the others."""
 
@@ -35,7 +35,7 @@ class Change:
     """A cause whose size is not constant.
 
     Attributes:
-        name: of the effect.
+        name: name of the effect.
         p_value: family-wise over all causes and both tests.
         thirds: its size in each third of the recording, over its size in all of it.
     """
@@ -56,8 +56,8 @@ class Change:
 
 
 def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Change | None:
-    """Part, of those with the indices ``parts``, whose size changes most surely; None if all are
-    constant. The analysis must take the recording's own residual for noise."""
+    """Cause, of those with indices ``parts`` in ``f``, whose size changes most surely; None if all
+    are constant. In the analysis the unexplained residual must count as noise."""
     d = a.dictionary
     scale = np.tile(np.sqrt(np.maximum(d.prepared.variance, 1e-300)), d.rows)
     block = d.prepared.block_rows
@@ -79,10 +79,10 @@ def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Chang
 
 
 def grown(a: Analysis, f: Finalist, parts: Sequence[int]) -> float:
-    """Gap that the parts take up in addition if their sizes may change linearly with time; 0 unless
-    it is most of what they leave.
+    """Gap that causes of indices ``parts`` take up in addition if their sizes may change linearly
+    with time; 0 unless it is most of the gap that they leave.
 
-    Effects that belong to one recording (a drift, a load that moves) have a course of their own.
+    Effects that change in time anyway (a drift, a load that moves) do not count.
     """
     d, parts = a.dictionary, [k for k in parts if not f.parts[k].effect.of_recording]
     if not parts:
@@ -98,7 +98,8 @@ def grown(a: Analysis, f: Finalist, parts: Sequence[int]) -> float:
 
 
 def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Larger of both statistics (n,) for residuals (n, R, C) and a cause's readings (R, C)."""
+    """Larger of the two score statistics (n,), studentised over n permuted residuals (n, R, C), of
+    a cause's readings (R, C)."""
     first = np.flatnonzero(np.diff(block, prepend=-1))
     score = np.add.reduceat(np.einsum("nrc,rc->nr", rest, made), first, axis=1)
     squares = [(score**2).sum(axis=1), (np.cumsum(score, axis=1) ** 2).sum(axis=1)]

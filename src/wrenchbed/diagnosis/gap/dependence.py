@@ -17,12 +17,12 @@ from wrenchbed.effects.scene import held_on
 from wrenchbed.physics.time_derivatives import Jet, value
 
 SHARED_ROWS = 3
-"""Rows that there must be for each function of a variable."""
+"""Fewest rows for each function of a variable; further functions are left out."""
 _RANK = 1e-6
 _DEGREE_2 = 8
 """Number of harmonics of gravity's direction up to degree 2."""
 _TURN = 1e-5
-"""Step of a joint in the derivative of gravity's direction [rad or m]."""
+"""Finite-difference step of a joint for the derivative of gravity's direction [rad or m]."""
 _DUPLICATE = 1e-3
 """Part of a unit vector below which it counts as explained by those before it."""
 
@@ -35,7 +35,7 @@ class Partitions:
         names: of the variables (V,).
         bases: of each variable, orthonormal in each whitened channel, without a mean (C, R, k);
             columns of 0 where the functions depend on each other.
-        fitted: orthonormal basis of the usual fit (C R, n).
+        fitted: orthonormal basis of the fit of bias, mass and CoG (C R, n).
     """
 
     names: tuple[str, ...]
@@ -55,7 +55,7 @@ class Partitions:
         return np.asarray(-np.log(np.maximum(1.0 - share, 1e-9)).sum(axis=0))
 
     def without_fitted(self, y: np.ndarray) -> np.ndarray:
-        """Residuals (C, R, n) after the usual fit."""
+        """Residuals (C, R, n) less their least-squares fit by bias, mass and CoG."""
         flat = np.swapaxes(y, 0, 1).reshape(-1, y.shape[2])
         flat = flat - self.fitted @ (self.fitted.T @ flat)
         return np.asarray(np.swapaxes(flat.reshape(y.shape[1], len(y), -1), 0, 1))
@@ -76,8 +76,8 @@ def family_wise(
 ) -> tuple[np.ndarray, np.ndarray]:
     """p-values (V,) of each variable: family-wise over all, and by itself.
 
-    Blocks of the whitened residual (R, C) are permuted; ``block`` (R,) has each row's number, and
-    blocks of one row are poses.
+    Blocks of the whitened residual (R, C) are permuted; ``block`` (R,) has the number of each row's
+    block: a pose at rest, or a stretch of a motion.
     """
     order = orders(block, permutations, np.random.default_rng([seed, 30]))
     permuted = np.ascontiguousarray(np.moveaxis(residual[order], 2, 0).swapaxes(1, 2))
@@ -127,7 +127,7 @@ def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: flo
 
 
 def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Functions of each variable: (H, k), or (C, H, k) where each channel has its own."""
+    """Functions of each variable at H observations: (H, k), or (C, H, k) if by channel."""
     scene, held = prepared.scene, prepared.scene.held
     known = variables(prepared)
     rotation = value(scene.pose[0])[held]
@@ -224,8 +224,8 @@ def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
 
 
 def _fitted(prepared: Prepared) -> np.ndarray:
-    """Orthonormal basis (C R, k) of the usual fit: bias, mass and CoG of a wrench, nuisance of
-    other channels."""
+    """Orthonormal basis (C R, k) of what every fit frees: bias, mass and CoG for a wrench, unknown
+    numbers of the sensor for other channels."""
     columns = nuisance(prepared)
     if prepared.channels[0].weighs:  # alike at any mass above 0
         at = np.concatenate([[1.0], prepared.configuration.cog])
@@ -238,7 +238,7 @@ def _fitted(prepared: Prepared) -> np.ndarray:
 
 
 def orders(block: np.ndarray, permutations: int, rng: np.random.Generator) -> np.ndarray:
-    """Permuted row numbers (1 + permutations, R); the first are in order.
+    """Permuted row numbers (1 + permutations, R); the first row is the original order.
 
     Rows of a motion are shifted in a circle, cut into stretches of one block's length, and the
     stretches permuted.

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 DRAWS = 500
-"""Resamples of the bootstrap over held-out blocks."""
+"""Number of resamples of the bootstrap over held-out blocks."""
 ROUNDED = 12
-"""Digits of the floor: at rest it is the rounding error of a mean of residuals."""
+"""Decimals of the noise floor: at rest it is only the rounding error of a mean of residuals."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Closure:
         return 0.0 if self.closed is None else self.closed.low
 
     def closed_beside(self, counts: float) -> float:
-        """Share of the gap that the effects close, if they surely leave more than ``counts``: they
-        may only resemble the true ones. Else 1."""
+        """Share of the gap that the effects close, 0…1, if they surely leave a gap above
+        ``counts``, since they may then only resemble the true ones; else 1."""
         if self.with_effects is None or self.closed is None:
             return 1.0
         left = self.with_effects.low - max(self.floor, 0.0)
@@ -98,13 +98,13 @@ class Judged:
     """Gaps of simulators of one recording on its S observations, each held out of the fit.
 
     Attributes:
-        block: number of the block of time, or pose, of each (S,).
-        count: number of rows behind each (S,).
+        block: number of each observation's block of time, or pose (S,).
+        count: number of rows that each observation averages (S,).
         gaps: gap of each observation (S,) by simulator: ``configured``, ``calibrated``, ``box``,
             ``floor``; with a claim also ``with_effects``.
         without: gaps (S,) of the claimed simulator without each cause, by `Part.label`.
         channels: gap of each channel (C,) ``before`` and ``after``.
-        readings: see `Closure`.
+        readings: readings (M, 6) by simulator, as in `Closure.readings`.
         further: gaps (S,) of all channels beyond the first together, by simulator: ``calibrated``,
             ``with_effects``, and without each cause by its label; empty with one channel.
         names: of the channels (C,), where they differ between recordings.
@@ -130,8 +130,8 @@ def closure(
         names: of the channels (C,), where a recording does not state them.
         folds: number of parts of a recording, each of which was held out once.
         seed: of the bootstrap.
-        stated: whether all causes are wrong stated numbers: the usual fit takes these, so they
-            close the configured gap.
+        stated: whether all causes are wrong stated numbers: the fit of bias, mass and CoG corrects
+            these, so ``closed`` counts from the configured gap.
     """
     drawn = Bootstrap([(j.block, j.count) for j in each], seed)
     gaps = {s: np.concatenate([j.gaps[s] for j in each]) for s in each[0].gaps}
@@ -207,8 +207,7 @@ class Bootstrap:
         return result
 
     def ratio(self, part: np.ndarray, of: np.ndarray) -> Interval | None:
-        """Ratio of the sums of two gaps (S,) with its interval; None if the second is not above
-        0."""
+        """Ratio of the sums of two gaps (S,) with its interval; None unless the second is > 0."""
         top, bottom = self._sums(part), self._sums(of)
         if bottom.sum() <= 0:
             return None

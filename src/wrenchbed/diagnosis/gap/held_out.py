@@ -61,7 +61,7 @@ class HeldOut:
         return np.asarray((gaps * self.count[:, None]).sum(axis=0) / self.count.sum())
 
     def floor(self) -> np.ndarray:
-        """Gap of noise alone (S,): rows about their mean; in motion what is faster than any gap.
+        """Gap of noise alone (S,): of rows about their mean at rest, of fast scatter in motion.
 
         Second differences would miss most of a noise with memory.
         """
@@ -79,7 +79,7 @@ class HeldOut:
 
 
 def _errors(baseline: Baseline, refitter: Refitter) -> np.ndarray:
-    """Errors of the stated numbers (S,), in typical sizes, that a baseline fitted."""
+    """Errors (S,) of the S stated numbers as fitted by a baseline, in typical sizes."""
     d = refitter.d
     result = np.zeros(len(d.stated))
     bias = {STATED[0]: baseline.configuration.bias} if STATED[0] in baseline.tolerance else {}
@@ -99,7 +99,7 @@ def simulated(p: Prepared, twin: Twin) -> np.ndarray:
 
 
 class CrossFit:
-    """Readings of simulators that are refitted without each fold, on that fold.
+    """Predicts the readings of each fold with simulators that are refitted without it.
 
     MuJoCo runs each simulator once, as fitted to all rows; the change by a fold's parameters is
     added in closed form, which agrees with MuJoCo to its own precision.
@@ -131,12 +131,12 @@ class CrossFit:
     def explained(
         self, twin: Twin, f: Finalist, keep: Sequence[int], wrong: Sequence[str]
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Readings (M, C) of the claimed simulator, and without each cause, by the cause's name.
+        """Readings (M, C) of the simulator with all claimed causes, and by name without each.
 
         Args:
             twin: simulator, fitted to all rows.
             f: the fitted set of causes behind it.
-            keep: indices of its parts that the twin has.
+            keep: indices, in ``f``, of the effects that the twin has.
             wrong: names of stated numbers that are claimed to be wrong.
         """
         a = self._a
@@ -171,7 +171,7 @@ class CrossFit:
     def _read(
         self, c: Configuration, active: Sequence[ActiveEffect], seen: np.ndarray | None = None
     ) -> np.ndarray:
-        """Readings (M, C) in closed form, nuisance fitted to the observations ``seen`` (H,)."""
+        """Readings (M, C) in closed form, unknowns of sensors fitted where ``seen`` (H,)."""
         p = self._a.prepared
         seen = p.fitted if seen is None else seen
         every = refitted(p.channels, replace(p.scene, theta=c.robot_theta), active, p.y, seen)
@@ -189,12 +189,12 @@ class CrossFit:
         return np.concatenate([leading, every[:, self._a.prepared.families[0].stop :]], axis=1)
 
     def _predicted(self, fold: int, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Readings (M, C) in closed form, nuisance fitted to the rows outside a fold."""
+        """Readings (M, C) in closed form, unknowns of sensors fitted outside the fold."""
         return self._read(c, active, self._a.prepared.without(fold).fitted)
 
 
 def restored(now: Configuration, stated: Configuration, name: str) -> Configuration:
-    """Configuration with one number as the metadata state it; unchanged for other names."""
+    """Copy of ``now`` with bias, mass or CoG (``name``) as in ``stated``; else unchanged."""
     bias, mass, cog = STATED
     return now.with_load(
         (stated if name == mass else now).mass,

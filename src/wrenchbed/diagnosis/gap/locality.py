@@ -13,11 +13,11 @@ from wrenchbed.diagnosis.gap.dependence import orders
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 WINDOW = 0.08
-"""Share of the rows within the window: a spike that a joint passes in a motion is narrower."""
+"""Width of the window as a share of all rows: a spike that a joint passes is narrower."""
 LEAST_ROWS = 100
-"""Fewest rows of which a window holds enough to tell a range from a single event."""
+"""Fewest rows that are searched: a window of fewer may hold a single event, not a range."""
 LEAST_SHARE = 0.5
-"""Share of the energy that the window holds at least: else the residual is no local one."""
+"""Least share of the residual's energy within the window: below it the residual is not local."""
 FLANK = 0.05
 """Energy of a row over the largest one's, from which it belongs to the range."""
 

@@ -19,9 +19,9 @@ FITTED = 10
 """Count of the values that every calibration fits: bias, mass, CoG."""
 LEAST_P = 1e-300
 SPLITS = 2.0
-"""Tests of the same residual: variables, and ranges of joints."""
+"""Factor on p-values: the same residual is tested for variables and for ranges of joints."""
 SEEN = 0.05
-"""Family-wise p-value below which a finding counts."""
+"""Family-wise p-value below which a finding is significant and may be reported."""
 _HINTS = {
     "orientation": "sensor", "position": "cable", "load": "sensor", "time": "sensor",
     "temperature": "sensor", "speed": "timing", "joint": "joint", "direction of load": "sensor",
@@ -68,7 +68,7 @@ def locate(
 ) -> tuple[Finding, ...]:
     """Findings on a residual, significant ones first, by share.
 
-    Blocks of the fit's whitened rows (R, C), after the usual fit, are permuted.
+    Blocks of its whitened rows (R, C), after the fit of bias, mass and CoG, are permuted.
     """
     varying = _variables(prepared, residual, permutations, seed)
     local = _local(prepared, residual, permutations, seed)
@@ -82,7 +82,7 @@ def entries(
     findings: Sequence[Finding] = (),
     rows: Sequence[tuple[str, str, float, float]] = (),
 ) -> list[dict[str, Any]]:
-    """Entries of ``where``: causes in their order, or hints by share, then effects between rows.
+    """Entries of ``where`` of diagnosis.json: causes, or hints by share, then effects on rows.
 
     Args:
         causes: (effect, detail, share of the gap 0 … 1, p-value) of each claimed effect. Without
@@ -168,7 +168,7 @@ def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
 
 
 def of_channels(gap: Closure, places: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Hints at the two channels with most of a gap, from each channel's (subsystem, name)."""
+    """Entries of ``where`` for the two channels with most of a gap; places: (subsystem, name)."""
     before = [max(gaps["before"], 0.0) for gaps in gap.per_channel.values()]
     result = []
     for j in sorted(filter(before.__getitem__, range(len(before))), key=lambda j: -before[j])[:2]:
@@ -183,7 +183,7 @@ def of_channels(gap: Closure, places: Sequence[tuple[str, str]]) -> list[dict[st
 def located(
     subsystem: str, detail: str, share: float, p_value: float, sentence: str
 ) -> dict[str, Any]:
-    """Make an entry of ``where``."""
+    """Make an entry of ``where`` of diagnosis.json; ``share`` of the gap, 0…1."""
     return {
         "subsystem": subsystem, "detail": detail, "share": float(share),
         "p_value": max(float(p_value), LEAST_P), "sentence": sentence,
