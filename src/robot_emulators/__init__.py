@@ -1,9 +1,9 @@
-"""Servers that speak the protocols of robots and sensors, for clients that know no difference.
+"""Servers that speak the network protocols of robots and sensors; client libraries run unchanged.
 
 An emulator asks a `Plant` for the robot behind it: a simulation, a model, or the small kinematic
 one that is built in. Read first: README.md, plant.py, base/emulator.py, a device's folder.
-Free: the inside of each file (tests/emulators). Others rely on: the names here, members of `Plant`,
-which whoever has a simulation implements (a new one needs a default). Never: import wrenchbed.
+Free: inside of each file (tests/emulators). Others rely on: names here (wrenchbed/plant, README),
+members of `Plant` (a new one needs a default), port numbers. Never: import wrenchbed.
 """
 
 from robot_emulators.base.emulator import Emulator, Options

@@ -1,9 +1,9 @@
-"""A CAN bus as a server: clients of socketcand over TCP and devices of this process hear each
+"""A CAN bus as a server: clients of socketcand, over TCP, and devices of this process hear each
 other's frames.
 
 One thread does everything. A device's callback runs in it and must return at once. Frames pass at
-once and in the order of arrival. An exception of a device or an order is reported and the bus goes
-on. An error of the hub itself is reported too; it closes the port and every connection.
+once and in the order of arrival. An exception of a device or a task is reported and the bus goes
+on. An error of the bus itself is reported too; it closes the port and every connection.
 
 Commands and answers of socketcand are enclosed in ``<`` and ``>``, with single spaces between
 words. Ids and data are hexadecimal: three digits for an 11-bit id, eight for one of 29 bits.
@@ -22,20 +22,19 @@ from robot_emulators.base.event_loop import Connection, Listener, LoopThread
 from robot_emulators.errors import EmulatorWarning
 
 LONGEST = 256
-"""Longest command that is waited for [byte]; a frame of 8 bytes with a 29-bit id has 46."""
+"""Longest command that a client may send [byte]; a frame of 8 bytes with a 29-bit id has 46."""
 _BUS_ERROR, _BUS_OFF = 0x80, 0x40
-"""Classes of error frames, as SocketCAN writes them."""
+"""Classes of CAN error frames in SocketCAN's numbers: bus error, bus off."""
 MOST = 16
-"""Clients at a time."""
+"""Largest number of clients at a time."""
 BUFFER = 256 * 1024
-"""Bytes that wait for a client at most, half a second of a full bus of 1 Mbit/s; one that is slower
-is disconnected."""
+"""Most bytes that wait for a client, half a second of a full 1 Mbit/s bus; else it is cut off."""
 _POSTED = 4096
-"""Most frames on their way into the hub's thread; older ones are lost."""
+"""Most frames that wait for the bus's thread; older ones are lost."""
 _KERNEL = 64 * 1024
 _QUIET_S = 0.1
-"""So long after the answer to ``rawmode``, or until the client sends, frames are held back: clients
-read that answer by itself."""
+"""Time after the answer to ``rawmode`` in which frames wait [s], until the client sends: clients
+expect that answer alone."""
 
 
 class Frame(NamedTuple):
@@ -47,7 +46,7 @@ class Frame(NamedTuple):
 
 
 Heard = Callable[[float, Frame], None]
-"""Called with the time at which a frame came (`time.monotonic`) and the frame."""
+"""Called with the time at which a frame came (`time.monotonic` [s]) and the frame."""
 
 
 class Command(NamedTuple):
@@ -74,7 +73,7 @@ def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
 
 
 def frame_of(words: tuple[str, ...]) -> Frame | None:
-    """Frame that the words ``id length bytes…`` of a ``send`` command state; None if invalid."""
+    """Decode the words ``id length bytes…`` of a ``send`` command to a frame; None if invalid."""
     if len(words) < 2 or len(words[0]) not in (3, 8):
         return None
     try:
@@ -88,13 +87,13 @@ def frame_of(words: tuple[str, ...]) -> Frame | None:
 
 
 def frame_text(frame: Frame, t: float) -> bytes:
-    """Bytes of socketcand's message ``< frame id seconds data >`` with the time stamp t [s]."""
+    """Return socketcand's ``< frame id seconds data >`` as bytes, with the time stamp t [s]."""
     digits = "08X" if frame.extended else "03X"
     return f"< frame {frame.can_id:{digits}} {t:.6f} {frame.data.hex()} >".encode("ascii")
 
 
 def bus_off_text(t: float) -> bytes:
-    """Bytes of socketcand's error messages that a client gets when it goes bus off at t [s]."""
+    """Return socketcand's error messages for a client that goes bus off at time t [s], as bytes."""
     return b"".join(f"< error {kind:08X} {t:.6f} >".encode() for kind in (_BUS_ERROR, _BUS_OFF))
 
 
@@ -117,7 +116,7 @@ class Hub:
     ) -> None:
         self.host, self.port, self.channel = host, port, channel
         self.loses: Callable[[Frame], bool] = lambda frame: False
-        """Whether a frame is lost now."""
+        """Function that decides whether a frame is lost now, by a fault."""
         self.counters: Counter[str] = Counter()
         self._failed = failed
         self._devices: dict[int, Heard] = {}
@@ -155,7 +154,7 @@ class Hub:
         self._thread.stop()
 
     def order(self, task: Callable[[], None]) -> None:
-        """Schedule ``task`` to run in the hub's thread; do not wait for it."""
+        """Schedule ``task`` to run in the bus's thread; do not wait for it."""
 
         def run() -> None:
             try:
@@ -167,27 +166,25 @@ class Hub:
         self._thread.soon(run)
 
     def say(self, text: bytes) -> None:
-        """Send raw protocol text to every client; call it in the hub's thread."""
+        """Send raw protocol text to every client; call it in the bus's thread."""
         for client in self._bus.clients:
             client.say(text)
 
     def hang_up(self) -> None:
-        """Close every client's connection; call it in the hub's thread."""
+        """Close every client's connection; call it in the bus's thread."""
         self._bus.hang_up()
 
     def bus_off(self, until: float) -> None:
-        """Make every client that has sent frames bus off; call it in the hub's thread.
-
-        It gets error frames, then nothing, and nothing of its own reaches the bus until a time [s]
-        or until it opens a connection anew. A client that only listens is never bus off.
-        """
+        """Make every client that has sent frames bus off; call it in the bus's thread. It gets
+        error frames, then no frame, and none of its own reaches the bus until ``until``
+        (`time.monotonic`) or until it reconnects. A client that only listens is never bus off."""
         for client in self._bus.clients:
             if client.spoke:
                 client.say(bus_off_text(time.time()))
                 client.off_until = until
 
     def hear(self, client: "Client", commands: list[Command], rubbish: int) -> None:
-        """Execute a client's commands, and count the ``rubbish`` pieces that were no command."""
+        """Execute a client's commands; count the ``rubbish`` pieces of input that were none."""
         self.counters["rubbish"] += rubbish
         for command in commands:
             if client.raw and command.verb == "send":
@@ -275,7 +272,7 @@ class Client(Connection):
         self._hub.hear(self, commands, rubbish)
 
     def obey(self, command: Command) -> None:
-        """Answer a command of the client other than ``send``, which the hub carries out."""
+        """Execute and answer a command of the client other than ``send``."""
         if command.verb == "open" and not self._opened:
             self._opened = command.words == (self._hub.channel,)
             self.answer("ok" if self._opened else "error could not open bus")
@@ -296,7 +293,7 @@ class Client(Connection):
             queue += text
 
     def speaks(self) -> None:
-        """Note that the client sent a frame, so that it has read the answer to ``rawmode``."""
+        """Note that the client has sent a frame, so that it has read the answer to ``rawmode``."""
         self.spoke = True
         self._quiet_until = 0.0
 

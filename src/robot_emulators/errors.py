@@ -4,20 +4,20 @@ EmulatorError           an emulator that cannot serve        (RuntimeError)
 ├── SettingError        a setting, an option or an address   (ValueError)
 └── FaultError          a script of faults, or one fault     (ValueError)
 
-EmulatorWarning         what a person should know; the emulator goes on (UserWarning)
+EmulatorWarning         a person should know it; the emulator goes on (UserWarning)
 """
 
 
 class EmulatorError(RuntimeError):
-    """An emulator that cannot serve: a port is taken, a bus is missing, its loop has stopped."""
+    """Raised when an emulator cannot serve: port taken, bus missing, or its loop has stopped."""
 
 
 class SettingError(EmulatorError, ValueError):
-    """A setting that does not exist, or a value that it cannot have."""
+    """Raised for a setting that does not exist, or a value that it cannot have."""
 
 
 class FaultError(EmulatorError, ValueError):
-    """A script of timed faults that cannot be read, or a fault that no link has."""
+    """Raised for a script of timed faults that cannot be read, or a fault that no link has."""
 
 
 class EmulatorWarning(UserWarning):

@@ -1,7 +1,7 @@
-"""The plant that is built in: joints that are where their targets were, and a point load.
+"""The plant that is built in: joints that follow their targets exactly, and a point load.
 
-It knows no inertia but the load's, no friction, no noise and no contact; what a client reads is
-exact. Lengths and top speeds of Universal Robots' arms are those of the maker's ROS description
+It models no inertia but the load's, no friction, no noise and no contact: readings are exact.
+Lengths and top speeds of Universal Robots' arms are those of the maker's ROS description
 (``config/ur*/`` of Universal_Robots_ROS2_Description, and of ``ur_description`` for CB3).
 """
 
@@ -25,13 +25,13 @@ _LENGTHS = {
     "ur10e": (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
     "ur16e": (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
 }
-"""Denavit–Hartenberg lengths d1, a2, a3, d4, d5, d6 [m]."""
+"""Arm → Denavit–Hartenberg lengths d1, a2, a3, d4, d5, d6 [m]."""
 _TOP_SPEEDS = {"ur3": (180.0,) * 3 + (360.0,) * 3, "ur5": (180.0,) * 6,
                "ur10": (120.0,) * 2 + (180.0,) * 4}  # fmt: skip
 """Top speeds of the joints [°/s]; an e-Series has those of the CB3 arm of its size."""
 _HOME = np.array([0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0])
 _LOAD = Payload(1.0, np.array([0.0, 0.0, 0.05]))
-"""What hangs on the sensor: a point."""
+"""Load on the sensor: a point mass of 1 kg, 50 mm in front of the flange."""
 _RANGE = np.array([130.0, 130.0, 400.0, 10.0, 10.0, 10.0])
 """Range of the sensor (6,) [N, N·m]: ATI Gamma SI-130-10."""
 
@@ -40,7 +40,7 @@ class KinematicPlant:
     """Built-in `Plant`: joints are at their targets one control cycle later, without dynamics.
 
     Args:
-        arm: nominal numbers of the robot; without links the flange never turns.
+        arm: nominal data of the robot; without ``arm.links`` the flange never turns.
         cycle: control cycle [s].
     """
 
@@ -56,12 +56,12 @@ class KinematicPlant:
 
     @property
     def efforts(self) -> Efforts:
-        """Efforts (J,) that hold the load, as a drive reports them; room temperature."""
+        """Torques (J,) [N·m] that hold the point load, currents [A], and 25 °C for each drive."""
         torque = self.model_torques(self.q, self.qd, self.qd, GRAVITY)
         return Efforts(torque, torque / self.arm.constants, np.full(len(torque), 25.0))
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
-        """Advance by one control cycle, at whose end the joints are at ``target`` (J,)."""
+        """Advance by a control cycle, at whose end the joints are at ``target`` (J,) [rad or m]."""
         self.qd = (target - self.q) / self.cycle
         self.q = np.array(target, dtype=float)
         self.time += self.cycle
@@ -74,14 +74,14 @@ class KinematicPlant:
         return np.concatenate([weight, np.cross(_LOAD.cog, weight)])
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The load's weight now, in sensor axes, repeated for each time t (n,) [s]: wrenches (n, 6)
-        [N, N·m], and their saturated channels (n,) as bits, always 0."""
+        """Return the load's present weight as wrenches (n, 6) [N, N·m] in sensor axes, one for each
+        time t (n,) [s] and all equal, and the bits of saturated channels (n,), always 0."""
         return np.tile(self.wrench(), (len(t), 1)), np.zeros(len(t), dtype=np.uint32)
 
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
     ) -> np.ndarray:
-        """Joint torques (J,) that hold and accelerate the load at q, qd, qdd (J,) [N·m]."""
+        """Joint torques (J,) [N·m] that hold and accelerate the point load at q, qd, qdd (J,)."""
         if self._kinematics is None:
             return np.zeros(len(q))
         tool = np.concatenate([_LOAD.cog, NO_TOOL[3:]])
@@ -91,10 +91,10 @@ class KinematicPlant:
 
 
 def known_arm(name: str) -> Arm:
-    """Return the nominal numbers of a robot by its name.
+    """Return the nominal data of a robot that is built in, by its name such as ``ur5e``.
 
     Raises:
-        SettingError: there are none here; lists what exists.
+        SettingError: the name is unknown; lists the known ones.
     """
     if name == "medrue":  # a slide and five hinges, of whose poses nothing is asked
         linear = (True,) + (False,) * 5
@@ -114,6 +114,6 @@ def kinematic_plant(request: PlantRequest) -> KinematicPlant:
     """Make the built-in kinematic plant of the robot that an emulator requests.
 
     Raises:
-        SettingError: there are no numbers of this robot.
+        SettingError: no data of this robot are built in.
     """
     return KinematicPlant(known_arm(request.robot), request.cycle)

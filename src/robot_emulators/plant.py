@@ -1,7 +1,7 @@
-"""What an emulator asks of the robot behind it: `Plant`, a few methods, and plain data.
+"""What an emulator asks of the robot behind it: the protocol `Plant` and its plain data classes.
 
-Whoever has a simulation, a model or a recording of a robot writes a `Plant` and puts an emulator
-before it. Joint values are in rad or m, wrenches [N, N·m] act on the tool side of the sensor, in
+Implement `Plant` for a simulation, a model or a recording (wrenchbed/plant does) and pass it to an
+emulator. Joint values are in rad or m; wrenches [N, N·m] act on the tool side of the sensor, in
 sensor axes. `step` is called from one thread, `readings` from another.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """Load of a tool in flange axes: mass [kg], CoG (3,) [m] and inertia (6,) [kg·m²]."""
+    """Load of a tool in flange axes: mass [kg], centre of mass (3,) [m], inertia (6,) [kg·m²]."""
 
     mass: float = 0.0
     cog: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -23,17 +23,17 @@ class Payload:
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """Nominal numbers of a robot with J joints, as its controller knows them.
+    """Nominal data of a robot with J joints, as its controller knows them.
 
     Attributes:
-        name: for instance ``ur5``.
-        home: joint values at which it starts (J,).
-        lower, upper: limits of the joints (J,).
-        speed: top speeds of the joints (J,).
+        name: name of the model, for instance ``ur5``.
+        home: joint values at power-up (J,) [rad or m].
+        lower, upper: limits of the joints (J,) [rad or m].
+        speed: top speeds of the joints (J,) [rad/s or m/s].
         linear: whether each joint slides (in m), else it turns (in rad).
         links: a [m], d [m] and alpha [rad] of each joint (J, 3), classic Denavit and Hartenberg;
-            empty where the emulator works out no poses.
-        payload: load of its tool.
+            empty where the emulator computes no poses.
+        payload: load of the tool that the robot carries.
         constants: torque or force of each drive per ampere (J,) [N·m/A, N/A].
     """
 
@@ -59,11 +59,11 @@ class Efforts(NamedTuple):
 
 @dataclass(frozen=True)
 class PlantRequest:
-    """What an emulator asks of the plant (robot model) that it is to be given.
+    """Data by which an emulator requests its plant (robot model) from a `PlantMaker`.
 
     Attributes:
-        robot: name, for instance ``ur5`` or ``medrue``.
-        cycle: its control cycle [s].
+        robot: name of the robot, for instance ``ur5`` or ``medrue``.
+        cycle: control cycle of the robot [s].
         sensor: name of the sensor on its flange; empty: the one that the robot has.
         drives: whether `Plant.efforts` and `Plant.model_torques` are needed.
         wrench_error: three standard deviations of `Plant.wrench`, force [N] and torque [N·m];
@@ -81,7 +81,7 @@ class Plant(Protocol):
     """A robot with a force/torque sensor that moves one control cycle at a time.
 
     Attributes:
-        arm: its nominal numbers.
+        arm: nominal data of the robot.
         cycle: control cycle [s].
         sensor_range: measuring range of the sensor on the flange (6,) [N, N·m].
         gauges: matrix (6, 6) from that sensor's gauges [V] to wrenches; None: it has none.
@@ -106,33 +106,30 @@ class Plant(Protocol):
 
     @property
     def newest(self) -> tuple[float, float]:
-        """When the newest state was due (`time.monotonic`), and its simulated time [s].
-
-        The newest state may be some cycles ahead of the reported one: `readings` reach up to it.
-        """
+        """When the newest state was due (`time.monotonic` [s]), and its simulated time [s]. It may
+        be some cycles ahead of the reported state: `readings` reach up to it."""
 
     @property
     def efforts(self) -> Efforts:
-        """Drive torques, currents and temperatures at the same moment as `q`."""
+        """Torques, currents and temperatures of the drives, of the same moment as `q`."""
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
-        """Move for a control cycle to joint targets (J,), due at a `time.monotonic` time [s]."""
+        """Move for a control cycle, due at a `time.monotonic` time [s] (0: now), to joint targets
+        (J,) [rad or m]."""
 
     def wrench(self) -> np.ndarray:
         """Wrench (6,) [N, N·m] that the robot itself measures now; called once a control cycle."""
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sensor readings (n, 6) [N, N·m] and saturated channels (n,), as bits 0 … 5.
-
-        Args:
-            t: simulated times (n,) [s], increasing; after the newest state that state is read.
-        """
+        """Return the flange sensor's readings (n, 6) [N, N·m] and its saturated channels (n,), as
+        bits 0 … 5, at simulated times t (n,) [s], increasing; the newest state is the last."""
 
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
     ) -> np.ndarray:
-        """Joint torques (J,) of the nominal frictionless model; gravity (3,), base axes [m/s²]."""
+        """Joint torques (J,) [N·m or N] of the nominal frictionless model at q, qd, qdd (J,) under
+        gravity (3,) [m/s²] in base axes."""
 
 
 PlantMaker = Callable[[PlantRequest], Plant]
-"""Makes the plant that an emulator asks for."""
+"""Function that makes the plant for an emulator's request."""

@@ -1,4 +1,4 @@
-"""The emulators by name, and how one is served while a block runs."""
+"""Table of the emulators by name, and context managers that serve one while a block runs."""
 
 import json
 import subprocess
@@ -22,7 +22,7 @@ EMULATORS = {
     "netft": "robot_emulators.netft_box.box:NetftEmulator",
     "ur5": "robot_emulators.ur.server:UREmulator",
 }
-"""Name → module and class, imported on use."""
+"""Name of an emulator → module and class, imported on use; wrenchbed's command line lists them."""
 
 
 def load(name: str) -> type[Emulator]:
@@ -45,11 +45,11 @@ def serve(
     options: Options | None = None,
     faults: str | Path | None = None,
 ) -> Iterator[Emulator]:
-    """Serve an emulated robot or sensor while the block runs.
+    """Serve an emulated robot or sensor, in this process, while the block runs.
 
     Args:
-        kind: a name of `EMULATORS`, or a class.
-        plant: the robot behind it, or what makes it; the built-in kinematic one if None.
+        kind: a name of `EMULATORS`, or a class of emulators.
+        plant: the robot behind it, or a function that makes one; None: the built-in kinematic one.
         options: address, seed, settings.
         faults: TOML script of timed faults; their time counts from the start of the block.
 
@@ -76,12 +76,12 @@ def serve(
 
 
 class Device(str):
-    """An emulator for tests: the address at which clients find it, and its faults as methods.
+    """An emulator under test: a text, its address, whose methods make faults.
 
-    ``robot.protective_stop()`` acts now, ``robot.drop(0.2)`` lasts 0.2 s, ``robot.drop()`` for
-    ever. ``robot.stall(1.0, link="dashboard")`` names a link, else it is the first that knows the
-    fault; further values go by name. ``host`` is its address as plain text, ``addresses`` has
-    those of its links.
+    ``robot.protective_stop()`` makes that fault now; ``robot.drop(0.2)`` one that lasts 0.2 s,
+    ``robot.drop()`` one without end. ``link="dashboard"`` names the link that fails, else it is the
+    first that has the fault; further values are keywords. ``host`` is the address as plain text,
+    ``addresses`` maps link → address.
     """
 
     host: str
@@ -106,10 +106,10 @@ def device(
 
     Args:
         kind: a name of `EMULATORS`.
-        plant: the robot behind it, or what makes it, served in this process; if None the built-in
-            one in a process of its own: client libraries may hold Python's lock while they wait.
+        plant: the robot behind it, or a function that makes one, served in this process; None: the
+            built-in one in its own process, as client libraries may hold Python's lock.
         host: address of this machine; if empty one of 16 million, so that many serve at once.
-        setting: of the emulator, as ``series="e"``; EmulatorError if it cannot be served.
+        setting: settings of the emulator, as ``series="e"``.
     """
     result = Device(host or IPv4Address("127.1.0.1") + randrange(250 << 16))
     result.host = host = str(result)
@@ -143,7 +143,7 @@ def device(
 
 
 ur5, netft, medrue = (partial(device, kind) for kind in ("ur5", "netft", "medrue"))
-"""Serve a UR5, a Net F/T box, or six CiA 402 drives with a sensor's board on a CAN bus."""
+"""Context managers that serve a UR5, a Net F/T box, or CiA 402 drives and a sensor board on CAN."""
 
 
 def _maker(plant: Plant | PlantMaker | None) -> PlantMaker:

@@ -1,4 +1,4 @@
-"""Values that users give by name: what each may be, for faults (JSON) and settings (text)."""
+"""Rules for values that users give by name: in faults (JSON) and in settings (text)."""
 
 import re
 from collections.abc import Callable, Collection, Mapping
@@ -14,10 +14,10 @@ class Argument:
     """Rule for the value of one named argument or setting.
 
     Attributes:
-        check: whether a value is allowed.
-        what: text on what the value must be.
+        check: returns whether a value is allowed.
+        what: text on what the value must be, for errors.
         default: value if none is given; a default that `check` refuses makes it compulsory.
-        parse: makes the value from text.
+        parse: converts text to a value.
     """
 
     check: Callable[[Any], bool]
@@ -45,7 +45,7 @@ def above(low: float) -> Argument:
 
 
 def integer(low: int, high: int, default: int | None = None) -> Argument:
-    """Return the rule for an integer from ``low`` to ``high``; its text may be hexadecimal."""
+    """Return the rule that a value is an integer ``low`` … ``high``; its text may be ``0x1F``."""
     return Argument(
         lambda v: is_number(v) and v == int(v) and low <= v <= high,
         f"a whole number {low} … {high}", default, lambda word: int(word, 0),
@@ -95,19 +95,19 @@ class Settings:
 
 
 def described(*kinds: type[Settings]) -> dict[str, str]:
-    """Return name → help text, with the default, of each setting of these classes."""
+    """Return name → help text, with the default, of each setting of these classes of settings."""
     return {f.name: f.metadata["text"] for kind in kinds for f in fields(kind)}
 
 
 def read(words: Mapping[str, str], *kinds: type[Settings]) -> list[Any]:
-    """Parse ``--set name=value`` into one object of each kind of settings, in the order of kinds.
+    """Parse ``--set name=value`` into one object of each class of settings, in the order of kinds.
 
     Args:
         words: name of a setting → its value as text; settings left out keep their defaults.
         kinds: classes of settings; each takes the names that it has.
 
     Raises:
-        SettingError: no kind has such a name, with a list of all; or the text is no allowed value.
+        SettingError: no class has such a setting (lists all), or the text is no allowed value.
     """
     known = described(*kinds)
     for name in words:

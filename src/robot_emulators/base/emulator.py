@@ -1,8 +1,5 @@
-"""What an emulator is: a server that unmodified client libraries take for the device.
-
-It is best run in a process of its own, because client libraries may hold Python's lock while they
-wait for it.
-"""
+"""Base class of emulators: servers that unmodified client libraries take for the device.
+An emulator is best run in a process of its own: client libraries may hold Python's lock."""
 
 import ipaddress
 import threading
@@ -23,7 +20,7 @@ class Options:
     Attributes:
         host: address of this machine to serve at, 127.0.0.1 … 127.255.255.254.
         seed: seed of the emulator's random numbers.
-        setting: name → text of the settings that this kind of emulator has.
+        setting: name → value as text, of settings that this kind of emulator has.
     """
 
     host: str = "127.0.0.1"

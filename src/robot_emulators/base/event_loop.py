@@ -1,4 +1,4 @@
-"""An asyncio loop in a thread, and TCP ports on it: what an emulator's servers run on."""
+"""An asyncio loop in a thread, and TCP ports that it serves; every emulator's servers run on it."""
 
 import asyncio
 import contextlib
@@ -26,10 +26,7 @@ class LoopThread:
     """Runs callbacks, timers and connections in a thread; `loop` is its asyncio loop.
 
     Its timers are as exact as the kernel's `select`; asyncio's default rounds up to milliseconds.
-
-    Args:
-        name: name of the thread.
-        broken: called in the thread with each exception that a callback did not catch.
+    ``broken`` is called in the thread with each exception that a callback did not catch.
     """
 
     def __init__(self, name: str, broken: Callable[[Exception], None]) -> None:
@@ -64,7 +61,7 @@ class LoopThread:
         """Run ``task`` in the loop's thread, wait for it and return its result.
 
         Raises:
-            TimeoutError: it has not ended within ``seconds``; if not begun it never will.
+            TimeoutError: it has not ended within ``seconds``; a task not begun by then never runs.
         """
         asked: Future[T] = Future()
 
@@ -102,10 +99,10 @@ class LoopThread:
 
 
 class Listener(Generic[C]):
-    """Serves the clients of a TCP port in a loop; the port can be closed for a while.
+    """Serves the clients of one TCP port in the loop of a thread; the port can be closed for a
+    while.
 
     Args:
-        thread: thread that runs the loop.
         address: host and port number, 0 for any free port.
         what: name of the service, for error messages.
         connect: makes the connection object of a new client.
@@ -154,7 +151,7 @@ class Listener(Generic[C]):
             self._reopen = self._thread.loop.call_at(until, self._open_again)
 
     def hang_up(self, reset: bool = False) -> None:
-        """Close the connection of every client; only in the loop's thread."""
+        """Close every client's connection (``reset``: by TCP reset); only in the loop's thread."""
         for client in self.clients:
             client.close(reset)
 
@@ -179,7 +176,7 @@ class Listener(Generic[C]):
 
 
 def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
-    """Return the error that says why a port could not be opened: in use or not permitted."""
+    """Return the error that says why a port for ``what`` cannot open: in use or not permitted."""
     return EmulatorError(
         f"cannot serve {what} at {host}:{port} ({os.strerror(error.errno or 0)}): end what listens "
         "there, or give another host or port (--host 127.x.x.x)"
@@ -187,7 +184,7 @@ def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
 
 
 class Connection(asyncio.Protocol):
-    """Server side of one TCP client; the kernel's send buffer holds ``kernel`` bytes at most."""
+    """Server side of a TCP client of ``listener``; ``kernel`` is the send buffer's size [byte]."""
 
     transport: asyncio.Transport
 
@@ -220,7 +217,7 @@ class Connection(asyncio.Protocol):
 
     @property
     def waiting(self) -> int:
-        """Number of bytes for this client that the kernel's send buffer has not taken yet."""
+        """Number of bytes for this client that the kernel's send buffer has not accepted yet."""
         return self.transport.get_write_buffer_size()
 
     def close(self, reset: bool = False) -> None:

@@ -2,10 +2,10 @@
 
     [[fault]]
     at = 5.0            # seconds after the emulator was ready
-    link = "rtde"       # which of the emulator's links; absent: the first that knows the kind
-    kind = "stall"      # what happens; each link lists the kinds it knows
-    seconds = 1.5       # how long; 0 or absent: once, or for ever
-    scale = 1.01        # further numbers or words of this kind
+    link = "rtde"       # link of the emulator that fails; absent: the first that has the kind
+    kind = "stall"      # kind of fault; docs/how-to/hardware.md lists the kinds of each link
+    seconds = 1.5       # duration; 0 or absent: once, or for ever
+    scale = 1.01        # further numbers or words of this kind of fault
 
 Live, one JSON object a line with the same keys (without ``at``) on the emulator's standard input.
 """
@@ -31,10 +31,10 @@ class TimedFault:
     """One fault that an emulator shall have, and when.
 
     Attributes:
-        link: link of the emulator that fails, for instance ``rtde``.
-        kind: what fails, for instance ``stall``.
-        at: when, seconds after the emulator was ready.
-        seconds: how long, 0 where it happens once or for ever.
+        link: link of the emulator that fails, for instance ``rtde``; empty: the first with it.
+        kind: kind of fault, for instance ``stall``.
+        at: start, seconds after the emulator was ready.
+        seconds: duration [s]; 0 for a fault that happens once or lasts for ever.
         values: name → value of further arguments of this kind of fault.
     """
 
@@ -71,7 +71,7 @@ def parse(raw: Any, where: str) -> TimedFault:
     """Check one raw entry of a fault script and return it as a `TimedFault`.
 
     Raises:
-        FaultError: an entry is wrong; names the field.
+        FaultError: an entry is wrong; begins with ``where``, its place, and names the field.
     """
     if not isinstance(raw, Mapping):
         raise FaultError(f"{where}: must be an object with link and kind")
@@ -88,11 +88,9 @@ def parse(raw: Any, where: str) -> TimedFault:
 
 
 class Faults:
-    """Knows the faults that an emulator's links can have, starts them, and holds those under way.
-
-    Handlers are called from a thread of this object; they must return at once. A fault that is
-    injected again starts anew.
-    """
+    """Registry of the faults that an emulator's links can have; starts them, knows the active ones.
+    Handlers are called from a thread of this object and must return at once. A fault that is
+    injected again starts anew."""
 
     def __init__(self) -> None:
         self._kinds: dict[tuple[str, str], tuple[Handler | None, Mapping[str, Argument]]] = {}
@@ -107,9 +105,7 @@ class Faults:
         arguments: Mapping[str, Argument] | None = None,
     ) -> None:
         """Register that a link can have a kind of fault, with the rules of its further arguments.
-
-        The handler is called at its start. Without one it is a state that `now` reports.
-        """
+        The handler is called when the fault starts. Without one, `now` reports the fault."""
         self._kinds[link, kind] = handler, arguments or {}
 
     def now(self, link: str, kind: str) -> Mapping[str, Any] | None:
@@ -121,7 +117,7 @@ class Faults:
         return None
 
     def any(self, link: str) -> bool:
-        """Whether some fault of a link may be active; one that has just ended may still count."""
+        """Whether a fault of this link may be active; one that has just ended may still count."""
         return any(key[0] == link for key in list(self._active))
 
     def clear(self, link: str) -> None:
@@ -133,7 +129,7 @@ class Faults:
         """Check that each fault is registered for its link and that its values are allowed.
 
         Raises:
-            FaultError: lists what exists, or names the value.
+            FaultError: begins with ``where``; lists the known faults, or names the value.
         """
         for fault in map(self._placed, faults):
             name = f"{fault.link} {fault.kind}"
@@ -164,16 +160,16 @@ class Faults:
             handler(replace(fault, values=values))
 
     def _placed(self, fault: TimedFault) -> TimedFault:
-        """Return the fault with its link; if it names none, the first link that has its kind."""
+        """Return the fault with its link filled in: if empty, the first link that has its kind."""
         links = (link for link, kind in self._kinds if kind == fault.kind)
         return fault if fault.link else replace(fault, link=next(links, ""))
 
     def start(self, script: tuple[TimedFault, ...]) -> None:
-        """Start a thread that injects a script's faults on time; their errors become warnings."""
+        """Start a thread that injects a script's faults on time; an error becomes a warning."""
         threading.Thread(target=self._run, args=(script,), daemon=True).start()
 
     def listen(self, lines: TextIO, answer: Callable[[str], None]) -> None:
-        """Start a thread that injects faults from JSON lines until their end; each is answered."""
+        """Start a thread that injects one fault per JSON line; ``answer`` gets each outcome."""
         threading.Thread(target=self._take, args=(lines, answer), daemon=True).start()
 
     def stop(self) -> None:

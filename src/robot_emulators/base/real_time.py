@@ -1,4 +1,4 @@
-"""Real time for an emulator's cycle: deadlines on an absolute grid, and threads that give way."""
+"""Real time for an emulator's cycle: deadlines on an absolute grid; threads that yield to it."""
 
 import gc
 import sys
@@ -10,8 +10,8 @@ from contextlib import contextmanager
 GIVE_UP_S = 1.0
 """Lag beyond which lost cycles are not made up for [s]."""
 _SWITCH_S = 2e-3
-"""Longest that another thread keeps Python's lock from a real-time thread [s], half a cycle: two
-busy threads that take turns in a tenth of it answer late more often."""
+"""Longest that another thread keeps Python's lock from a real-time thread [s], half a cycle; a
+tenth of it makes late answers more frequent."""
 _JOIN_S = 2.0
 
 
@@ -51,7 +51,8 @@ class CycleClock:
 
 
 class CycleThread:
-    """A thread that calls a function once per period, in real time."""
+    """A thread that calls ``step(due)`` every ``period`` [s], due at a `time.monotonic` time. Calls
+    missed by more than ``give_up`` [s] are left out; ``failed`` gets an error that ends it."""
 
     def __init__(
         self,
@@ -90,8 +91,8 @@ class CycleThread:
 def given_way() -> Iterator[None]:
     """Keep other Python code from delaying this process's real-time threads during the block.
 
-    Threads change more often, and the cyclic garbage collection leaves out all that exists already:
-    a full one of this package's modules stops every thread for some 50 ms.
+    Threads switch more often, and objects that exist already are left out of garbage collection: a
+    full collection of this package's modules stops every thread for some 50 ms.
     """
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_S)

@@ -14,21 +14,21 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 Key = tuple[int, int]
-"""Index and subindex."""
+"""Index and subindex of an object."""
 _TYPES = {
     0x02: (1, True), 0x03: (2, True), 0x04: (4, True), 0x05: (1, False), 0x06: (2, False),
     0x07: (4, False), 0x09: (0, False),
 }  # fmt: skip
-"""Number of a data type → its size [byte], 0 for text, and whether it has a sign."""
+"""Number of a CiA 301 data type → its size [byte], 0 for text, and whether it has a sign."""
 _SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]{1,2}))?")
 _PART = 7
-"""Data bytes of a segment."""
+"""Data bytes of one segment of an SDO transfer."""
 _EXPEDITED = 4
-"""Data bytes of an expedited transfer."""
+"""Most data bytes of an expedited SDO transfer."""
 
 
 class Abort(enum.IntEnum):
-    """CiA 301's SDO abort codes: why a node refuses a transfer (table of SDO abort codes)."""
+    """SDO abort codes of CiA 301: why a node refuses to read or write an object."""
 
     TOGGLE = 0x05030000
     COMMAND = 0x05040001
@@ -47,7 +47,7 @@ class Abort(enum.IntEnum):
 
 
 class AbortError(Exception):
-    """An SDO transfer that the node refuses; holds CiA 301's abort code."""
+    """An SDO transfer that the node refuses; ``code`` is CiA 301's abort code."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"0x{code:08X}")
@@ -66,7 +66,7 @@ class Entry:
         default: value after a reset, a number or the bytes of a text.
         low: smallest number that may be written, None where its type decides.
         high: largest number that may be written, None where its type decides.
-        check: runs before a number is written; raises `AbortError`.
+        check: called with a number before it is written; raises `AbortError` to refuse it.
         value: the present value.
     """
 
@@ -88,7 +88,7 @@ class Entry:
         return self.access in ("rw", "wo")
 
     def parsed(self, raw: bytes) -> int:
-        """Number that little-endian bytes from the bus state for this entry.
+        """Decode little-endian bytes from the bus to a number that may be written to this entry.
 
         Raises:
             AbortError: wrong length, or a value that is not allowed.
@@ -105,14 +105,15 @@ class Entry:
         return value
 
     def raw(self) -> bytes:
-        """Present value of this entry as it is sent on the bus, little endian."""
+        """Return the present value of this entry as bytes for the bus, little endian."""
         if isinstance(self.value, bytes):
             return self.value
         return (self.value % (1 << 8 * self.size)).to_bytes(self.size, "little")
 
 
 class Objects:
-    """A node's object dictionary, key → value, built from the text of its EDS file."""
+    """Object dictionary of a CANopen node: (index, subindex) → number, built from the text of its
+    EDS file, in which the node id replaces ``$NODEID``."""
 
     def __init__(self, text: str, node: int) -> None:
         sheet = _parsed(text)
@@ -138,16 +139,16 @@ class Objects:
         self._entries[key].value = value
 
     def reset(self, area: range) -> None:
-        """Set every object with an index in ``area`` to its value after power-up."""
+        """Set every object whose index is in ``area`` to its value after power-up."""
         for (index, _), entry in self._entries.items():
             if index in area:
                 entry.value = entry.default
 
     def entry(self, key: Key) -> Entry:
-        """Entry of the object with this index and subindex.
+        """Return the entry of the object with this index and subindex.
 
         Raises:
-            AbortError: there is none.
+            AbortError: the dictionary has no such object.
         """
         entry = self._entries.get(key)
         if entry is None:
@@ -183,18 +184,20 @@ def _entry(section: configparser.SectionProxy, node: int) -> Entry:
 
 
 class SdoServer:
-    """Answers a client's SDO requests to read and write a node's object dictionary."""
+    """Answers a client's SDO requests to read and write a node's object dictionary. ``locked`` is
+    called before an object is written, and may raise `AbortError` to refuse it; ``written``
+    afterwards."""
 
     def __init__(
         self, objects: Objects, locked: Callable[[Key], None], written: Callable[[Key], None]
     ) -> None:
         self._objects, self._locked, self._written = objects, locked, written
         self._transfer: Key | None = None
-        """Object sent in segments; then its data that are left, and the next toggle bit."""
+        """Object sent in segments; `_left`: its data not sent yet; `_toggle`: next toggle bit."""
         self._left, self._toggle = b"", 0
 
     def answer(self, request: bytes) -> list[bytes]:
-        """Return the data of the response frames to a request of 8 bytes."""
+        """Return the data of the response frames to a request of 8 bytes; none to a shorter one."""
         if len(request) < 8:
             return []
         try:

@@ -1,7 +1,7 @@
 """A CANopen node: NMT, SDO, process data, SYNC, heartbeats, errors.
 
-`hear` runs in the bus's thread, `tick` in another; both hold the node's lock. Remote frames, and
-with them guarding, are not served: CiA 301 advises against both. Source: CiA 301 (communication
+`hear` runs in the bus's thread, `tick` in another; both hold the node's lock. Remote frames and
+node guarding are not served: CiA 301 advises against both. Source: CiA 301 (communication
 objects 7.5.2, NMT states 7.3.2, predefined connection set 7.3.5).
 """
 
@@ -17,9 +17,9 @@ from robot_emulators.canopen.pdo import Pdo
 
 BOOT, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 HEARTBEAT_LOST = 0x8130
-"""Error codes of the communication; source: CiA 301, 7.2.7.1."""
+"""Error code of a lost heartbeat or guarding; source: CiA 301, 7.2.7.1."""
 _NMT = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL}
-"""NMT command → the state that it asks for."""
+"""NMT command → state that the node enters."""
 _RESET_NODE, _RESET_COMMUNICATION = 0x81, 0x82
 _COMMUNICATION = range(0x1000, 0x2000)
 _ALL = range(0x1000, 0x10000)
@@ -56,7 +56,7 @@ class Node:
         )
         self.state = PRE_OPERATIONAL
         self.fails: Callable[[str], bool] = lambda kind: False
-        """Whether it has a fault of a kind now: ``mute``, ``heartbeat_loss``, or of a profile."""
+        """Whether this node has a kind of fault now: ``mute``, ``heartbeat_loss``, a profile's."""
         self.now = 0.0
         self._send = send
         self._ids = frozenset[int]()
@@ -72,19 +72,19 @@ class Node:
         """Hook: communication was reset; its objects have their defaults again."""
 
     def on_sync(self, t: float) -> None:
-        """Hook: a SYNC came at time t [s] in OPERATIONAL; its RPDOs are already written."""
+        """Hook: a SYNC came at time t [s] in OPERATIONAL; received RPDO values are already set."""
 
     def on_written(self, keys: Sequence[Key]) -> None:
         """Hook: a client has written these objects of the device profile, in this order."""
 
     def on_connection_lost(self, code: int) -> None:
-        """Hook: the master went silent, or the node left OPERATIONAL; ``code`` says why."""
+        """Hook: the master went silent (``code``: error code), or the node left OPERATIONAL (0)."""
 
     def refresh(self, t: float) -> None:
         """Hook: update, at time t [s], objects that change by themselves, before they are sent."""
 
     def boot(self, everything: bool = True) -> None:
-        """Boot: send the boot-up message and wait in PRE-OPERATIONAL."""
+        """Reset all objects, or those of communication alone; then boot to PRE-OPERATIONAL."""
         with self.lock:
             if not everything and self.state == OPERATIONAL:
                 self.on_connection_lost(0)
@@ -111,7 +111,7 @@ class Node:
             self._take(t, frame)
 
     def tick(self, t: float) -> None:
-        """Send what is due at time t [s] (heartbeat, TPDOs); check others' heartbeats."""
+        """Send what is due at time t [s] (heartbeat, TPDOs); check other nodes' heartbeats."""
         with self.lock:
             self.now = t
             self._watch_others(t)
@@ -126,7 +126,7 @@ class Node:
         self._emergency(code)
 
     def clear(self, *codes: int) -> None:
-        """Clear errors by code; when none is left, send the emergency message of error-free."""
+        """Clear these error codes; if that leaves none, send the emergency message "no error"."""
         gone = self._errors & set(codes)
         self._errors -= gone
         self._show_errors()
@@ -134,7 +134,7 @@ class Node:
             self._emergency(0)
 
     def change(self, state: int) -> None:
-        """Enter an NMT state (CiA 301), such as OPERATIONAL."""
+        """Enter an NMT state (CiA 301), such as `OPERATIONAL`."""
         if state == self.state:
             return
         if self.state == OPERATIONAL:

@@ -1,8 +1,8 @@
-"""Process data: what one PDO carries, when it acts, and how both may be changed.
+"""Process data objects (PDO): what each carries, when it is sent, and how both may be changed.
 
 A PDO is changed as CiA 301 asks: it is switched off (bit 31 of its id), then its number of entries
-is 0, then entries are written. Entries that must not be mapped are refused, and so is a number of
-entries that covers one that was never written. Source: CiA 301, 7.2.2 and 7.5.2.35 … 7.5.2.38.
+is set to 0, then entries are written. Objects that must not be mapped are refused, and so is a
+number of entries that covers an unwritten one. Source: CiA 301, 7.2.2 and 7.5.2.35 … 7.5.2.38.
 """
 
 import itertools
@@ -10,14 +10,13 @@ import itertools
 from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
 
 ENTRIES = 8
-"""Most entries of a mapping."""
+"""Most objects that one PDO carries."""
 _BITS = 64
 """Most bits that a PDO carries."""
 _OFF, _WIDE, _ID = 1 << 31, 0x3FFFF800, 0x7FF
-"""Parts of a PDO's id: switched off, more than 11 bits, and the id itself."""
+"""Bits of the word that holds a PDO's CAN id: switched off, more than 11 bits, the id itself."""
 _SYNCHRONOUS, _EVENT = 240, 254
-"""Transmission types: up to 240 by SYNC; from 254 on by events. Those between, by remote frames,
-are refused."""
+"""Transmission types: up to 240 sent at SYNC, from 254 on by events; those between are refused."""
 
 
 class Pdo:
@@ -25,8 +24,8 @@ class Pdo:
 
     Args:
         objects: the node's object dictionary.
-        index: object of its communication parameters: of an RPDO, which is received, from 0x1400
-            on, a TPDO from 0x1800 on. Its mapping is 0x200 further.
+        index: index of its communication parameters: from 0x1400 on of an RPDO, which the node
+            receives; from 0x1800 on of a TPDO. The mapping parameters have 0x200 more.
     """
 
     def __init__(self, objects: Objects, index: int) -> None:
@@ -40,11 +39,11 @@ class Pdo:
         self.forget()
 
     def forget(self) -> None:
-        """Forget past transfers, as the node enters or leaves OPERATIONAL."""
+        """Forget past transfers; called when the node enters or leaves OPERATIONAL."""
         self.heard = self.sent = 0.0
-        """When it was last received or transmitted [s], 0 for never."""
+        """When the PDO was last received or transmitted [s], 0 for never."""
         self.waiting: list[tuple[Key, int]] | None = None
-        """Values of an RPDO that wait for SYNC."""
+        """Values of a received RPDO that take effect at the next SYNC: (object, number) of each."""
         self._last: bytes | None = None
         self._syncs = 0
 
@@ -74,11 +73,11 @@ class Pdo:
         return [(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
 
     def pack(self) -> bytes:
-        """Data of the PDO with the present values of its objects."""
+        """Return the PDO's data bytes with the present values of its objects."""
         return self._objects.pack(self.keys())
 
     def unpack(self, data: bytes) -> list[tuple[Key, int]]:
-        """Object key and value of each number in an RPDO's data; empty if too short or invalid."""
+        """Decode an RPDO's data to (object, number) pairs; empty if too short or refused."""
         entries = [(key, self._objects.entry(key)) for key in self.keys()]
         ends = list(itertools.accumulate((entry.size for _, entry in entries), initial=0))
         if len(data) < ends[-1]:
@@ -92,7 +91,7 @@ class Pdo:
             return []
 
     def at_sync(self) -> bytes | None:
-        """Data that a TPDO transmits at a SYNC; None if it transmits none."""
+        """Return the data that a TPDO transmits at a SYNC; None if it transmits none."""
         if self.can_id is None or not self.synchronous:
             return None
         self._syncs += 1
@@ -103,7 +102,7 @@ class Pdo:
         return data
 
     def at_event(self, t: float) -> bytes | None:
-        """Data that an event-driven TPDO transmits at a time [s]; None if it transmits none."""
+        """Return the data that an event-driven TPDO transmits at time t [s]; None if not due."""
         if self.can_id is None or self.type < _EVENT:
             return None
         data, timer = self.pack(), self.timer
@@ -146,7 +145,7 @@ class Pdo:
         self._check_carried(entry)
 
     def _check_carried(self, word: int) -> None:
-        """Raise `AbortError` if this PDO may not carry the object that a mapping word names."""
+        """Raise `AbortError` if this PDO may not carry the object in a word of its mapping."""
         key = (word >> 16, word >> 8 & 0xFF)
         entry = self._objects.entry(key) if key in self._objects else None
         if (

@@ -1,8 +1,8 @@
 """One drive's axis in counts: the CiA 402 state machine and the set-points of its modes.
 
-`control` takes the controlword, `sync` the target of cyclic synchronous position mode, `advance`
-the time. Source of states, commands and transitions: CiA 402 (IEC 61800-7-201), finite state
-automaton of the power drive system.
+`control` executes a controlword, `sync` takes a target of cyclic synchronous position mode,
+`advance` moves the set-point. Source of states, commands, transitions: CiA 402 (IEC 61800-7-201),
+finite state automaton of the power drive system.
 """
 
 import enum
@@ -13,11 +13,11 @@ from robot_emulators.medrue.motion import Interpolation, SetPoint
 FOLLOWING_ERROR = 0x8611
 RPDO_TIMEOUT = 0x8250
 SYNC_ERROR = 0x8700
-"""Error codes; source: CiA 402."""
+"""Error codes of a following error, a lost RPDO and a lost SYNC; source: CiA 402."""
 PROFILE, HOMING, CYCLIC = 1, 6, 8
 """Modes of operation (0x6060); source: CiA 402."""
 METHODS = (35, 37)
-"""Methods of homing (0x6098), both: the home is where the axis is; source: CiA 402."""
+"""Methods of homing (0x6098) that take the present position as home; source: CiA 402."""
 MODE, _METHOD, _QUICK_OPTION = (0x6060, 0), (0x6098, 0), (0x605A, 0)
 _FOLLOWING_WINDOW, _POSITION_WINDOW = (0x6065, 0), (0x6067, 0)
 _HOME, _LOWER, _UPPER = (0x607C, 0), (0x607D, 1), (0x607D, 2)
@@ -32,9 +32,9 @@ _START, _HALT = 1 << 4, 1 << 8
 _LIMIT_MARGIN = 1
 """How far a target may be beyond a limit by rounding [count]."""
 _STAYS = 5
-"""Options of 0x605A from here on stay in QUICK STOP ACTIVE."""
+"""Least quick stop option (0x605A) with which a drive stays in QUICK STOP ACTIVE."""
 _SLOW_STOPS = (1, 5)
-"""Options of 0x605A that stop on the profile's deceleration."""
+"""Quick stop options (0x605A) that brake at the deceleration of profile moves."""
 
 
 class AxisState(enum.Enum):
@@ -90,11 +90,12 @@ TRANSITIONS = {
     (_S.QUICK_STOP, _C.VOLTAGE_OFF): _S.DISABLED,  # 12
     (_S.QUICK_STOP, _C.ENABLE): _S.ENABLED,  # 16
 }
-"""What a command does in a state, with the number of the transition; all else is ignored."""
+"""(State, command) → next state, with the number of the transition; other commands are ignored."""
 
 
 class Axis:
-    """CiA 402 state machine and set-point [count] of one drive, without its bus."""
+    """CiA 402 state machine and set-point [count] of one drive, without its bus; ``objects`` is its
+    object dictionary, ``position`` the initial position [count]."""
 
     def __init__(self, objects: Objects, position: float) -> None:
         self._set = objects
@@ -103,9 +104,9 @@ class Axis:
         self.state = AxisState.DISABLED
         self.code = 0
         self.raised: list[int] = []
-        """Error codes that were not reported yet; 0: the error is gone."""
+        """Error codes still to be reported, oldest first; 0 reports that the error is gone."""
         self.shift = 0.0
-        """Position of the plant at which the axis counts 0 [count]."""
+        """Position of the encoder [count] at which the axis, after homing, counts 0."""
         self._point = SetPoint(position)
         self._goal: float | None = None
         self._homed = self._homing_failed = False
@@ -115,7 +116,7 @@ class Axis:
 
     @property
     def command(self) -> float:
-        """Position that the servo shall take [count]: that of the present set-point."""
+        """Position [count] of the present set-point, to which the servo shall move."""
         return self._point.position
 
     @property
@@ -182,16 +183,15 @@ class Axis:
                 self._point = SetPoint(self.actual)
 
     def new_goal(self, target: float) -> None:
-        """Set the target [count] of profile position mode, in the place of the previous one.
-
-        The drive calls it at the rising edge of the controlword's bit 4.
-        """
+        """Set the target [count] of profile position mode; it replaces the previous one.
+        The drive calls it at the rising edge of the controlword's bit 4."""
         if not self.driven or self.mode != PROFILE:
             return
         self._goal = self._within(target)
 
     def sync(self, t: float, target: float, period: float) -> None:
-        """Take a target [count] of cyclic synchronous position mode, to reach in a period [s]."""
+        """Take a target [count] of cyclic synchronous position mode, received with the SYNC at time
+        t [s] and to be reached within ``period`` [s]."""
         if not self.driven or self.mode != CYCLIC:
             return
         target = self._within(target)
@@ -202,9 +202,7 @@ class Axis:
 
     def advance(self, t: float, seconds: float, plant: float) -> float:
         """Advance the set-point by ``seconds`` to time ``t`` [s]; return the position to command.
-
-        Positions are in counts of the plant's encoder; ``plant`` is the measured one.
-        """
+        Positions are in counts of the encoder; ``plant`` is the measured one."""
         self.actual = plant - self.shift
         if self.driven:
             self._follow(t, seconds)
@@ -215,7 +213,7 @@ class Axis:
         return self.command + self.shift
 
     def fault(self, code: int) -> None:
-        """Go to FAULT with an error code (0x603F), through FAULT REACTION ACTIVE while it moves."""
+        """Go to FAULT with an error code (0x603F), by FAULT REACTION ACTIVE while it moves."""
         if self.state not in (AxisState.FAULT, AxisState.REACTING):
             self._forget()
             self.state = AxisState.REACTING if self._point.speed else AxisState.FAULT

@@ -1,9 +1,9 @@
 """The NETCANOEM board: six gauges of a Mini40 behind CAN requests. Source: ATI 9610-05-1030.
 
-Everything is big endian; an id is the board's base (7 bits) and an opcode (4 bits). The board sends
-gauges, never wrenches: those come from the matrix of its active calibration, which is volatile.
-A request that is longer than the board expects is taken by its first byte: where its ids are also
-a drive's, that drive's targets are requests.
+Everything is big endian; a CAN id is the board's base (7 bits) and an opcode (4 bits). The board
+sends gauges, never wrenches: clients multiply them by the matrix of its active calibration, which
+a reset changes. Of a request longer than expected the first byte counts: where the board's ids are
+also those of a drive, that drive's targets act as requests.
 """
 
 import random
@@ -15,20 +15,20 @@ import numpy as np
 from robot_emulators.can_bus import Frame
 
 COUNTS_PER_VOLT = 3276.8
-"""A 16-bit converter of ±10 V."""
+"""Counts per volt of a 16-bit converter of ±10 V."""
 NEWTON, NEWTON_METRE = 2, 3
 SELECT, RESET, SET_BASE, SET_BITRATE = 0x6, 0xC, 0xD, 0xE
-"""Opcodes that change something."""
+"""Opcodes of requests that change calibration, reset the board, change its ids or its bit rate."""
 SLOTS = 16
 BAD_CALIBRATION, ANY_ERROR = 1 << 6, 1 << 15
 _OTHER_GAIN = 0.8
-"""Amplification of the gauges while another calibration than the sensor's is active."""
+"""Factor on all gauges while another calibration than the mounted sensor's is active."""
 _NOTHING = 0x100
-"""Value that stands for the first byte of a request that has none."""
+"""Value that stands for the first byte of a request without data."""
 BOOT_S = 0.1
-"""How long it is silent after a reset [s]. The manual states none; a client must wait for it."""
+"""Time in which the board is silent after a reset [s]; the manual states none."""
 ActiveFault = Callable[[str], Mapping[str, float] | None]
-"""Values of a kind of fault that is under way, None where it is not."""
+"""Function of a kind of fault: its argument values while it is active, else None."""
 
 
 class BoardEmulator:
@@ -37,10 +37,10 @@ class BoardEmulator:
     Args:
         send: puts a frame on the bus.
         base: upper seven bits of the board's CAN ids.
-        slot: number of the calibration that is the mounted Mini40's.
+        slot: number, 0 … 15, of the calibration that is the mounted Mini40's.
         counts: counts per N and per N·m.
         wrench: time [s] → load on the gauges (6,) [N, N·m].
-        gauges: matrix (6, 6) from gauges [V] to wrenches; None: each channel has one, 10 to a volt.
+        gauges: matrix (6, 6) from gauges [V] to wrenches; None: 10 N or N·m per volt each.
         fault: kind of fault → its values while it is active, else None.
     """
 
@@ -59,12 +59,12 @@ class BoardEmulator:
         self._gauges = np.linalg.inv(self._matrix) * COUNTS_PER_VOLT
 
     def matrix(self) -> np.ndarray:
-        """Active calibration (6, 6): wrench in counts of unit = matrix · gauge counts."""
+        """Active calibration (6, 6): maps gauge counts (6,) to counts of force and torque."""
         true = self._matrix / COUNTS_PER_VOLT * self.counts
         return np.asarray(true if self.active == self.slot else 0.5 * true, dtype=np.float32)
 
     def reset(self, now: float) -> None:
-        """Restart at ``now`` [s]: calibration 0 is active, a new base takes effect."""
+        """Restart at time ``now`` [s]: calibration 0 is active, a new base of ids takes effect."""
         self.active = self.status = 0
         self.base = self._next_base
         self.silent_until = now + BOOT_S
@@ -116,7 +116,7 @@ class BoardEmulator:
             self.status |= BAD_CALIBRATION
 
     def _pair(self, gauges: np.ndarray) -> list[tuple[int, bytes]]:
-        """Ids and data of the two frames of a gauge reading: status and even gauges; odd gauges."""
+        """Opcodes and data of a gauge reading's two frames: status, even gauges; odd gauges."""
         bits = self._fault("status")
         status = self.status | (int(bits["bits"]) if bits else 0)
         word = status | (ANY_ERROR if status & ~1 else 0)

@@ -1,14 +1,14 @@
 """One CiA 402 drive on the bus: a CANopen node with its axis and its watchdogs.
 
-What a PDO or an SDO writes acts when it arrives; what a synchronous PDO carries, at the next SYNC.
-An enabled axis loses its master where an RPDO does not come again within its event timer
-(0x1400:5), no SYNC for longer than that and `_SYNC_LOSS` periods (0x1006), a heartbeat stays away
+Values that a PDO or an SDO writes act when they arrive; those of a synchronous PDO at the next
+SYNC. An enabled axis loses its master if an RPDO is not repeated within its event timer (0x1400:5),
+no SYNC comes for longer than that timer and `_SYNC_LOSS` periods (0x1006), a heartbeat stays away
 (0x1016), or the node leaves OPERATIONAL. It then does what the master wrote to 0x6007: it goes to
 FAULT (after power-up), stops on its quick-stop ramp, or does nothing.
 
-What the EDS file cannot state of the objects stands here: values after power-up that depend on the
-axis (`rated`), and values of which only some may be written. Positions are in counts, speeds in
-count/s, accelerations in count/s². Source: CiA 402-2 (IEC 61800-7-201).
+This file adds to the EDS file: values after power-up that depend on the axis (`rated`), and which
+values may be written (`ALLOWED`). Positions are in counts, speeds in count/s, accelerations in
+count/s². Source: CiA 402-2 (IEC 61800-7-201).
 """
 
 import threading
@@ -23,37 +23,37 @@ from robot_emulators.medrue import axis as cia402
 from robot_emulators.medrue.axis import Axis
 
 SHEET = resources.files(__package__).joinpath("cia402.eds").read_text("utf-8")
-"""The EDS file; its values after power-up are those of an axis of 2,000,000 counts."""
+"""Text of the EDS file; its values after power-up are those of an axis of 2,000,000 counts."""
 CONTROL, STATUS, TARGET, ACTUAL = (0x6040, 0), (0x6041, 0), (0x607A, 0), (0x6064, 0)
 RATED_CURRENT, RATED_TORQUE = (0x6075, 0), (0x6076, 0)
 """Objects of the rated current [mA] and the rated torque [mN·m; of the slide mN]."""
 FAULT_SIGNAL, QUICK_STOP = 1, 3
-"""Values of the abort connection option code (0x6007); 0 does nothing."""
+"""Values of the abort connection option code (0x6007): fault, quick stop; 0 does nothing."""
 ALLOWED: dict[Key, tuple[int, ...]] = {
     (0x6007, 0): (0, FAULT_SIGNAL, QUICK_STOP),
     (0x605A, 0): (0, 1, 2, 5, 6),
     (0x6060, 0): (cia402.PROFILE, cia402.HOMING, cia402.CYCLIC),
     (0x6098, 0): (0, *cia402.METHODS),
 }
-"""Objects of which only some values may be written."""
+"""Object (index, subindex) → the only values that may be written to it."""
 _RATED_A = 4.0
-"""Rated current of a motor [A]. MedRUE's motors are not published; currents are reported in
-thousandths of it, in 16 bits with a sign, so that 130 A can be reported."""
+"""Rated current of a motor [A], an assumption: none is published. Drives report currents in
+thousandths of it as 16-bit integers, so that up to 130 A can be reported."""
 _NEAR = 0.05
-"""Position window as a part of the largest following error: a servo at rest is well within it."""
+"""Position window as a fraction of the largest following error; a servo at rest is within it."""
 _SYNC_LOSS = 25
-"""Periods of SYNC (0x1006) without one after which it is lost: at 250 Hz 0.1 s."""
+"""Number of SYNC periods (0x1006) without a SYNC after which it counts as lost; at 250 Hz 0.1 s."""
 _MOST_THOUSANDTHS = 0x7FFF
 _AHEAD_S = 0.02
-"""Farthest that a position is extrapolated between two steps of the plant [s], some five steps:
-longer, and the position of a plant that stands still would run away."""
+"""Longest extrapolation of a position between two steps of the plant [s], some five steps: beyond
+it, the reported position of a plant that hangs would run away."""
 
 
 def rated(
     lower: int, upper: int, window: int, quick: float, speed: float, acceleration: float,
     torque: float,
 ) -> dict[Key, int]:  # fmt: skip
-    """Object → value after power-up, of a drive's objects that depend on its axis and motor.
+    """Object → value after power-up, for a drive's objects that depend on its axis and motor.
 
     Args:
         lower, upper: software position limits [count].
@@ -61,7 +61,7 @@ def rated(
         quick: quick-stop deceleration [count/s²].
         speed: top speed [count/s].
         acceleration: acceleration of profile moves [count/s²].
-        torque: rated torque of the motor [N·m, or N].
+        torque: rated torque of the motor [N·m], of a slide its force [N].
     """
     top, rate = round(speed), round(acceleration)
     return {
@@ -83,9 +83,9 @@ class DriveEmulator(Node):
     Args:
         node: CANopen id.
         send: puts a frame on the bus.
-        rated: values after power-up that depend on its axis, as `rated` makes them.
+        rated: object → value after power-up that depends on the axis, from function `rated`.
         position: initial position [count].
-        lock: shared with the plant's thread.
+        lock: lock that is shared with the plant's thread.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class DriveEmulator(Node):
         self._report()
 
     def on_connection_lost(self, code: int) -> None:
-        """React as the abort connection option code (0x6007) says; ``code`` is the error."""
+        """React to a lost master as option code 0x6007 says; ``code`` is the error to report."""
         if not self.axis.driven:
             return
         option = self.objects[0x6007, 0]
@@ -145,12 +145,12 @@ class DriveEmulator(Node):
         """Return the position to command [count]; the plant calls this while it holds the lock.
 
         Args:
-            t: now [s].
-            seconds: until the next call [s].
+            t: present time [s].
+            seconds: time until the next call [s].
             actual: measured position of the axis [count].
             speed: measured speed of the axis [count/s].
             effort: torque of the motor [N·m, or N], and its current [A].
-            due: when this call was due [s]; the axis moves evenly though calls are late.
+            due: when this call was due [s]; the set-point follows it even if calls are late.
         """
         self.now = t
         due = t if due is None else due
@@ -174,7 +174,7 @@ class DriveEmulator(Node):
             self.axis.new_goal(self.objects[TARGET])
 
     def _report(self) -> None:
-        """Send emergency messages for the axis's new error codes, and for their end."""
+        """Send emergency messages for the axis's new error codes, and for errors that are gone."""
         while self.axis.raised:
             code = self.axis.raised.pop(0)
             if code:
@@ -218,5 +218,5 @@ class DriveEmulator(Node):
 
 
 def _thousandths(ratio: float) -> int:
-    """Ratio × 1000, rounded and limited to an INTEGER16, as CiA 402 states torque and current."""
+    """Return 1000 × a ratio as an INTEGER16, as CiA 402 states torques and currents; clipped."""
     return min(max(round(1000.0 * ratio), -_MOST_THOUSANDTHS), _MOST_THOUSANDTHS)

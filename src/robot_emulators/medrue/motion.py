@@ -1,7 +1,7 @@
 """Commanded positions of an axis: set-points with a speed, and the path through cyclic targets.
 
-The arrival of SYNC is not a drive's clock: a phase-locked loop keeps an even one. Where a SYNC of a
-running stream is late or missing, the axis goes on along its line for a while.
+SYNCs arrive with jitter: a phase-locked loop makes an even clock of them. Where a SYNC of a running
+stream is late or missing, the axis goes on at the stream's speed for at most `_MISSED` periods.
 """
 
 import math
@@ -12,16 +12,16 @@ from typing import NamedTuple
 _NEAR = 1.0
 """Distance [count] from which a position counts as reached by the set-point."""
 _GAIN = 0.01
-"""Fraction of its phase error that a SYNC corrects; a larger one lets jitter through."""
+"""Fraction of the phase error that each SYNC corrects; a larger one lets more jitter through."""
 _MISSED = 2
-"""SYNCs in a row that may be missed: so many periods the axis goes on along its line."""
+"""Most SYNCs in a row that may be missing: the axis goes on along its line for as many periods."""
 _LATEST = 0.9
-"""Phase error from which a SYNC is not late, but the one after a missed one, in periods."""
+"""Lateness [periods] up to which a SYNC counts as late; from here on one before it is missing."""
 _LOCKED = 0.5
-"""How much too early a SYNC may come, in periods. One that is earlier by a period shows that the
-one before was late all the same."""
+"""How much too early a SYNC may come [periods]; an earlier one shows that its predecessor was
+late."""
 _LINES = 4
-"""Lines that are kept: the control loop may run some cycles late."""
+"""Number of recent lines that are stored: the control loop may run some cycles late."""
 
 
 @dataclass
@@ -32,7 +32,8 @@ class SetPoint:
     speed: float = 0.0
 
     def to_speed(self, wanted: float, up: float, down: float, seconds: float) -> None:
-        """Accelerate (``up``) or brake (``down``) towards ``wanted`` [count/s] for ``seconds``."""
+        """Change the speed towards ``wanted`` [count/s] for a time ``seconds`` [s], at ``up``
+        (faster) or ``down`` (slower) [count/s²] at most, and move the position by it."""
         faster = wanted * self.speed >= 0.0 and abs(wanted) > abs(self.speed)
         most = (up if faster else down) * seconds
         self.speed += min(max(wanted - self.speed, -most), most)
@@ -41,7 +42,9 @@ class SetPoint:
     def to_position(
         self, goal: float, top: float, up: float, down: float, seconds: float
     ) -> bool:  # fmt: skip
-        """Move to ``goal`` for ``seconds`` at speed ``top`` at most; return whether it is there."""
+        """Move towards ``goal`` [count] for ``seconds``; return whether it is reached. ``top``
+        limits the speed [count/s], ``up`` and ``down`` limit acceleration and braking
+        [count/s²]."""
         way = goal - self.position
         slow = abs(self.speed) <= 3.0 * down * seconds
         if slow and abs(way) <= max(abs(self.speed) * seconds, _NEAR):
@@ -53,9 +56,9 @@ class SetPoint:
 
 
 class Line(NamedTuple):
-    """Straight motion from one target to the next: it begins at time ``begin`` [s], leads from
-    ``start`` to ``end`` [count] and takes ``period`` [s]; then it goes on by ``step`` [count] a
-    period, which is how the targets move: a correction of the axis is no speed of the stream."""
+    """Straight motion of a set-point from one target to the next: begins at time ``begin`` [s],
+    leads from ``start`` to ``end`` [count] in ``period`` [s], then goes on by ``step`` [count] a
+    period, the change between targets (``end`` − ``start`` also has the axis's correction)."""
 
     begin: float
     start: float
@@ -65,7 +68,7 @@ class Line(NamedTuple):
 
 
 class Interpolation:
-    """The path through the targets of one axis in cyclic synchronous position mode."""
+    """Path of one axis through the targets of cyclic synchronous position mode."""
 
     def __init__(self) -> None:
         self._lines: deque[Line] = deque(maxlen=_LINES)
@@ -74,7 +77,8 @@ class Interpolation:
         self._lines.clear()
 
     def take(self, t: float, command: float, target: float, period: float) -> None:
-        """Add a target received with the SYNC at time t [s]; the axis is at ``command`` [count]."""
+        """Add a target [count] received with the SYNC at time t [s], to be reached in a period [s];
+        ``command`` is the present set-point [count]."""
         line = Line(t, command, target, period, step=0.0)
         if self._lines and period == self._lines[-1].period > 0.0:
             last = self._lines[-1]

@@ -1,5 +1,4 @@
-"""The MedRUE emulator: hub, drives, sensor board and the robot behind them in real time, with the
-timed faults of all of them."""
+"""The MedRUE emulator: bus, drives and sensor board in real time, the robot behind them, faults."""
 
 import random
 import threading
@@ -28,22 +27,22 @@ _SETTING = (SELECT, RESET, SET_BASE, SET_BITRATE)
 _GARBAGE_TEXT = b"< frame zz >\xff\xfe< nonsense > frame 12"
 CYCLE_S = 0.004
 _READINGS = 2
-"""Readings of the sensor in a cycle, so that its board can be asked at up to 500 Hz."""
+"""Sensor readings in a control cycle, so that the board can be asked at up to 500 Hz."""
 _LATE_S = 0.1
-"""How far the clock may run behind before it skips [s]; so long, drives wait for targets."""
+"""Lag of the control cycle beyond which missed cycles are left out [s]; drives wait that long."""
 _JOINTS = 6
 _WINDOW_M, _WINDOW_RAD = 0.02, 0.1
-"""Largest following error; the simulated servos follow 24 ms behind, so at 80 % of top speed it
-is reached only by a fault."""
+"""Largest following errors [m], [rad]: the simulated servos lag by 24 ms, so that up to 80 % of top
+speed only a fault reaches them."""
 _RATED_N, _RATED_NM = 200.0, 2.0
 _COUNTS_PER_M, _COUNTS_PER_TURN = 1e6, float(1 << 20)
-"""Motors' rated force and torque, encoders' counts: assumptions, MedRUE's are not published."""
+"""Rated force [N], torque [N·m] of motors, counts of encoders: assumed, as none are published."""
 _QUICK_S = 0.1
-"""A quick stop from top speed takes so long [s]; the linear axis slides 3 cm meanwhile."""
+"""Duration of a quick stop from top speed [s], in which the linear axis slides 3 cm."""
 
 
 class BusFaults:
-    """Carries out timed faults of the CAN bus, such as a second node with the sensor's ids."""
+    """Registers and carries out the timed faults of the CAN bus, its drives and its board."""
 
     def __init__(
         self, faults: Faults, hub: Hub, drives: Sequence[DriveEmulator], board: BoardEmulator
@@ -80,7 +79,7 @@ class BusFaults:
             faults.on("can", kind, handler, more)
 
     def names(self, node: int, kind: str) -> bool:
-        """Whether a fault of this kind is active for this node id."""
+        """Whether a fault of this kind is active for the drive with this node id."""
         values = self._faults.now("can", kind)
         return values is not None and values["node"] == node
 
@@ -145,7 +144,9 @@ class BusSettings(Settings):
 
 
 class RealTimePlant:
-    """Steps a robot at 250 Hz in real time to the positions that its drives command."""
+    """Steps a robot (``body``) at 250 Hz in real time to the positions that its drives command.
+    ``counts`` (6,) are encoder counts per m or rad; the drives share ``lock``; ``failed`` gets an
+    error that ends the thread."""
 
     def __init__(
         self, body: Plant, counts: np.ndarray, lock: threading.RLock,
@@ -234,7 +235,7 @@ class MedrueEmulator(Emulator):
         self.hub.stop()
 
     def _rated(self, arm: Arm, j: int, counts: float) -> dict[Key, int]:
-        """Object → value after power-up of the drive of axis ``j``; ``counts`` per m or rad."""
+        """Values after power-up of the drive of axis ``j``, by object; ``counts`` per m or rad."""
         slides, top = arm.linear[j], arm.speed[j] * counts
         return rated(
             lower=int(np.ceil(arm.lower[j] * counts)),

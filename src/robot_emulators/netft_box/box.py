@@ -1,4 +1,4 @@
-"""A Net F/T box on a plant's sensor, alone or beside a robot: RDT over UDP, pages over HTTP."""
+"""A Net F/T box for a plant's sensor, alone or beside a robot: RDT over UDP, pages over HTTP."""
 
 import socket
 import traceback
@@ -35,11 +35,13 @@ _KINDS: dict[str, dict[str, dict[str, Argument]]] = {
         "missing_field": {"name": rules.text("cfgcpf")},
     },
 }  # fmt: skip
-"""Lasting faults of each link, with their arguments."""
+"""Link → kinds of fault that last, with their arguments."""
 
 
 class Box:
-    """A Net F/T box that serves a plant's sensor readings; the caller steps the plant."""
+    """A Net F/T box that serves the readings of plant ``body`` at ``host``; the caller steps the
+    plant. ``faults`` is the registry to which the box adds its faults, ``seed`` that of random
+    ones, and ``failed`` gets an error that stops the box."""
 
     def __init__(
         self, body: Plant, host: str, faults: Faults, settings: BoxSettings | None = None,
@@ -94,7 +96,7 @@ class Box:
 
     @property
     def counters(self) -> Counter[str]:
-        """Number of RDT records ``sent``, ``dropped``, ``duplicated`` …, and of datagrams."""
+        """Numbers of RDT records ``sent``, ``dropped``, ``duplicated`` …, and of ``datagrams``."""
         return Counter() if self._rdt is None else self._rdt.counters
 
     def _bind(self) -> socket.socket:

@@ -1,13 +1,13 @@
-"""The box's pages: netftapi2.xml, netftcalapi.xml, the CGI variables of RDT and zero; their server.
+"""Web pages of a Net F/T box (netftapi2.xml, netftcalapi.xml, CGI variables), and their server.
 
 Sources: ATI 9620-05 Net F/T manual, sections on CGI and XML pages, and the elements that public
 clients of the box read. All configurations are alike. Not carried out, and shown as the maker's
 defaults: the low-pass filter, the tool transform, peak logging, the network.
 
-Settings are changed by plain GETs, and a browser sends what any page tells it to: requests that a
-page elsewhere asks for are refused. A page elsewhere may have its name resolved to this machine
-(DNS rebinding) or ask across origins; Host, Origin and Sec-Fetch-Site show both. Programs that are
-no browsers send no Origin. Sources: the Fetch standard, Fetch Metadata (W3C).
+Settings are changed by plain GETs, and a browser sends any GET that a web page asks for. Requests
+on behalf of foreign pages are therefore refused: such a page may have its name resolved to this
+machine (DNS rebinding) or ask across origins, which Host, Origin and Sec-Fetch-Site show. Programs
+that are no browsers send no Origin. Sources: the Fetch standard, Fetch Metadata (W3C).
 """
 
 import contextlib
@@ -29,12 +29,12 @@ from robot_emulators.netft_box.rdt import Pace
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
 
 Reply = tuple[str, str, str]
-"""Status line, content type and text."""
+"""Status line, content type and text of an HTTP reply."""
 SLOTS = 16
-"""Configurations, and calibrations."""
+"""Number of configurations, and of calibrations, that a box has."""
 _FORCE = {"lbf": 1, "N": 2, "klbf": 3, "kN": 4, "kgf": 5}
 _TORQUE = {"lbf-in": 1, "lbf-ft": 2, "Nm": 3, "Nmm": 4, "kgf-cm": 5, "kNm": 6}
-"""Codes of cfgfu and cfgtu; source: ATI 9620-05, configurations."""
+"""Codes of units in the fields cfgfu (force) and cfgtu (torque); source: ATI 9620-05."""
 _SERIAL = "FT00000"
 _CONSTANT = {
     "setuserfilter": "0", "setpke": "0", "cfgcalsn": _SERIAL, "cfgtfx": "0;0;0;0;0;0",
@@ -44,19 +44,19 @@ _CONSTANT = {
     "comnetdhcp": "Disabled", "setcfgsel": "0", "cfgnam": "emulator", "cfgcalsel": "0",
     "cfgusra": "empty", "cfgusrb": "empty",
 }  # fmt: skip
-"""Elements of what a box has and this one does not carry out."""
+"""XML elements whose functions the emulator lacks, with fixed values."""
 _FORMS = ("setting.cgi", "setcfg.cgi", "comm.cgi", "moncon.cgi")
 _DONE: Reply = ("200 OK", "text/html", "<html><body>settings applied</body></html>")
 _MISSING: Reply = ("404 Not Found", "text/html", "<html><body>no such page</body></html>")
 _WRONG: Reply = ("400 Bad Request", "text/html", "<html><body>no valid address</body></html>")
 _BODY_BYTES = 8192
-"""Longest body; a form of the box with all its variables has some 1500 bytes."""
+"""Longest request body that is read [byte]; a form of the box with all variables has some 1500."""
 _DEADLINE_S = 2.0
-"""Longest pause of a client within its request."""
+"""Longest pause of a client within its request [s]."""
 _LOOK_S = 0.02
-"""Time between two looks at the faults, and at a port that someone else took meanwhile [s]."""
+"""Time between two checks for faults, and for a port that another program took meanwhile [s]."""
 _HOST = re.compile(r"(?:localhost|[0-9]{1,3}(?:\.[0-9]{1,3}){3})(?::([0-9]{1,5}))?", re.IGNORECASE)
-"""A name that cannot be resolved to another machine; simple clients leave out the port."""
+"""Host field that no DNS can redirect: localhost or an IPv4 address, with or without a port."""
 
 
 class Pages:
@@ -70,8 +70,8 @@ class Pages:
 
         Args:
             target: path of the request with its query.
-            body: what a POST carries.
-            missing: an element that netftapi2.xml leaves out.
+            body: form data of a POST.
+            missing: name of an element to leave out of XML pages, by a fault.
         """
         try:
             parts = urlsplit(target)
@@ -109,7 +109,7 @@ class Pages:
         }  # fmt: skip
 
     def _scale(self, kind: str) -> dict[str, str]:
-        """XML elements of units, counts and ratings for a configuration or calibration page."""
+        """XML elements of units, counts and ratings; ``kind`` is their prefix, cfg or cal."""
         s = self._settings
         si = np.repeat([units.NEWTON[s.force_unit], units.NEWTON_METRE[s.torque_unit]], 3)
         counts = self._sensing.per_si * si
@@ -146,8 +146,8 @@ def is_ours(host: str | None, origin: str | None, site: str | None, port: int) -
 
     Args:
         host: the request's Host field, None where there is none.
-        origin: the request's Origin field.
-        site: the request's Sec-Fetch-Site field.
+        origin: the request's Origin field, or None.
+        site: the request's Sec-Fetch-Site field, or None.
         port: port at which this server listens.
     """
     name = _HOST.fullmatch(host or "localhost")
@@ -174,7 +174,7 @@ class _Handler(BaseHTTPRequestHandler):
             super().handle()
 
     def do_GET(self) -> None:
-        """Answer an HTTP GET, or a POST of a form, that passes the check of its origin."""
+        """Answer a GET or POST request, or refuse it with 403 if a foreign web page caused it."""
         fields, port = self.headers, self.server.server_port
         if not self.path.startswith("/"):
             self.send_error(400)
@@ -198,11 +198,8 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 class Web:
-    """HTTP server that answers each request by ``answer(target, body)`` → (status, type, text).
-
-    Raises:
-        OSError: the address is taken or not allowed.
-    """
+    """HTTP server of a Net F/T box in a thread, with the faults of the link ``http``;
+    ``answer(target, body)`` makes each `Reply`. Raises OSError if the port is taken."""
 
     def __init__(
         self, address: tuple[str, int], answer: Callable[[str, str], Reply], faults: Faults

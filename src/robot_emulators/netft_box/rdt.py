@@ -1,4 +1,4 @@
-"""The RDT server: answers requests and sends records on time, in the box's loop.
+"""The RDT server: answers UDP requests and streams records on time, in the box's event loop.
 
 A request has 8 bytes, a record 36; all is big endian. Faults drop, duplicate, swap or corrupt
 datagrams. Deadlines are absolute: up to a record every 0.13 ms, in bursts of 1 ms.
@@ -32,13 +32,13 @@ _SIZE = RECORD.itemsize
 _BURST_S = 1e-3
 """Least time between two sends [s]: seven records at 7000 a second; fewer cost more wake-ups."""
 _IDLE_S = 0.05
-"""Time between two looks at the body's clock while nobody listens [s]."""
+"""Time between two looks at the plant's clock while nobody listens [s]."""
 _CHUNK_S = 2e-3
-"""Least time that records are made for at once [s]: one by one they cost as much as hundreds."""
+"""Least time span for which records are made at once [s]: one costs as much as hundreds."""
 _LATE_S = 0.25
-"""A thread that wakes later than this has slept with the machine: what it missed is not made up."""
+"""Lag [s] beyond which missed records are left out, as after a sleep of this machine."""
 _REQUESTS = 16
-"""Requests taken at a time, so that a flood of them does not keep records back."""
+"""Most requests read at a time, so that a flood of them does not hold up records."""
 
 
 class Request(NamedTuple):
@@ -49,7 +49,7 @@ class Request(NamedTuple):
 
 
 def parse(data: bytes) -> Request | None:
-    """Parse a datagram as an RDT request; None if it is none that the box knows."""
+    """Decode a datagram to an RDT request; None if it is no request that the box knows."""
     if len(data) != REQUEST.itemsize:
         return None
     row = np.frombuffer(data, REQUEST)[0]
@@ -63,8 +63,8 @@ def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> 
     """Return the bytes of n consecutive RDT records.
 
     Args:
-        first: rdt_sequence of the first; it wraps after 2³² − 1.
-        ft: (n,) ft_sequence of each, taken modulo 2³².
+        first: rdt_sequence of the first record; it wraps after 2³² − 1.
+        ft: (n,) ft_sequence of each record, taken modulo 2³².
         status: (n,) status words.
         counts: (n, 6) force and torque counts, within int32.
     """
@@ -77,7 +77,7 @@ def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> 
 
 
 class FaultySender:
-    """Sends RDT records with the active faults; ``counters`` count what became of them."""
+    """Sends RDT records, spoilt by active faults; ``counters`` counts sent and spoilt ones."""
 
     def __init__(self, sock: socket.socket, faults: Faults, seed: int) -> None:
         self._socket, self._faults = sock, faults
@@ -86,7 +86,7 @@ class FaultySender:
         self.counters: Counter[str] = Counter()
 
     def send(self, data: memoryview, group: int, to: Address) -> None:
-        """Send RDT records to a client, at most ``group`` of them in a datagram."""
+        """Send packed RDT records to a client's address, at most ``group`` records a datagram."""
         size = group * _SIZE
         parts = [data[k : k + size] for k in range(0, len(data), size)]
         faulty = self._faults.any("rdt") or self._held is not None
@@ -161,7 +161,7 @@ class Pace:
     on: bool = True
 
     def every(self, internal: int) -> int:
-        """Sensor samples from one record to the next; the record rate is thereby rounded up."""
+        """Number of samples from one record to the next, at ``internal`` [Hz] samples a second."""
         return max(1, int(internal / self.rate))
 
 
@@ -185,7 +185,8 @@ class RecordStream:
 
 
 class Rdt:
-    """RDT server: streams sensor records to the client that sent the last request."""
+    """RDT server: streams sensor records to the client that sent the last request to the UDP socket
+    ``sock``. Web pages change ``pace`` meanwhile; ``seed`` is that of random faults."""
 
     def __init__(
         self, thread: LoopThread, sock: socket.socket, sensing: Sensing, pace: Pace, faults: Faults,
@@ -212,7 +213,7 @@ class Rdt:
             self._timer.cancel()
 
     def forget(self) -> None:
-        """Drop the request being answered, as a box does that is switched off and on."""
+        """Drop the request being answered, as a box does when it is switched off and on."""
         self._stream = None
 
     def answer(self, request: Request, sender: Address, now: float) -> None:
@@ -233,7 +234,7 @@ class Rdt:
             )
 
     def _turn(self, due: float) -> None:
-        """Send the records that are due at the deadline [s] and schedule the next turn."""
+        """Send the records that are due at time ``due`` [s] and schedule the next turn."""
         now = time.monotonic()
         self._sensing.observe()
         wait = _IDLE_S
@@ -244,7 +245,7 @@ class Rdt:
         self._timer = self._loop.call_at(due, self._turn, due)
 
     def _unmake(self) -> None:
-        """Discard records that were made ahead but not sent, so that they are made anew."""
+        """Discard records that were made ahead but not sent; they will be made anew."""
         if self._stream is not None:
             made = len(self._ready) // _SIZE
             self._stream.sequence = (self._stream.sequence - made) & 0xFFFFFFFF
@@ -293,7 +294,7 @@ class Rdt:
                 self._stream = None
 
     def _take(self, stream: RecordStream, n: int) -> memoryview:
-        """Return the bytes of the stream's next n records; others are made ahead if possible."""
+        """Return the bytes of the stream's next n records; make further ones ahead if possible."""
         made = len(self._ready) // _SIZE
         if made < n:
             first, every = stream.tick + made * stream.every, stream.every

@@ -1,4 +1,4 @@
-"""The box's sensor: turns the load in simulated time into counts, with its settings and faults."""
+"""The box's sensor: converts the plant's load to counts, with the box's settings and faults."""
 
 import threading
 import time
@@ -14,24 +14,23 @@ from robot_emulators.plant import Plant
 INTERNAL_RATE = 7000
 """Samples that a box takes per second [Hz]; source: ATI 9620-05."""
 NEWTON = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
-"""Unit of force → [N]."""
+"""Unit of force → its size [N]."""
 NEWTON_METRE = {
     "Nm": 1.0, "Nmm": 1e-3, "kNm": 1e3, "lbf-in": 0.1129848290276167,
     "lbf-ft": 1.3558179483314004, "kgf-cm": 0.0980665,
 }  # fmt: skip
-"""Unit of torque → [N·m]."""
+"""Unit of torque → its size [N·m]."""
 LARGEST_BUFFER = 40
-"""Records of a buffered datagram at most; source: ATI 9620-05."""
+"""Most records of a buffered datagram; source: ATI 9620-05."""
 SATURATED = 1 << 31 | 1 << 17
-"""Status word of a sample that left the sensor's range; source: ATI 9620-05."""
+"""Status word of a sample outside the sensor's range; source: ATI 9620-05."""
 _LARGEST = 2**31 - 1
 _SHORTEST_S, _SLACK_S = 8e-3, 2e-3
-"""Least time by which the reported time is behind the newest state, and what is added because steps
-are not punctual [s]. A reading between two states is known only when the later one exists, so it is
-a cycle behind, and a block of samples at a time costs least. The delay is constant; a later state
-is waited for."""
+"""Least delay of samples behind the plant's newest state, and an addition for late steps [s]. A
+reading between two states exists only once the later one does, so that it is a cycle late, and a
+block of samples at a time costs least. The delay is constant; a late state is waited for."""
 _STALE_S = 0.05
-"""Age of the body's newest state [s] from which its last reading is repeated, as a box goes on that
+"""Age of the plant's newest state [s] from which its last reading is repeated, as by a box that
 does not know its robot; below it, a late cycle would change the readings."""
 
 
@@ -59,7 +58,8 @@ class BoxSettings(Settings):
 
 
 class Sensing:
-    """A force/torque sensor and its electronics, sampled at `INTERNAL_RATE` since power-up."""
+    """A force/torque sensor and its electronics; samples at `INTERNAL_RATE` are numbered
+    (ticks)."""
 
     def __init__(self, body: Plant, settings: BoxSettings, faults: Faults) -> None:
         self._body, self._faults = body, faults
@@ -75,7 +75,7 @@ class Sensing:
         self._power_up = time.monotonic()
         self._raw = np.zeros(6)
         self.bias = np.zeros(6)
-        """(6,) counts that read as zero."""
+        """(6,) counts that are subtracted from readings: the zero."""
         self._frozen: np.ndarray | None = None
         self._skew = (0.0, 0.0, 1.0)
         self.status = 0
@@ -87,7 +87,7 @@ class Sensing:
         self._offset = due - newest
 
     def simulated(self, host: float) -> float:
-        """Simulated time [s] of the sample taken when this machine's clock shows ``host`` [s]."""
+        """Simulated time [s] of the sample that is taken at a `time.monotonic` time [s]."""
         return host - self._offset - self._lag
 
     def warm_up(self) -> None:
@@ -95,11 +95,11 @@ class Sensing:
         self._body.readings(self._body.newest[1] + 1e-6 * np.arange(64))
 
     def tick(self, host: float) -> int:
-        """Number of the newest sample at a time of this machine's clock [s]."""
+        """Number of the newest sample at a `time.monotonic` time [s]."""
         return int((host - self._power_up) * self.rate)
 
     def host(self, tick: float) -> float:
-        """Time on this machine's clock [s] at which a sample, by its number, is taken."""
+        """`time.monotonic` time [s] at which the sample of this number is taken."""
         return self._power_up + tick / self.rate
 
     def ahead(self, tick: int, every: int) -> int:
@@ -112,7 +112,8 @@ class Sensing:
         return now - self._body.newest[0] > _STALE_S
 
     def sample(self, tick: int, every: int, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Force/torque counts (n, 6) and status words (n,) of n samples, ``every`` ticks apart."""
+        """Force/torque counts (n, 6) and status words (n,) of n samples, from number ``tick`` on
+        and ``every`` samples apart; faults are applied."""
         t = self.simulated(self.host(tick))
         values, flagged = self._body.readings(t + np.arange(n) * (every / self.rate))
         if not np.isfinite(values.sum()):
@@ -142,7 +143,7 @@ class Sensing:
         return np.tile(self._frozen, (len(counts), 1)), status
 
     def zero(self) -> None:
-        """Take the present reading as the bias that is subtracted from now on."""
+        """Zero the sensor: subtract the present reading from now on."""
         with self._lock:
             self.bias = self._raw.copy()
 
@@ -152,7 +153,7 @@ class Sensing:
         return self._raw - self.bias
 
     def set_bias(self, channel: int, counts: float) -> None:
-        """Set the bias of one channel [count]."""
+        """Set the bias [count] that is subtracted from one channel, 0 … 5."""
         with self._lock:
             self.bias = np.where(np.arange(6) == channel, counts, self.bias)
 
@@ -169,7 +170,7 @@ class Sensing:
             self.per_si, self.bias = factor * self.per_si, factor * self.bias
 
     def stamps(self, ticks: np.ndarray) -> np.ndarray:
-        """ft_sequence (n,) of samples: their numbers, drifting under the fault ``skew``."""
+        """ft_sequence (n,) of samples: their numbers ``ticks``, drifting under fault skew."""
         since, stamp, last = self._skew
         wrong = self._fault("skew")
         factor = wrong["factor"] if wrong else 1.0

@@ -1,9 +1,9 @@
 """The arm under its controller: one motion at a time within the joints' limits, force_mode, and the
 wrench at the tool as the controller reports it.
 
-That is in axes of the base, positive where the surroundings push the tool: the measured load less
-the weight of the payload that the controller was given. The CB3 refers the torque to the TCP, the
-e-Series to the flange's centre.
+That wrench is in base axes and positive where the surroundings push the tool: measured load minus
+weight of the payload that the controller was told. The CB3 states the torque about the TCP, the
+e-Series about the flange's centre.
 """
 
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from robot_emulators.ur.motions import ArmMotion, Braking, Servo
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 _YIELDING = np.array([6e-4] * 3 + [0.02] * 3)
-"""Speed per missing force [m/(s·N)] and torque [rad/(s·N·m)]; the axes' admittance."""
+"""Admittance of force_mode's axes: speed per missing force [m/(s·N)] and torque [rad/(s·N·m)]."""
 SAFE_DECELERATION = 15.0
 """Deceleration of the joints when the safety system stops the arm [rad/s²]."""
 _SLACK = 1.02
 
 
 class WrenchEstimate:
-    """Turns the load that the robot measures into the wrench that its controller reports.
+    """Computes the wrench that the controller reports from the load that the robot measures.
 
     Args:
-        payload: load of the tool, as the installation states it.
-        at_tcp: torques about the TCP, else about the flange's centre.
+        payload: load of the tool at power-up, as the robot's installation states it.
+        at_tcp: whether torques are about the TCP, else about the flange's centre.
     """
 
     def __init__(self, payload: Payload, at_tcp: bool) -> None:
@@ -35,7 +35,7 @@ class WrenchEstimate:
         self.restart()
 
     def restart(self) -> None:
-        """Reset payload, gravity and zero to those of the installation."""
+        """Reset payload and gravity to those of the installation, and the zero offset to none."""
         self.payload = self._installed
         self.gravity = GRAVITY.copy()
         self._zero = np.zeros(6)
@@ -52,7 +52,7 @@ class WrenchEstimate:
         )
 
     def zero(self) -> None:
-        """Subtract the present wrench from what is reported from now on."""
+        """Zero the reported wrench: subtract its present value from now on."""
         self._zero = self._zero + self.wrench
         self.wrench = np.zeros(6)
 
@@ -60,7 +60,7 @@ class WrenchEstimate:
         """Compute the reported wrench (6,) [N, N·m], in axes of the base.
 
         Args:
-            load: measured on the flange, in its axes (6,) [N, N·m].
+            load: load measured on the flange, in its axes (6,) [N, N·m].
             rotation: rotation of the flange in axes of the base (3, 3).
             tcp: pose of the TCP in flange axes (6,); its position [m] is used.
         """
@@ -77,7 +77,7 @@ class ForceMode:
     """Arguments of URScript's force_mode of type 2, whose task frame is not transformed.
 
     Attributes:
-        frame: pose of the task frame in the base (6,).
+        frame: pose of the task frame in the base (6,) [m, rad].
         selection: 1 for each compliant axis, else 0 (6,).
         wrench: wrench that the robot shall exert, in task axes (6,) [N, N·m].
         limits: highest speed of each compliant axis (6,) [m/s, rad/s].
@@ -89,7 +89,8 @@ class ForceMode:
     limits: np.ndarray
 
     def twist(self, measured: np.ndarray, scaling: float) -> np.ndarray:
-        """TCP velocity (6,) [m/s, rad/s] for a measured wrench (6,), both in base axes."""
+        """TCP velocity (6,) [m/s, rad/s] for a measured wrench (6,) [N, N·m], both in base axes;
+        ``scaling`` is the gain of force_mode_set_gain_scaling."""
         rotation, _ = matrix(self.frame)
         exerted = np.concatenate([rotation.T @ measured[:3], rotation.T @ measured[3:]])
         limits = np.abs(self.limits)
@@ -99,12 +100,12 @@ class ForceMode:
 
 
 class ControlledArm:
-    """Steps a robot along its active motion, within the joints' limits."""
+    """Steps a robot along its active motion, within the joints' limits, and updates its wrench."""
 
     def __init__(self, plant: Plant, estimate: WrenchEstimate) -> None:
         self.plant, self.estimate = plant, estimate
         self.due = 0.0
-        """When the next cycle is due (`time.monotonic`) [s]; 0: when it is taken."""
+        """When the next cycle is due (`time.monotonic`) [s]; 0: as soon as it is run."""
         self.load = np.zeros(6)
         self.kinematics = Kinematics(plant.arm)
         self.q = np.array(plant.arm.home)
@@ -132,7 +133,7 @@ class ControlledArm:
         return motion is (self._interrupted if self._frozen else self.motion)
 
     def start(self, motion: ArmMotion) -> None:
-        """Make a motion the active one; during a safety stop, the one that follows it."""
+        """Make a motion the active one; during a safety stop, the one that follows the stop."""
         if self._frozen:
             self._interrupted = motion
             return
@@ -140,7 +141,12 @@ class ControlledArm:
         self.motion = motion
 
     def brake(self, deceleration: float, seconds: float | None = None) -> Braking:
-        """Begin to brake all joints, in place of the active motion; return this braking motion."""
+        """Brake all joints in place of the active motion; return the braking motion.
+
+        Args:
+            deceleration: deceleration of the fastest joint [rad/s²].
+            seconds: time to rest, which replaces the deceleration; None: the deceleration decides.
+        """
         braking = Braking(deceleration, seconds)
         if self._frozen:
             self._interrupted = None
@@ -150,7 +156,7 @@ class ControlledArm:
         return braking
 
     def release(self, motion: ArmMotion | None) -> None:
-        """Brake if this motion still moves the arm, else do nothing."""
+        """Brake if this motion still moves the arm; do not resume it after a stop."""
         if motion is not None and motion is self.motion and not motion.done:
             self.brake(SAFE_DECELERATION / 3)
         if motion is not None and motion is self._interrupted:
@@ -180,7 +186,7 @@ class ControlledArm:
             self.motion.begin(self._plain, self.qd)
 
     def cycle(self) -> str | None:
-        """Move for one control cycle; return the reason for a safety stop, if there is one."""
+        """Move for one control cycle; return the reason for a safety stop, None without one."""
         dt = self.plant.cycle
         violation = None
         try:

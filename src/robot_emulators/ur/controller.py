@@ -1,4 +1,4 @@
-"""The controller: power, safety, program and arm, one control cycle at a time."""
+"""The controller without its network: runs power, safety, program and arm each control cycle."""
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -24,15 +24,15 @@ from robot_emulators.ur.urscript.translation import Code
 from robot_emulators.ur.urscript.values import ScriptFaultError
 
 _MOST_SECONDARY = 4
-"""Secondary programs at a time."""
+"""Most secondary programs (``sec``) that run at a time."""
 _LONG = 2000
-"""Characters of a program that is compiled beside the control cycle: a shorter one takes 1 ms."""
+"""Characters of a program from which it is compiled in a thread; a shorter one takes 1 ms."""
 _KEPT = 4
-"""Compiled programs that are kept, for clients that send the same one again."""
+"""Number of compiled programs in the cache, for clients that send the same one again."""
 _MORE_FORCE = 30.0
-"""Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
+"""Force [N] beyond that which pressed when a stop was unlocked, at which the robot stops again."""
 _FUNCTIONS = script_exchange.TABLE | script_state.TABLE | script_motion.TABLE
-"""Functions that a program may call, of any software."""
+"""Functions that a URScript program may call, over all software versions."""
 _SINCE: dict[str, tuple[tuple[int, int], tuple[int, int], tuple[int, int]]] = {
     """direct_torque get_mass_matrix get_jacobian get_jacobian_time_derivative
     get_coriolis_and_centrifugal_torques get_target_joint_accelerations""":
@@ -42,8 +42,8 @@ _SINCE: dict[str, tuple[tuple[int, int], tuple[int, int], tuple[int, int]]] = {
     "set_target_payload": ((3, 15), (5, 10), (10, 0)),
     "ft_rtde_input_enable": ((3, 14), (5, 9), (10, 0)),
 }  # fmt: skip
-"""Functions → their first software of CB3, e-Series and PolyScope X, as the script manual, the
-maker's driver and ur_rtde state."""
+"""Functions → first software version of CB3, e-Series and PolyScope X that has them; sources:
+script manual, the maker's driver, ur_rtde."""
 
 
 class Controller:
@@ -100,7 +100,9 @@ class Controller:
         self._say_safety()
 
     def upload(self, programs: Iterable[str]) -> None:
-        """Run URScript programs; each stops the running one, unless it is a secondary program."""
+        """Run URScript programs; each stops the running one, unless it is a secondary program.
+        Dropped are programs for an arm that is not ready, and those under
+        ``script_never_starts``."""
         for text in programs:
             secondary = is_secondary(text)
             if self.now < self.script_denied_until or not (secondary or self.modes.ready):
@@ -113,7 +115,7 @@ class Controller:
         """Load a program by its file name without starting it; return False if there is none.
 
         Raises:
-            ProgramFileError: it cannot be played.
+            ProgramFileError: the file cannot be played.
         """
         folder = Path(self.settings.programs) if self.settings.programs else None
         loaded = programs.load(folder, name)
@@ -160,7 +162,8 @@ class Controller:
             self.arm.brake(SAFE_DECELERATION / 3)
 
     def protective_stop(self, error: Event = PROTECTIVE_STOP) -> None:
-        """Brake at once and pause the program until someone unlocks and plays it."""
+        """Brake at once, announce ``error``, and pause the program until it is unlocked and
+        played."""
         stopped = self.modes.protective_stop()
         self._say_safety()
         if stopped:
@@ -168,7 +171,7 @@ class Controller:
         self._hold()
 
     def emergency_stop(self, until: float) -> None:
-        """Press the emergency button until a `time.monotonic` time [s]."""
+        """Emulate an emergency button that is pressed until a `time.monotonic` time [s]."""
         self.modes.emergency_stop(until)
         self._hold()
 
@@ -201,7 +204,7 @@ class Controller:
         self._tolerated = self.settings.protective_force
 
     def _start(self, text: str, at_once: bool = False) -> bool:
-        """Begin a program, a long one after compiling; return False if its text is invalid."""
+        """Begin a program, a long one after it is compiled; return False if its text is invalid."""
         if at_once or len(text) < _LONG:
             return self._attempt(lambda: compiled(self.settings.version, text))
         self._uploaded = self.compiling(text)
@@ -275,7 +278,7 @@ class Controller:
 
 
 def functions(version: Version) -> Table:
-    """Table of the functions that URScript programs may call in this software version."""
+    """Return the functions that URScript programs may call in this software version, by name."""
     generation = 0 if version[0] < 5 else 1 if version[0] < 10 else 2
     missing = {
         name for names, since in _SINCE.items() if version[:2] < since[generation]

@@ -1,4 +1,4 @@
-"""The dashboard server: commands and answers in lines of text.
+"""The dashboard server: commands and answers in lines of text, which clients parse word by word.
 
 Source: Universal Robots, "Dashboard Server CB-Series" and "Dashboard Server e-Series".
 """
@@ -25,7 +25,8 @@ _TOO_EARLY = (
 
 
 class Dashboard(Conversation):
-    """One client's conversation with the dashboard server: answers its commands."""
+    """One client's conversation with the dashboard server: answers its commands.
+    ``shut_down`` is called by the command ``shutdown``."""
 
     def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
         self._controller, self._peer = controller, peer
@@ -51,7 +52,7 @@ class Dashboard(Conversation):
             "shutdown": (shut_down, "Shutting down", ""),
             "quit": (lambda: setattr(self, "_ended", True), "Disconnected", ""),
         }  # fmt: skip
-        """Command → what it does, its answer, and that where it does not succeed."""
+        """Command → action, answer, and answer if the action returns False."""
         self._questions: dict[str, Callable[[], str]] = {
             "running": lambda: (
                 f"Program running: {str(controller.modes.runtime is Runtime.PLAYING).lower()}"
@@ -138,7 +139,8 @@ class Dashboard(Conversation):
         return "Flight Report generated with id: 00000000-0000-0000-0000-000000000001"
 
     def _choose(self, name: str, known: Sequence[str], wrong: str, done: str, word: str) -> str:
-        """Set the controller's field to ``word`` if it is known; return ``done`` or ``wrong``."""
+        """Set the controller's attribute ``name`` to ``word`` if ``known`` has it; return the
+        answer, ``done`` or ``wrong``, in which ``{}`` stands for the word."""
         if word.upper() not in known:
             return wrong.format(word)
         setattr(self._controller, name, word.upper())

@@ -1,4 +1,4 @@
-"""The controller's kinematics: of the nominal arm, whatever the robot's true parameters are.
+"""The controller's kinematics: those of the nominal arm, whatever the robot's true parameters are.
 
 Poses are as Universal Robots writes them: x y z [m] and a rotation vector rx ry rz [rad]. Scalars
 are used instead of arrays where this saves a noticeable share of a control cycle.
@@ -14,15 +14,15 @@ import numpy as np
 from robot_emulators.plant import Arm
 
 Transform = tuple[np.ndarray, np.ndarray]
-"""Rotation (3, 3) and position (3,)."""
+"""Rotation matrix (3, 3) and position (3,) [m]."""
 _DAMPING = 1e-8
 _TRIES = 3
 _REMEMBERED = 8
 _CLOSE = 1e-6
 _STEP_S = 1e-4
-"""Time on either side over which a Jacobian is differentiated [s]: an error of 1e-8 at 1 rad/s."""
+"""Time step [s] to either side in the difference quotient of a Jacobian; error 1e-8 at 1 rad/s."""
 _SINGULAR = 1e-9
-"""Sine of joint 5 below which joints 4 and 6 turn about one axis."""
+"""Sine of joint 5 below which joints 4 and 6 turn about the same axis."""
 NO_TOOL = np.zeros(6)
 
 
@@ -49,7 +49,7 @@ def vector(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 
 def compose(first: Transform, second: Transform) -> Transform:
-    """Product of two transforms: ``second`` is expressed in the axes of ``first``."""
+    """Product of two transforms; ``second`` is given in the axes of ``first``."""
     return first[0] @ second[0], first[0] @ second[1] + first[1]
 
 
@@ -58,7 +58,7 @@ def pose_trans(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def rotation_vector(r: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) [rad] of a rotation matrix (3, 3), of length ≤ π."""
+    """Rotation vector (3,) [rad] of a rotation matrix (3, 3); its length is at most π."""
     (a, b, c), (d, e, f), (g, h, i) = r.tolist()
     trace = a + e + i
     if trace > 2.9999999:
@@ -86,7 +86,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 class UnreachableError(Exception):
-    """The target of a motion cannot be reached by the arm."""
+    """Raised when the arm cannot reach the target of a motion."""
 
 
 class Kinematics:
@@ -103,15 +103,16 @@ class Kinematics:
         return rotation, position
 
     def transform(self, q: np.ndarray, tcp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R_base_tcp (3, 3) and the TCP's position (3,) [m] at q (6,); tcp (6,) in flange axes."""
+        """R_base_tcp (3, 3) and the TCP's position (3,) [m] at q (6,); tcp (6,) is the TCP's pose
+        in flange axes."""
         return compose(self.flange(q), matrix(tcp))
 
     def pose(self, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-        """Pose (6,) of the TCP in the base at joint values q (6,)."""
+        """Pose (6,) of the TCP in the base at q (6,); tcp (6,) is its pose in flange axes."""
         return vector(*self.transform(q, tcp))
 
     def jacobian(self, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-        """Jacobian (6, 6) at q: TCP velocity and angular velocity, base axes, per joint speed."""
+        """Jacobian (6, 6) at q (6,): TCP velocity and rotation, base axes, per joint speed."""
         return self.jacobian_and_transform(q, tcp)[0]
 
     def jacobian_and_transform(
@@ -135,12 +136,12 @@ class Kinematics:
         """Joint speeds (6,) for a TCP velocity (6,), by an inverse damped near singular poses.
 
         Raises:
-            UnreachableError: the TCP is so far away that there are none.
+            UnreachableError: the TCP is so far away that no inverse exists.
         """
         return _solve(self.jacobian(q, tcp), twist)
 
     def follow(self, pose: np.ndarray, tcp: np.ndarray, near: np.ndarray) -> np.ndarray | None:
-        """Joint values (6,) for a TCP pose, by iteration from ``near`` (6,); None if it fails."""
+        """Joint values (6,) for a TCP pose (6,), iterated from ``near`` (6,); None if it fails."""
         goal_rotation, goal = matrix(pose)
         q = np.array(near)
         for _ in range(_TRIES):
@@ -157,7 +158,7 @@ class Kinematics:
         return q if np.abs(goal - position).max() < 1e-4 else None
 
     def inverse(self, pose: np.ndarray, tcp: np.ndarray, near: np.ndarray) -> np.ndarray | None:
-        """Joint values (6,) for a TCP pose, the solution nearest to ``near``; None without any."""
+        """Joint values (6,) for a TCP pose (6,), the solution nearest to ``near`` (6,), or None."""
         tool_rotation, tool = matrix(tcp)
         rotation, position = matrix(pose)
         rotation = rotation @ tool_rotation.T
@@ -171,7 +172,7 @@ class Kinematics:
         return np.asarray(solutions[np.abs(solutions - near).sum(axis=1).argmin()])
 
     def _solutions(self, rotation: np.ndarray, position: np.ndarray) -> Iterator[list[float]]:
-        """Yield all joint values that bring the flange to a pose, eight at most.
+        """Yield all joint values (6,) that bring the flange to a pose, eight at most.
 
         Joints 1, 5 and 6 follow from the pose, 2 to 4 from a triangle, as their axes are parallel:
         Hawkins 2013, "Analytic inverse kinematics for the Universal Robots UR-5/UR-10 arms".

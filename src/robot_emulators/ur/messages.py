@@ -1,8 +1,8 @@
 """Messages of the primary interface on events of the controller.
 
 Layout: Universal Robots, "Remote control via TCP/IP", Client_Interface.xlsx. Big endian: int32 size
-of the whole message, uint8 20, uint64 time stamp [µs], int8 source, uint8 kind, then the kind's own
-fields. A text at the end has no length, it ends with the message.
+of the whole message, uint8 20, uint64 time stamp [µs], int8 source, uint8 kind, then the fields of
+that kind. A text at the end has no length: it fills the rest of the message.
 """
 
 import struct
@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 MESSAGE = 20
 _ROBOT, _INTERFACE = 254, 255
-"""Sources: the controller, and its program; as captured from a controller."""
+"""Sources of messages: the controller, and its program; as captured from a controller."""
 SAID, POPUP, VERSION, SAFETY, ERROR, KEY, FAULT = 0, 2, 3, 5, 6, 7, 10
 """Kinds of messages of the primary interface."""
 _WARNING = 2
-"""Level of an error code; 1 is an information, 3 a violation, 4 a fault."""
+"""Level of an error message: warning (1 is an information, 3 a violation, 4 a fault)."""
 STARTED, STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"
 PAUSED, RESUMED = "PROGRAM_XXX_PAUSED", "PROGRAM_XXX_RESUMED"
 
@@ -36,7 +36,7 @@ class Event:
     text: str = ""
 
     def packed(self, timestamp: float) -> bytes:
-        """Bytes of the whole message with the controller's time stamp [s]."""
+        """Return the bytes of the whole message with the controller's time stamp [s]."""
         micros = max(0, round(timestamp * 1e6))
         head = struct.pack(">BQBB", MESSAGE, micros, self.source, self.kind)
         payload = head + self.fields + _encoded(self.text)
@@ -65,7 +65,7 @@ def said(text: str) -> Event:
 
 
 def popup_shown(text: str, title: str, flags: tuple[bool, bool, bool]) -> Event:
-    """Make the message of a program's popup; flags: warning, error, blocking."""
+    """Make the message of a program's popup; ``flags``: warning, error, blocking."""
     return Event(POPUP, _INTERFACE, struct.pack(">IB???", 0, 0, *flags) + _titled(title), text)
 
 
@@ -75,27 +75,26 @@ def safety(mode: int) -> Event:
 
 
 def error(code: int, argument: int, text: str) -> Event:
-    """Make the message of a warning with a code and argument, shown as ``C code A argument``."""
+    """Make the message of a warning by its code and argument, shown as ``C<code>A<argument>``."""
     return Event(ERROR, _ROBOT, struct.pack(">iiiII", code, argument, _WARNING, 1, 0), text)
 
 
 def key(title: str, text: str) -> Event:
-    """Make the message that a program began or ended: ``PROGRAM_XXX_STARTED`` and its name."""
+    """Make the message that a program began or ended: title (`STARTED` …) and the program's
+    name."""
     return Event(KEY, _INTERFACE, struct.pack(">ii", 0, 0) + _titled(title), text)
 
 
 def runtime_fault(line: int, column: int, text: str) -> Event:
-    """Make the message that a program failed at a line and column of its text, from 1."""
+    """Make the message that a program failed at a line and column of its text, both from 1."""
     return Event(FAULT, _INTERFACE, struct.pack(">II", max(0, line), max(0, column)), text)
 
 
 def stopped_because(why: str) -> Event:
-    """Make the message that gives the reason of a stop by the safety system.
-
-    A controller has a code for each cause, C153A0 and others; the emulator has one, and a text.
-    """
+    """Make the message with the reason of a stop by the safety system, always with code C153A0: a
+    controller has a code for each cause."""
     return error(153, 0, why)
 
 
 PROTECTIVE_STOP = error(209, 0, "Protective stop by a program")
-"""C209: a program asked for a protective stop."""
+"""Message C209A0: a program asked for a protective stop."""

@@ -1,14 +1,13 @@
-"""Power, safety and program state, as the controller numbers them."""
+"""States of power, safety and program, with the numbers that the controller reports for them."""
 
 from enum import IntEnum
 
 UNLOCK_AFTER_S = 5.0
-"""A protective stop can only be unlocked this long after it [s]."""
+"""Time after a protective stop before which it cannot be unlocked [s]."""
 _UNLOCK_S = 0.2
-"""Time that the controller takes to unlock [s]; not published: long enough that a client must
-wait."""
+"""Time that the controller takes to unlock [s]; not published: so long that a client must wait."""
 _BOOT_S = 0.5
-"""Time that switching on and releasing the brakes take each [s]."""
+"""Time that switching on takes, and again releasing the brakes [s]."""
 
 
 class RobotMode(IntEnum):
@@ -41,6 +40,7 @@ class Modes:
 
     Attributes:
         now: time of the last control cycle (`time.monotonic`, [s]).
+        stopped_at: time of the last protective stop (`time.monotonic`, [s]).
     """
 
     def __init__(self, powered: bool, now: float = 0.0) -> None:
@@ -80,7 +80,7 @@ class Modes:
             self.safety = SafetyMode.NORMAL
 
     def power_on(self) -> None:
-        """Switch the arm's power on: from off to idle, after the boot time."""
+        """Switch the arm's power on, if it is off; it is idle after the boot time."""
         if self.robot is RobotMode.POWER_OFF and self.safety is SafetyMode.NORMAL:
             self.robot, self._next = RobotMode.POWER_ON, (self.now + _BOOT_S, RobotMode.IDLE)
 
@@ -96,7 +96,7 @@ class Modes:
             self._next = (self.now + steps * _BOOT_S, RobotMode.RUNNING)
 
     def protective_stop(self) -> bool:
-        """Enter a protective stop, until it is unlocked; return False if there is one already."""
+        """Enter a protective stop, until it is unlocked; return False if a stop is active."""
         if self.safety is not SafetyMode.NORMAL:
             return False
         self.safety, self.stopped_at, self._unlocked_at = SafetyMode.PROTECTIVE_STOP, self.now, 0.0
@@ -111,11 +111,11 @@ class Modes:
         return True
 
     def unlock_at_once(self) -> None:
-        """End a protective stop without its minimum time, which the caller has waited for."""
+        """End a protective stop after `_UNLOCK_S`; the caller has waited for its minimum time."""
         if self.protective:
             self._unlocked_at = self.now + _UNLOCK_S
 
     def emergency_stop(self, until: float) -> None:
-        """Press the emergency button until a `time.monotonic` time [s]; then power is off."""
+        """Press the emergency button until a `time.monotonic` time [s]; it cuts the arm's power."""
         self.safety, self._emergency_ends = SafetyMode.ROBOT_EMERGENCY_STOP, until
         self.power_off()

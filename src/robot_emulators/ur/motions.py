@@ -1,4 +1,4 @@
-"""Motions of the arm: each yields the joints' next target, one control cycle at a time."""
+"""Motions of the arm: each computes the joints' target of every control cycle."""
 
 import contextlib
 from abc import ABC, abstractmethod
@@ -11,21 +11,20 @@ from robot_emulators.ur import kinematics as poses
 from robot_emulators.ur.kinematics import Kinematics, UnreachableError, matrix, rotation_vector
 
 ROTATION_REACH = 0.25
-"""A turn of 1 rad of the tool takes a straight move as long as this way does [m]."""
+"""Length [m] of a straight move that takes as long as a turn of the tool by 1 rad."""
 _STILL = 1e-4
 _FLAT = 1e-12
-"""Square of the area [m⁴] below which three points are on a line."""
+"""Square of an area [m⁴] below which three points count as on one line."""
 _FULL_SPEED, _HARDEST = 0.9, 15.0
-"""Fraction of the joints' speeds, and acceleration [rad/s²], that a move in a given time may
-take."""
+"""Most that a move of given duration may use: of joint speeds (fraction); acceleration [rad/s²]."""
 _LOOKS = 24
-"""Places along a way at which its steepest part is sought before the arm moves."""
+"""Number of places along a path at which joint speeds are checked before the arm moves."""
 _GAIN = 300.0
-"""servoj's default gain, at which the lookahead time is the time by which the arm lags."""
+"""Default gain of servoj, at which the arm lags by the lookahead time."""
 
 
 class Profile:
-    """Trapezoidal speed profile over a path of given length."""
+    """Trapezoidal profile over a path's length [rad or m], from top speed and acceleration."""
 
     def __init__(self, length: float, speed: float, acceleration: float) -> None:
         self.length, self._a = length, acceleration
@@ -40,7 +39,7 @@ class Profile:
         return cls(length, speed, speed / (0.2 * seconds))
 
     def at(self, t: float) -> float:
-        """Path length covered at a time [s] after the start."""
+        """Path length [rad or m] covered at a time [s] after the start."""
         if t >= self.duration:
             return self.length
         if t < self._ramp:
@@ -57,8 +56,8 @@ class Pace:
 
     Attributes:
         speed, acceleration: along the path, [m/s, m/s²] or [rad/s, rad/s²].
-        seconds: duration that replaces them; 0: they decide.
-        top: speeds (6,) of the joints, for whose sake a move in a given time takes longer.
+        seconds: duration [s], which replaces both; 0: they decide.
+        top: top speeds (6,) of the joints [rad/s]; a duration too short for them is extended.
     """
 
     speed: float
@@ -71,7 +70,7 @@ class ArmMotion(ABC):
     """A motion that moves the arm, stepped once a control cycle.
 
     Attributes:
-        done: whether it has ended.
+        done: whether the motion has ended.
         scaled: whether the speed slider slows it down.
     """
 
@@ -80,14 +79,14 @@ class ArmMotion(ABC):
 
     @abstractmethod
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
-        """Start or resume the motion at joint values and speeds (6,)."""
+        """Start or resume the motion at joint values (6,) [rad] and speeds (6,) [rad/s]."""
 
     @abstractmethod
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Joint target (6,) of the next control cycle, ``dt`` [s] after the target q (6,).
+        """Return the joint target (6,) that follows the target q (6,) by ``dt`` [s].
 
         Raises:
-            UnreachableError: the way ends here.
+            UnreachableError: the path cannot be continued.
         """
 
 
@@ -95,8 +94,8 @@ class Braking(ArmMotion):
     """Motion that brings all joints to rest at the same moment.
 
     Args:
-        deceleration: that of the fastest joint [rad/s²].
-        seconds: time to rest, which replaces the deceleration.
+        deceleration: deceleration of the fastest joint [rad/s²].
+        seconds: time to rest [s], which replaces the deceleration.
     """
 
     def __init__(self, deceleration: float, seconds: float | None = None) -> None:
@@ -161,11 +160,11 @@ class _Planned(ArmMotion):
 
     @abstractmethod
     def _at(self, share: float, q: np.ndarray) -> np.ndarray:
-        """Joint values (6,) at a fraction of the path's length, 0 … 1; q (6,) is near to them."""
+        """Joint values (6,) at a fraction 0 … 1 of the path's length; q (6,) is a nearby guess."""
 
 
 class ToJoints(_Planned):
-    """movej: all joints start and arrive together; the pace is that of the longest way."""
+    """movej: all joints start and arrive together; the pace is that of the longest joint motion."""
 
     def __init__(self, goal: np.ndarray, pace: Pace) -> None:
         super().__init__(pace)
@@ -209,7 +208,8 @@ class ToPose(_Planned):
 
 
 class ToArc(ToPose):
-    """movec: the TCP moves on a circle through a pose (6,) to another and turns about one axis."""
+    """movec: the TCP moves on a circle through poses[0] (6,) to poses[1] and turns about one
+    axis."""
 
     def __init__(
         self, kinematics: Kinematics, tcp: np.ndarray, poses: tuple[np.ndarray, np.ndarray],
@@ -303,7 +303,7 @@ class JointSpeed(ArmMotion):
         return np.asarray(q + self._rates(q) * dt)
 
     def _rates(self, q: np.ndarray) -> np.ndarray:
-        """Joint speeds (6,) [rad/s] that the present command demands at q (6,)."""
+        """Joint speeds (6,) [rad/s] that the present command demands at joint values q (6,)."""
         return self._speed
 
 

@@ -1,4 +1,5 @@
-"""The controller's TCP ports: data that wait for a client are bounded, and ports can misbehave."""
+"""The controller's TCP ports: data that wait for a client are bounded, and a port can have
+faults."""
 
 import time
 from abc import ABC, abstractmethod
@@ -9,9 +10,9 @@ from robot_emulators.base.faults import Faults, TimedFault
 
 _MOST_PEERS = 64
 _KERNEL_HOLDS = 1 << 18
-"""Bytes that the kernel is asked to hold for a client."""
+"""Size of the kernel's send buffer for a client [byte]."""
 _HOLDS = 1 << 18
-"""Bytes that wait for a client beyond what the kernel holds."""
+"""Most bytes that wait for a client beside those in the kernel's buffer."""
 
 
 class Conversation(ABC):
@@ -22,7 +23,7 @@ class Conversation(ABC):
         """Handle bytes from the client at time ``now`` [s]; False closes the connection."""
 
     def end(self) -> None:  # noqa: B027 - most conversations hold nothing
-        """Release what this client held, after its connection has closed."""
+        """Release what the conversation holds for its client, after the connection has closed."""
 
 
 class Peer(Connection):
@@ -49,7 +50,7 @@ class Peer(Connection):
 
     def send(self, data: bytes, most: int = 0) -> None:
         """Send bytes to the client and keep what the kernel does not accept yet; close the client
-        if more than ``most`` bytes, or the usual limit, would have to be kept."""
+        if more than ``most`` bytes (at least `_HOLDS`) would have to be kept."""
         if self.closed:
             return
         self._held += data

@@ -12,8 +12,8 @@ from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
 from robot_emulators.ur.packets import Values
 
 _DECIMALS = 12
-"""Decimals of reported joint values [rad]: a controlled arm at rest decays towards its target below
-this, an encoder shows no such change."""
+"""Decimals of reported joint values [rad]: a controlled arm at rest still approaches its target by
+less, and an encoder shows no such change."""
 _STILL: dict[str, Values] = {
     "actual_joint_voltage": (48.0,) * 6,
     "actual_main_voltage": (48.0,),
@@ -32,7 +32,7 @@ _SAFETY_BITS = {
     SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
 }
 _RUNNING, _OFF, _IDLE = 253, 239, 255
-"""joint_mode."""
+"""Values of the field joint_mode: running, power off, idle."""
 
 
 class Outputs:
@@ -40,7 +40,7 @@ class Outputs:
 
     Args:
         controller: controller whose fields are updated.
-        shared: whether ft_raw_wrench shows the flange sensor, else the arm's own estimate.
+        shared: whether ft_raw_wrench shows the flange sensor, else the arm's own measurement.
     """
 
     def __init__(self, controller: Controller, shared: bool) -> None:
@@ -53,7 +53,7 @@ class Outputs:
         self._count = 0
 
     def update(self, timestamp: float, wanted: Set[str]) -> None:
-        """Update the output fields after a cycle; costly ones only if ``wanted`` names them."""
+        """Update the outputs after a cycle; those that take long only if ``wanted`` names them."""
         controller = self._controller
         self._count += 1
         outputs: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
@@ -66,7 +66,7 @@ class Outputs:
         values.update({name: value for name, value in outputs.items() if name in controller.fields})
 
     def _raw(self) -> Values:
-        """Field ft_raw_wrench (6,): the flange sensor's reading, or the arm's if a box has it."""
+        """Field ft_raw_wrench (6,): the flange sensor's reading; the arm's own if a box has it."""
         plant = self._controller.arm.plant
         if not self._shared:
             return tuple(self._controller.arm.load.tolist())
@@ -84,7 +84,7 @@ class Outputs:
         }
 
     def _efforts(self) -> dict[str, Values]:
-        """Output fields of joint torque and current: targets (frictionless model), actual ones."""
+        """Output fields of joint torque and current: targets (frictionless model) and actual."""
         arm = self._controller.arm
         plant, gravity = arm.plant, self._controller.estimate.gravity
         wanted = plant.model_torques(arm.q, arm.qd, arm.qdd, gravity)
@@ -146,7 +146,7 @@ class Outputs:
 
 
 class Timestamp:
-    """Controller clock: seconds since power-up, the robot's simulated time with clock errors."""
+    """Controller clock [s] since power-up: simulated time with the shifts that faults inject."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
@@ -157,10 +157,10 @@ class Timestamp:
         return self._offset + self._plant.time
 
     def jump(self, by: float) -> None:
-        """Shift the clock by a time [s], for instance one in which the loop stood still."""
+        """Shift the clock by a time [s], for instance one that the loop has lost."""
         self._offset += by
 
     def restart(self, at: float) -> None:
-        """Set the clock near zero, as at a power-up at the `time.monotonic` time ``at`` [s]."""
+        """Set the clock so that it shows 0 at the power-up, at `time.monotonic` time ``at`` [s]."""
         off = max(0.0, at - time.monotonic())
         self._offset = -self._plant.time - (off if off != float("inf") else 0.0)

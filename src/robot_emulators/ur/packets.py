@@ -1,7 +1,7 @@
 """RTDE's packets: headers, types, recipes, and the fields of each software version; big endian.
 
 A header is the uint16 size of the packet and a uint8 type. Source: Universal Robots, "Real-Time
-Data Exchange (RTDE) guide".
+Data Exchange (RTDE) guide". wrenchbed's driver has another codec (hardware/drivers/rtde).
 """
 
 import struct
@@ -19,16 +19,16 @@ FORMATS = {
     "BOOL": "?", "UINT8": "B", "UINT32": "I", "UINT64": "Q", "INT32": "i", "DOUBLE": "d",
     "VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I",
 }  # fmt: skip
-"""Name of a type → its format in `struct`."""
+"""Name of an RTDE type → its format in `struct`."""
 WARNING = 2
-"""Level of a text message."""
+"""Level of an RTDE text message: warning."""
 _LONGEST_NAMES = 1 << 14
-"""Bytes of a recipe's names; the maker's client library asks for all outputs in 9,174."""
+"""Most bytes of a recipe's names; the maker's client library asks for all outputs in 9,174."""
 
 Values = tuple[Any, ...]
-"""One field: as many numbers as its type holds."""
+"""Value of one field: a tuple of as many numbers as its type has."""
 Version = tuple[int, int, int, int]
-"""Major, minor, bugfix, build of the controller's software."""
+"""Version of the controller's software: major, minor, bugfix, build."""
 REGISTERS = 48
 BIT_REGISTERS = range(64, 128)
 _OUTPUTS = {
@@ -76,17 +76,17 @@ _SINCE: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "actual_current_as_torque": (_NEVER, (5, 23, 0)),
     "safety_status": ((3, 10, 0), (5, 4, 0)),
 }
-"""First software of CB3 and of e-Series with a field, where it came late."""
+"""Field → first software version of CB3 and of e-Series that has it, if not all have."""
 _UPPER_RANGE = ((3, 9, 0), (5, 3, 0))
 
 
 def packet(kind: int, payload: bytes = b"") -> bytes:
-    """Bytes of an RTDE packet: header with the packet type, and payload."""
+    """Return the bytes of an RTDE packet: header with packet type ``kind``, and payload."""
     return struct.pack(">HB", HEADER + len(payload), kind) + payload
 
 
 def text(message: str, source: str, level: int, version: int) -> bytes:
-    """Bytes of an RTDE text message, laid out as the protocol version demands."""
+    """Return the bytes of an RTDE text message, laid out for the protocol version, 1 or 2."""
     said, by = message.encode()[:255], source.encode()[:255]
     if version == 1:
         return packet(TEXT, bytes([level]) + said)
@@ -101,7 +101,7 @@ def names(raw: bytes) -> list[str] | None:
 
 
 class Splitter:
-    """Cuts a stream of bytes into RTDE packets; ``held`` is an unfinished one."""
+    """Cuts a stream of bytes into RTDE packets; ``held`` are bytes of an unfinished one."""
 
     def __init__(self) -> None:
         self.held = bytearray()
@@ -110,7 +110,7 @@ class Splitter:
         """Add received bytes; return type and payload of each packet that is now complete.
 
         Raises:
-            EmulatorError: a header states less than its own size.
+            EmulatorError: a packet's size is less than that of its header.
         """
         self.held += data
         packets, at = [], 0
@@ -130,8 +130,8 @@ class Recipe:
     """Fields of an RTDE data packet, in order.
 
     Args:
-        number: recipe id; None in protocol 1, where data packets do not carry it.
-        fields: name → type.
+        number: recipe id; None in protocol 1, whose data packets do not carry it.
+        fields: name and RTDE type of each field.
     """
 
     def __init__(self, number: int | None, fields: Sequence[tuple[str, str]]) -> None:
@@ -142,13 +142,13 @@ class Recipe:
         self._widths = tuple(int(FORMATS[kind][:-1] or 1) for kind in self.types)
 
     def pack(self, values: Mapping[str, Values]) -> bytes:
-        """Pack values by field name into the bytes of a data packet."""
+        """Return the bytes of a data packet with the values of its fields, given by name."""
         flat = chain.from_iterable([values[name] for name in self.names])
         head = b"" if self.number is None else bytes([self.number])
         return packet(DATA, head + self._struct.pack(*flat))
 
     def unpack(self, payload: bytes) -> dict[str, Values] | None:
-        """Values by field name from the start of a payload; None if it is too short."""
+        """Decode a data packet's payload to field → value; None if it is too short."""
         if len(payload) < self._struct.size:
             return None
         flat = self._struct.unpack_from(payload)
@@ -174,7 +174,7 @@ def inputs(version: Version) -> dict[str, str]:
 
 
 def zero(kind: str) -> Values:
-    """Zeros of an RTDE type, as a tuple with one element for each number of a vector."""
+    """Return the zero of an RTDE type: a tuple with one element for each number of it."""
     if kind == "BOOL":
         return (False,)
     number: float | int = 0.0 if "DOUBLE" in kind or kind.endswith("D") else 0

@@ -23,19 +23,18 @@ FIELDS = frozenset(
     """actual_q target_q actual_qd actual_current joint_mode actual_joint_voltage
     joint_temperatures robot_mode safety_mode actual_TCP_pose tcp_offset""".split()
 )
-"""Outputs that a message shows."""
+"""Names of the output fields that a robot state message contains."""
 _JOINT = ("actual_q", "target_q", "actual_qd", "actual_current", "actual_joint_voltage",
           "joint_temperatures", "joint_mode")  # fmt: skip
 _ROBOT_TYPES = {
     "ur3": 3, "ur5": 1, "ur10": 2, "ur3e": 3, "ur5e": 1, "ur7e": 1, "ur10e": 2, "ur12e": 2,
     "ur16e": 4, "ur8long": 6, "ur15": 9, "ur18": 5, "ur20": 7, "ur30": 8,
 }  # fmt: skip
-"""Number of each arm's type."""
+"""Model of an arm → number of its robot type."""
 _LIMIT_ACCELERATION = 40.0
-"""Largest acceleration of a joint that the state reports [rad/s²]; not published, no client acts on
-it."""
+"""Largest joint acceleration that the state reports [rad/s²]; not published, no client uses it."""
 _DEFAULTS = (1.05, 1.4, 0.25, 1.2, 0.0)
-"""Speed and acceleration of joints and of the tool where a move states none, and a radius."""
+"""Default speed, acceleration of joints [rad] and of the tool [m], and blend radius, in a state."""
 PERIOD_S = 0.1
 """Time between two robot states [s]."""
 _DATE = "08-03-2022, 12:00:00"
@@ -43,7 +42,7 @@ _DATE = "08-03-2022, 12:00:00"
 
 
 def robot_state(controller: Controller, timestamp: float) -> bytes:
-    """Bytes of the primary interface's robot state message, with the controller's time [s]."""
+    """Return the bytes of the robot state message, with the controller's time stamp [s]."""
     modes, values, terminals = controller.modes, controller.values, controller.terminals
     settings, arm = controller.settings, controller.arm
     slider, analog, types = terminals.slider, terminals.analog, terminals.analog_types
@@ -116,18 +115,16 @@ class Primary:
         return self.secondary(peer)
 
     def secondary(self, peer: Peer) -> "ScriptClient":
-        """Make the conversation with a client of port 30002, who gets states alone."""
+        """Make the conversation with a client of port 30002, who gets states but no messages."""
         version = messages.version(self._controller.settings.version, _DATE)
         peer.send(version.packed(self._clock.now()))
         self._readers.add(peer)
         return ScriptClient(self._controller)
 
     def tell(self, event: Event) -> None:
-        """Send a message to every client of the primary interface.
-
-        A safety mode is sent with the next robot state, and an error code after it, so that a
-        client that learns of a stop finds it in the state, too.
-        """
+        """Send a message to every client of the primary interface: a safety mode just before the
+        next robot state, an error code just after it, so that clients find the stop in the
+        state."""
         packed = event.packed(self._clock.now())
         if event.kind == messages.SAFETY:
             self._before.append(packed)

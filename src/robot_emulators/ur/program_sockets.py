@@ -1,4 +1,4 @@
-"""TCP connections that a program opens: without waiting, and with bounded input."""
+"""TCP connections that a URScript program opens: nothing blocks, and buffered input is bounded."""
 
 import contextlib
 import ipaddress
@@ -6,13 +6,14 @@ import select
 import socket
 
 _MOST = 16
-"""Connections of one program."""
+"""Most connections of one program."""
 _HOLDS = 1 << 16
-"""Bytes that wait for the program beyond what the kernel holds."""
+"""Most received bytes that wait for the program, beside those in the kernel's buffer."""
 
 
 class Link:
-    """TCP connection that a program opens without waiting; `open` says when it is made."""
+    """TCP connection that a program opens without waiting; `open` says when it is established.
+    ``source`` is the local address to connect from; empty: any."""
 
     def __init__(self, address: str, port: int, source: str) -> None:
         self.held = bytearray()
@@ -32,7 +33,7 @@ class Link:
 
     @property
     def open(self) -> bool:
-        """Whether the connection is open; `lost` is set if it could not be made."""
+        """Whether the connection is open; `lost` is set if it could not be established."""
         if not self._open and not self.lost and select.select([], [self._socket], [], 0.0)[1]:
             self._open = not self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if not self._open:
@@ -46,19 +47,19 @@ class Link:
         return self._taken(count) if len(self.held) >= count else None
 
     def until(self, end: bytes) -> bytes | None:
-        """Take the received bytes before an end mark and drop the mark; None if it is missing."""
+        """Take received bytes up to an end mark, which is dropped; None if it has not arrived."""
         if end not in self.held:
             self._hear()
         at = self.held.find(end)
         return self._taken(at + len(end))[:at] if at >= 0 else None
 
     def all(self) -> bytes | None:
-        """Take all received bytes; None if there are none."""
+        """Take all received bytes; None if none have arrived."""
         self._hear()
         return self._taken(len(self.held)) if self.held else None
 
     def send(self, data: bytes) -> bool:
-        """Send bytes without waiting; close the connection if the peer does not take them all."""
+        """Send bytes without waiting; close the connection, return False if some are refused."""
         if not self.open:
             return False
         try:
@@ -95,7 +96,7 @@ class Links:
     """TCP connections of one program, by name.
 
     Args:
-        source: local address from which they are made; any if it is empty or unspecified.
+        source: local address to connect from; any if it is empty or 0.0.0.0.
     """
 
     def __init__(self, source: str) -> None:
@@ -104,9 +105,7 @@ class Links:
 
     def dial(self, address: str, port: int, name: str) -> Link | None:
         """Begin to open a named connection; None if the address is invalid or there are too many.
-
-        Names of hosts are not looked up, as that would hold up the control cycle.
-        """
+        Names of hosts are not looked up, as that would hold up the control cycle."""
         address = "127.0.0.1" if address == "localhost" else address
         with contextlib.suppress(ValueError):
             ipaddress.IPv4Address(address)
@@ -117,7 +116,7 @@ class Links:
         return None
 
     def of(self, name: str) -> Link | None:
-        """Named connection that is open or has unread bytes; None if there is none."""
+        """Return the named connection if it is open or has unread bytes, else None."""
         link = self._links.get(name)
         return link if link is not None and (link.open or link.held) else None
 

@@ -1,10 +1,9 @@
-"""Programs that the dashboard can load: files of a folder, and one that is always there.
+"""Programs that the dashboard can load: files of a folder, and one that always exists.
 
-A .script file is URScript. A .urp file is the maker's tree of nodes, as XML, packed or not; its
-nodes become URScript. Known are assignments, scripts and script lines, if without else, loops,
-waits, moves by waypoints, threads and comments: with these the maker's own examples play.
-Others are refused by name. The node of the External Control URCap asks a computer for its program
-when it plays.
+A .script file is URScript. A .urp file is the maker's tree of nodes, as XML, gzipped or not; its
+nodes are converted to URScript. Supported are assignments, scripts, script lines, if without else,
+loops, waits, moves by waypoints, threads and comments: with these the maker's own examples play.
+Other nodes are refused by name. External Control nodes fetch their program from a computer.
 """
 
 import xml.etree.ElementTree as ET
@@ -17,13 +16,13 @@ from robot_emulators.ur.urscript.machine import LONGEST
 
 EXTERNAL = "external_control.urp"
 _LARGEST = 1 << 22
-"""Bytes of a file, unpacked."""
+"""Largest size of a program file, unpacked [byte]."""
 _SIGNS = {"≟": "==", "≠": "!=", "≤": "<=", "≥": ">=", "×": "*", "÷": "/"}
 _MOVES = {"MoveJ": "movej", "MoveL": "movel", "MoveP": "movep"}
 
 
 class ProgramFileError(Exception):
-    """A program file that contains no program or an unsupported one."""
+    """Raised for a program file that contains no program or an unsupported one."""
 
 
 class Loaded(NamedTuple):
@@ -37,7 +36,7 @@ def load(folder: Path | None, name: str) -> Loaded | None:
     """Load a program of a folder by its file name; None if the folder has no such file.
 
     Raises:
-        ProgramFileError: the file is no program that can be played; says why.
+        ProgramFileError: the file cannot be played; says why.
     """
     bare = PurePosixPath(name.strip()).name
     path = None if folder is None or not bare else folder / bare
@@ -63,7 +62,7 @@ def _text(path: Path) -> str:
 
 
 def _converted(data: bytes, name: str) -> str:
-    """URScript of a .urp program file ``name``; empty if all it has is an External Control node."""
+    """Convert a .urp file to URScript; empty if it only has an External Control node."""
     try:
         if data[:2] == b"\x1f\x8b":
             data = zlib.decompressobj(16 + zlib.MAX_WBITS).decompress(data, _LARGEST)
@@ -83,7 +82,7 @@ class _Converter:
         self._parents = {child: parent for parent in root.iter() for child in parent}
 
     def text(self) -> str:
-        """URScript of the whole program; empty if all it has is an External Control node."""
+        """URScript of the whole program; empty if it only has an External Control node."""
         nodes = _children(self._root)
         main = [child for node in nodes if node.tag == "MainProgram" for child in _children(node)]
         contributed = [node for node in self._root.iter() if node.tag == "Contributed"]
@@ -173,7 +172,7 @@ class _Converter:
         return "".join(words)
 
     def _variable(self, node: ET.Element) -> str:
-        """Name of the variable in a node, or in the node to which it refers."""
+        """Name of the variable in a node, or in the node that it refers to by a path."""
         for step in node.get("reference", "").split("/"):
             if step == "..":
                 node = self._parents.get(node, node)

@@ -1,7 +1,7 @@
-"""The realtime interface of port 30003: the robot's state in every control cycle, and programs.
+"""The realtime interface, port 30003: robot state in every control cycle, and uploaded programs.
 
 Layout: Universal Robots, "Remote control via TCP/IP", ClientInterfaces_Realtime. Big endian: int32
-size of the whole message, then doubles. Later software appends fields, so that the size tells them.
+size of the whole message, then doubles. Later software appends fields: the size tells the version.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,22 +21,23 @@ _LAYOUT = """target_q:6 target_qd:6 target_qdd:6 target_current:6 target_moment:
     actual_robot_voltage:1 actual_robot_current:1 actual_joint_voltage:6
     actual_digital_output_bits:1 runtime_state:1 elbow_position:3 elbow_velocity:3 safety_status:1
     -:3 payload:1 payload_cog:3 payload_inertia:6"""
-"""Output of RTDE and number of doubles of each field behind the time; - is the maker's own."""
+"""RTDE output and number of doubles of each field after the time; ``-``: the maker's own use."""
 _FIELDS = tuple((name, int(n)) for name, _, n in (f.partition(":") for f in _LAYOUT.split()))
 _ENDS = {
     (3, 2): 1060, (3, 5): 1108, (3, 10): 1116, (3, 14): 1140, (3, 15): 1220,
     (5, 0): 1108, (5, 4): 1116, (5, 9): 1140, (5, 10): 1220,
 }  # fmt: skip
-"""First software with each size of a message [bytes]."""
+"""First software version of each message size [byte]."""
 
 
 def size(version: Version) -> int:
-    """Length [byte] of the realtime interface's message in this software version."""
+    """Return the size [byte] of the realtime interface's message in this software version."""
     return next(n for since, n in reversed(_ENDS.items()) if since <= version[:2])
 
 
 def state(values: Mapping[str, Values], timestamp: float, bytes_: int) -> bytes:
-    """Realtime message of ``bytes_`` bytes, from output values and the controller's time [s]."""
+    """Return the realtime message of ``bytes_`` bytes; ``timestamp`` is the controller's time
+    [s]."""
     numbers = [timestamp, *(float(x) for x in _numbers(values))][: (bytes_ - 4) // 8]
     return pack(f">i{len(numbers)}d", bytes_, *numbers)
 
@@ -65,7 +66,7 @@ class Realtime:
         return ScriptClient(self._controller)
 
     def cycle(self) -> None:
-        """Send the robot's state to each client that has received the previous ones."""
+        """Send the robot's state to each client that has taken all earlier ones."""
         self._readers = {peer for peer in self._readers if not peer.closed}
         if self._readers:
             packed = state(self._controller.values, self._clock.now(), self._size)

@@ -1,4 +1,4 @@
-"""The RTDE server: one session a client, the stream of data packets, and its faults; and what
+"""The RTDE server: a session per client, the stream of data packets and its faults; and what
 clients write: input registers with their owners, and the control box's outputs."""
 
 import struct
@@ -13,18 +13,16 @@ from robot_emulators.ur.packets import Recipe, Values, zero
 
 IN_USE, NOT_FOUND = "IN_USE", "NOT_FOUND"
 _CONFIGURABLE, _TOOL = 8, 16
-"""First bit of each group in actual_digital_output_bits."""
+"""First bit of the configurable and of the tool's outputs in actual_digital_output_bits."""
 _MOST_RECIPES = 255
 _MOST_HELD = 1 << 22
-"""Bytes that a burst may hold back."""
+"""Most bytes that the fault ``burst`` holds back."""
 
 
 class Inputs:
-    """Holds the inputs of the controller that clients write.
-
-    A value stays until it is written again. An input belongs to the client whose accepted recipe
-    first named it, until that client is gone.
-    """
+    """Holds the inputs of the controller that RTDE clients write, by field name. A value stays
+    until it is written again. An input belongs to the client whose accepted recipe first named it,
+    until that client disconnects. ``written`` is called with the values of each packet."""
 
     def __init__(
         self, fields: Mapping[str, str], written: Callable[[dict[str, Values]], None]
@@ -36,7 +34,8 @@ class Inputs:
         self._owners: dict[str, Hashable] = {}
 
     def claim(self, owner: Hashable, names: Sequence[str]) -> list[str]:
-        """Reserve inputs for a client, all or none; return their types or what prevents it."""
+        """Reserve inputs for a client, all or none; return the type of each, `IN_USE` if another
+        client has it, or `NOT_FOUND`."""
         types = [self._type(owner, name) for name in names]
         if IN_USE not in types and NOT_FOUND not in types:
             self._owners.update(dict.fromkeys(names, owner))
@@ -68,7 +67,8 @@ class Terminals:
 
     Attributes:
         bits: digital outputs: 8 standard, 8 configurable, 2 of the tool.
-        analog: two analog outputs [V or A].
+        analog: two analog outputs [fraction 0 … 1 of the range].
+        analog_types: bit of each analog output, set for a voltage, else a current.
         slider: speed slider, 0 … 1.
     """
 
@@ -79,7 +79,7 @@ class Terminals:
         self.slider = 1.0
 
     def take(self, written: dict[str, Values]) -> None:
-        """Set the outputs that the values of one RTDE packet name."""
+        """Set the outputs that the values of one RTDE packet, by input field, select."""
         groups = (("standard", 0, 0xFF), ("configurable", _CONFIGURABLE, 0xFF), ("tool", _TOOL, 3))
         for name, first, most in groups:
             mask = written.get(f"{name}_digital_output_mask", (0,))[0] & most
@@ -103,7 +103,7 @@ class Offer:
 
     Attributes:
         version: software version of the controller.
-        rate: rate of its control cycle [Hz].
+        rate: rate of the control cycle [Hz].
         outputs: name → type of each output field.
         inputs: input fields and their owners.
         fault: kind of lasting fault → its values while active, else None.
@@ -120,7 +120,7 @@ class RtdeSession(Conversation):
     """Session of one RTDE client: answers its packets and streams its recipe.
 
     Attributes:
-        burst: data packets that a fault holds back.
+        burst: bytes of data packets that the fault ``burst`` holds back.
     """
 
     def __init__(self, offer: Offer, send: Callable[[bytes], None]) -> None:
@@ -162,7 +162,7 @@ class RtdeSession(Conversation):
         return True
 
     def data(self, values: Mapping[str, Values]) -> bytes:
-        """Bytes of a data packet with the fields of this client's recipe."""
+        """Return the bytes of a data packet with the fields of this client's recipe."""
         return b"" if self.output is None else self.output.pack(values)
 
     def end(self) -> None:
@@ -254,7 +254,7 @@ class Rtde:
         return {name for recipe in recipes if recipe is not None for name in recipe.names}
 
     def stream(self, values: Mapping[str, Values]) -> None:
-        """Send each client whose packet is due its data packet, from output values by name."""
+        """Send its data packet, from output values by name, to each client that is due one."""
         self._sessions = {p: s for p, s in self._sessions.items() if not p.closed}
         if self._offer.fault("freeze") is None:
             self._frozen = None
@@ -280,7 +280,7 @@ class Rtde:
                 peer.close(reset)
 
     def inject(self, data: bytes) -> None:
-        """Insert raw bytes into the data stream of every client."""
+        """Insert raw bytes into the stream of every client that receives data."""
         for peer, session in self._sessions.items():
             if session.started:
                 peer.send(data)

@@ -1,4 +1,5 @@
-"""Functions by which a URScript program exchanges data: registers, inputs and outputs, sockets."""
+"""Functions by which a URScript program exchanges data: registers, inputs and outputs, sockets.
+A function's name, parameters and defaults are those of Universal Robots' script manual."""
 
 import struct
 from collections.abc import Callable
@@ -15,21 +16,21 @@ TABLE = Table()
 _KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "integer": ("int", int), "float": ("double", float), "boolean": ("bit", bool),
 }  # fmt: skip
-"""Kind of register in URScript → in RTDE, and the type of its values."""
+"""Kind of register in URScript → its name in RTDE, and the type of its values."""
 _WORD = 32
-"""Bit registers that RTDE shows in one word; those from 64 on have a field each."""
+"""Bit registers that one RTDE field holds, up to number 63; each later one has its own field."""
 _GROUPS = {"standard": (0, 8), "configurable": (8, 8), "tool": (16, 2)}
-"""First bit and number of each group of digital outputs."""
+"""Group of digital outputs → its first bit and number of bits."""
 _NAME = "socket_0"
 _MOST = 255
-"""Numbers that one call can read."""
+"""Most numbers that one call can read."""
 
 _SENT: dict[str, Callable[[Any], bytes]] = {
     "int": lambda value: struct.pack(">i", int32(value)),
     "byte": lambda value: bytes([int(real(value, "a byte")) & 0xFF]),
     "string": lambda value: shown(value).encode("latin-1", "replace"),
 }
-"""What a program sends of a value over a connection."""
+"""Type in a function's name, as in socket_send_int → converts a value to the bytes to send."""
 
 
 def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int | None]:
@@ -68,7 +69,7 @@ def _write(kind: str, program: ScriptProgram, address: Any, value: Any) -> None:
 
 
 def int32(value: Any) -> int:
-    """Convert a value to an integer of 32 bits; others raise a `ScriptFaultError`."""
+    """Convert a number to an integer; raise `ScriptFaultError` if it does not fit into 32 bits."""
     whole = int(real(value, "a value"))
     if not -(2**31) <= whole < 2**31:
         raise ScriptFaultError(f"{whole} is no 32 bit integer")
@@ -82,7 +83,7 @@ for _word, (_kind, _type) in _KINDS.items():
 
 
 def _bit(group: str, n: float) -> int:
-    """Bit of digital output ``n`` of a group; standard outputs from 8 on are the tool's."""
+    """Bit of digital output ``n`` of a group; of "standard", n = 8 and 9 are the tool's."""
     if group == "standard" and n >= 8:
         group, n = "tool", n - 8
     first, count = _GROUPS[group]
@@ -111,13 +112,13 @@ for _group in _GROUPS:
     "get_tool_digital_in",
 )  # fmt: skip
 def digital_in(program: ScriptProgram, n: float) -> bool:
-    """Return False, the state of a digital input to which nothing is wired."""
+    """URScript's digital inputs: return False, as nothing is wired to them."""
     return False
 
 
 @TABLE.add("get_standard_analog_in", "get_analog_in")
 def analog_in(program: ScriptProgram, n: float) -> float:
-    """Return 0, the value of an analog input to which nothing is wired."""
+    """URScript's analog inputs: return 0, as nothing is wired to them."""
     return 0.0
 
 
@@ -150,10 +151,8 @@ def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
 def _waited(
     program: ScriptProgram, name: str, timeout: float, read: Callable[[Link], bytes | None]
 ) -> Steps:
-    """Wait until ``read`` returns received bytes; None after the timeout [s], if it is not 0.
-
-    A read that finds the connection closed takes a control cycle, so that no program can spin.
-    """
+    """Wait until ``read`` returns received bytes; None after ``timeout`` [s], if it is not 0.
+    A read that finds the connection closed takes a control cycle, so that no program can spin."""
     end = program.controller.now + timeout if timeout > 0.0 else float("inf")
     while True:
         link = program.links.of(name)
@@ -176,8 +175,8 @@ def _count(number: float) -> int:
 def socket_read_binary_integer(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read ``number`` 32-bit integers; return their count and themselves, or 0 and NaNs if they do
-    not arrive before the timeout [s]."""
+    """Read ``number`` 32-bit integers; return their count and values; after ``timeout`` [s] 0,
+    NaNs."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(4 * count))
     if data is None:
@@ -189,8 +188,7 @@ def socket_read_binary_integer(
 def socket_read_byte_list(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read ``number`` bytes; return their count and themselves, or 0 and −1s if they do not arrive
-    before the timeout [s]."""
+    """Read ``number`` bytes; return their count and values; after ``timeout`` [s] 0 and −1s."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(count))
     return [0] + [-1] * count if data is None else [count, *data]
@@ -209,7 +207,7 @@ def socket_read_line(
 def socket_get_var(
     program: ScriptProgram, name: str, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Send ``GET name``; return the integer of the reply ``name value``, 0 without one."""
+    """Send ``GET name``; return the integer in the reply ``name value``, 0 without a reply."""
     if not _send(program, socket_name, f"GET {name}\n".encode()):
         yield
         return 0

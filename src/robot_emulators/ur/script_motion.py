@@ -1,4 +1,5 @@
-"""Functions of URScript that move the arm. Moves stop at their goals: there are no blends."""
+"""Functions of URScript that move the arm. Moves stop at their goals: there are no blends.
+Names, parameters and defaults are those of Universal Robots' script manual."""
 
 from collections.abc import Iterator
 from typing import Any, TypeVar
@@ -17,11 +18,11 @@ TABLE = Table()
 M = TypeVar("M", bound=motions.ArmMotion)
 _FAR = "the goal of a straight move is out of the robot's reach"
 _OPTIMO = 3.0
-"""Top joint speed [rad/s] and acceleration [rad/s²] that optimovej takes parts of: about the top
-speed of a UR joint, π rad/s."""
+"""Top joint speed [rad/s] and acceleration [rad/s²] of which optimovej takes fractions; a UR joint
+has π rad/s."""
 _OPTIMO_TOOL = 1.0
-"""Top tool speed [m/s] and acceleration [m/s²] that optimovel takes parts of: the data sheets'
-typical TCP speed."""
+"""Top tool speed [m/s] and acceleration [m/s²] of which optimovel takes fractions; from data
+sheets."""
 
 
 def _pace(program: ScriptProgram, a: float, v: float, t: float = 0.0) -> motions.Pace:
@@ -54,7 +55,7 @@ def _pose(program: ScriptProgram, goal: Any) -> np.ndarray | None:
 def movej(
     program: ScriptProgram, q: Any, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
 ) -> Steps:
-    """Move to joint values (6,) or a pose (6,) on a straight line in joint space."""
+    """Move all joints straight to joint values or a pose (6,); a [rad/s²], v [rad/s], t [s]."""
     yield from program.until_done(motions.ToJoints(_joints(program, q), _pace(program, a, v, t)))
 
 
@@ -63,7 +64,7 @@ def movel(
     program: ScriptProgram, pose: Any, a: float = 1.2, v: float = 0.25, t: float = 0.0,
     r: float = 0.0,
 ) -> Steps:  # fmt: skip
-    """Move the TCP on a straight line to a pose (6,), or to the pose of joint values (6,)."""
+    """Move the TCP straight to a pose or to that of joint values (6,); a [m/s²], v [m/s], t [s]."""
     pace, goal, arm = _pace(program, a, v, t), _pose(program, pose), program.arm
     if goal is None:
         yield from program.refuse(stopped_because(_FAR), _FAR)
@@ -75,7 +76,7 @@ def movel(
 def movep(
     program: ScriptProgram, pose: Any, a: float = 1.2, v: float = 0.25, r: float = 0.0
 ) -> Steps:
-    """Move the TCP on a straight line to a pose (6,), as `movel`: there is no blending."""
+    """Move the TCP straight to a pose (6,) and stop there; a [m/s²], v [m/s]."""
     yield from movel(program, pose, a, v)
 
 
@@ -84,8 +85,8 @@ def movec(
     program: ScriptProgram, pose_via: Any, pose_to: Any, a: float = 1.2, v: float = 0.25,
     r: float = 0.0, mode: float = 0,
 ) -> Steps:  # fmt: skip
-    """Move the TCP on a circle through a pose (6,) to another; the tool turns evenly or, in mode 1,
-    not at all."""
+    """Move the TCP on a circle through a pose (6,) to another; a [m/s²], v [m/s]. The tool turns
+    evenly or, in mode 1, not at all."""
     arm, pace = program.arm, _pace(program, a, v)
     via, goal = _pose(program, pose_via), _pose(program, pose_to)
     if via is None or goal is None:
@@ -105,7 +106,7 @@ def _check_fractions(a: float, v: float, r: float) -> None:
 def optimovej(
     program: ScriptProgram, q: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """Move on a line in joint space; a and v are fractions of the top acceleration and speed."""
+    """Move all joints straight to q; a and v are fractions 0 … 1 of top acceleration and speed."""
     _check_fractions(a, v, r)
     yield from movej(program, q, a * _OPTIMO, v * _OPTIMO)
 
@@ -114,13 +115,13 @@ def optimovej(
 def optimovel(
     program: ScriptProgram, pose: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """Move the TCP on a straight line; a and v are fractions of top acceleration and speed."""
+    """Move the TCP straight to a pose; a, v are fractions 0 … 1 of top acceleration and speed."""
     _check_fractions(a, v, r)
     yield from movel(program, pose, a * _OPTIMO_TOOL, v * _OPTIMO_TOOL)
 
 
 def _kept(program: ScriptProgram, new: M) -> M:
-    """Return the active motion if it is of the class of ``new``, to continue it; else ``new``."""
+    """Return the active motion if it has the class of ``new``, to continue it; else ``new``."""
     motion = program.arm.motion
     return motion if type(motion) is type(new) else new
 
@@ -130,7 +131,7 @@ def servoj(
     program: ScriptProgram, q: Six, a: float = 0, v: float = 0, t: float = 0.002,
     lookahead_time: float = 0.1, gain: float = 300,
 ) -> Steps:  # fmt: skip
-    """Set joint targets (6,) to follow; programs call it repeatedly, each call takes ``t`` [s]."""
+    """Set joint targets (6,) [rad] to follow for ``t`` [s]; programs call it again and again."""
     servo = _kept(program, motions.Servo())
     servo.aim(q, lookahead_time, gain)
     yield from program.during(servo, program.cycles(t))
@@ -150,7 +151,7 @@ def servoc(
 @TABLE.add()
 def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
     """Move at joint speeds qd (6,) [rad/s] until another motion; return after ``t`` [s] or, if that
-    is 0, as soon as the speeds are reached."""
+    is 0, as soon as the speeds are reached. a is the acceleration [rad/s²]."""
     motion = _kept(program, motions.JointSpeed())
     motion.aim(qd, a)
     yield from program.during(motion, _until(program, t, motion))
@@ -158,7 +159,7 @@ def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
 
 @TABLE.add()
 def speedl(program: ScriptProgram, xd: Six, a: float, t: float = 0.0, aRot: Any = "a") -> Steps:
-    """Move the TCP at a velocity (6,) [m/s, rad/s] until another motion; return after t [s]."""
+    """Move the TCP at velocity xd (6,) [m/s, rad/s] until another motion; return after t [s]."""
     arm = program.arm
     motion = _kept(program, motions.ToolSpeed(arm.kinematics, arm.tcp.copy()))
     motion.aim(xd, a)
@@ -190,7 +191,7 @@ def stopj(program: ScriptProgram, a: float = 2.0) -> Steps:
 
 @TABLE.add()
 def stopl(program: ScriptProgram, a: float = 3.0, aRot: Any = "a") -> Steps:
-    """Brake the TCP to rest at a deceleration [m/s²]."""
+    """Brake until the arm rests, at a deceleration a [m/s²] of the TCP."""
     arm = program.arm
     twist = arm.kinematics.jacobian(arm.q, arm.tcp) @ arm.qd
     speed = max(float(np.linalg.norm(twist[:3])), 0.1 * float(np.abs(arm.qd).max()))

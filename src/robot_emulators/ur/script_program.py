@@ -1,6 +1,6 @@
 """A URScript program that plays: what its functions act on, and which of its threads moves the arm.
 
-The External Control node asks a computer for its program as the maker's URCap does: the computer
+An External Control node fetches its program from a computer as the maker's URCap does: the computer
 serves TCP, the robot sends ``request_program`` and a line's end, and gets a text. It has no length;
 it ends with a marker, with the connection, or with silence.
 """
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from robot_emulators.ur.controller import Controller
 
 _HISTORY = 512
-"""Control cycles whose joint values a program can ask for."""
+"""Number of control cycles whose joint values are stored for the program."""
 PAUSE, STOP = "PAUSE", "STOP"
 DIAL_S = 2.0
-"""How long a connection may take [s]."""
+"""Longest time until a connection is open [s]."""
 _REQUEST = b"request_program\n"
 _END = b"# NODE_CONTROL_LOOP_ENDS"
 _ANSWER_S, _SILENT_S = 5.0, 0.5
-"""How long the computer's answer may take, and what silence ends its text [s]."""
+"""Longest wait for the computer's answer, and silence that ends its text [s]."""
 _AT_ONCE = "rtde_control"
-"""ur_rtde's control script: clients that stream targets count on being heard in the same cycle."""
+"""Name of ur_rtde's control script, whose commands act in the cycle in which they arrive."""
 
 
 class ScriptProgram:
@@ -75,8 +75,8 @@ class ScriptProgram:
         self.links.close()
 
     def watch(self, name: str, frequency: float, action: str) -> None:
-        """Pause or stop the program when RTDE clients write an input less often than ``frequency``
-        [Hz].
+        """Pause or stop the program (``action``) when RTDE clients write an input less often than
+        ``frequency`` [Hz].
 
         Raises:
             ScriptFaultError: there is no such input or action.
@@ -134,7 +134,7 @@ class ScriptProgram:
         """Trigger a protective stop with a message; the program cannot continue after it.
 
         Raises:
-            ScriptFaultError: the stop was unlocked and the program is played on.
+            ScriptFaultError: with text ``why``; the stop was unlocked and the program played on.
         """
         self.controller.protective_stop(error)
         yield
@@ -144,7 +144,7 @@ class ScriptProgram:
 def dialled(
     controller: "Controller", links: Links, host: str, port: int, name: str
 ) -> Generator[None, None, Link | None]:
-    """Wait until a TCP connection is open and return it; None if it is not after `DIAL_S` [s]."""
+    """Wait until a TCP connection is open and return it; None if it is not within `DIAL_S`."""
     link, end = links.dial(host, port, name), controller.now + DIAL_S
     while link is not None and not (link.open or link.lost) and controller.now < end:
         yield

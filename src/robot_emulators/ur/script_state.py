@@ -1,4 +1,5 @@
-"""Functions of URScript that compute, read the robot, or set what changes without time."""
+"""Functions of URScript that compute, read the robot, or set what changes without time.
+Names, parameters and defaults are those of Universal Robots' script manual."""
 
 import math
 from collections.abc import Callable
@@ -21,13 +22,13 @@ _PLAIN: dict[str, Callable[..., float]] = {
     "ceil": math.ceil, "floor": math.floor,
 }  # fmt: skip
 CONTACT_FORCE = 10.0
-"""Force against the direction of motion from which the tool touches something [N]."""
+"""Force against the direction of motion from which the tool counts as in contact [N]."""
 _CYCLES_BACK = 3
-"""Control cycles since a contact, as tool_contact answers them."""
+"""Answer of tool_contact during a contact: control cycles since it began."""
 _ACTIVE = "active_tcp"
 _LONGEST_SAID = 1023
 _NEAR = 0.5
-"""How far a solution that is followed to may be from where it began [rad]."""
+"""Largest difference [rad] between an iterated solution and its start; else all are searched."""
 _POSES: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
     "get_actual_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.plant.q, p.arm.tcp),
     "get_target_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
@@ -138,7 +139,7 @@ _LISTS: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
     "get_target_payload_cog": lambda p: p.controller.estimate.payload.cog,
     "get_target_payload_inertia": lambda p: p.controller.estimate.payload.inertia,
 }
-"""Function → the numbers that it returns, SI."""
+"""Function without arguments → the numbers that it returns, in SI units."""
 
 
 def _as_list(read: Callable[[ScriptProgram], np.ndarray], program: ScriptProgram) -> list[float]:
@@ -164,7 +165,7 @@ def popup(
     program: ScriptProgram, s: str, title: str = "Popup", warning: bool = False,
     error: bool = False, blocking: bool = False,
 ) -> Steps:  # fmt: skip
-    """Show a message; a blocking one waits until someone closes it."""
+    """Show a message; a blocking one makes the program wait until a client closes it."""
     shown = popup_shown(s[:_LONGEST_SAID], title, (warning, error, blocking))
     program.controller.announce(shown)
     program.controller.popup = blocking
@@ -194,7 +195,7 @@ def rtde_set_watchdog(
 
 @TABLE.add()
 def get_actual_joint_positions_history(program: ScriptProgram, steps: float = 0) -> list[float]:
-    """Joint values (6,) of ``steps`` control cycles ago, or the oldest that are stored."""
+    """Joint values (6,) [rad] of ``steps`` control cycles ago, or the oldest that are stored."""
     history = program.history
     return [float(v) for v in history[min(max(int(steps), 0), len(history) - 1)]]
 
@@ -205,14 +206,14 @@ def _tcp(program: ScriptProgram, tcp: Any) -> np.ndarray:
 
 @TABLE.add()
 def get_forward_kin(program: ScriptProgram, q: Six | None = None, tcp: Any = _ACTIVE) -> Pose:
-    """Pose of the TCP at joint values q (6,); None stands for the present ones."""
+    """Pose of the TCP at joint values q (6,), the present ones if None; tcp (6,): its offset."""
     return made(program.arm.kinematics.pose(_state(program, q)[0], _tcp(program, tcp)))
 
 
 def _state(
     program: ScriptProgram, q: Six | None, qd: Six | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values and joint speeds (6,); an argument of None is replaced by the present ones."""
+    """Joint values and speeds (6,); the present ones replace an argument of None."""
     plant = program.arm.plant
     return plant.q if q is None else q, plant.qd if qd is None else qd
 
@@ -241,7 +242,7 @@ def get_jacobian_time_derivative(
 def get_mass_matrix(
     program: ScriptProgram, q: Six | None = None, include_rotors_inertia: bool = False
 ) -> list[list[float]]:
-    """Rows of the model's joint-space mass matrix (6, 6) [kg·m²]; its rotors weigh nothing."""
+    """Rows of the model's joint-space mass matrix (6, 6) [kg·m²]; its rotors have no inertia."""
     torques, (joints, _), still = program.arm.plant.model_torques, _state(program, q), np.zeros(6)
     columns = [torques(joints, still, unit, still[:3]).tolist() for unit in np.eye(6)]
     return [list(row) for row in zip(*columns, strict=True)]
@@ -258,10 +259,10 @@ def get_coriolis_and_centrifugal_torques(
 def solve(
     program: ScriptProgram, pose: Six, near: Six | None = None, tcp: Any = _ACTIVE
 ) -> np.ndarray:
-    """Joint values (6,) for a pose of the TCP, nearest to ``near`` or to the present ones.
+    """Joint values (6,) for a pose (6,) of the TCP, nearest to ``near`` or to the present ones.
 
     Raises:
-        ScriptFaultError: there are none.
+        ScriptFaultError: no solution lies within the joints' limits.
     """
     solver = program.arm.kinematics
     start = program.arm.q if near is None else near
@@ -297,7 +298,7 @@ def get_inverse_kin_has_solution(
 
 @TABLE.add()
 def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
-    """Whether the arm can be at this pose, or at these joint values, within its limits."""
+    """Whether the arm can take this pose, or these joint values (6,), within the joints' limits."""
     goal = vector(pose, "pose")
     if isinstance(pose, Pose):
         return bool(get_inverse_kin_has_solution(program, goal))
@@ -306,7 +307,7 @@ def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
 
 @TABLE.add()
 def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
-    """Control cycles since a contact began that pushes against a direction; 0 without contact."""
+    """Control cycles since the tool met a contact against ``direction`` (6,); 0 without contact."""
     way = direction
     if way is None or not way.any():
         way = _speed(program, program.arm.plant.q, program.arm.plant.qd)
@@ -323,13 +324,13 @@ def set_tcp(program: ScriptProgram, pose: Six, tcp_name: Any = "") -> None:
 
 @TABLE.add()
 def set_gravity(program: ScriptProgram, d: Three) -> None:
-    """Set gravity's reaction (3,) [m/s²] in base axes, (0, 0, 9.82) for an upright robot."""
+    """Set the reaction to gravity (3,) [m/s²], base axes: (0, 0, 9.82) for an upright robot."""
     program.controller.estimate.gravity = -d
 
 
 @TABLE.add()
 def set_payload(program: ScriptProgram, m: float, cog: Three | None = None) -> None:
-    """Set the payload's mass m [kg] and centre of gravity [m]; without cog the old one stays."""
+    """Set the payload's mass m [kg] and centre of gravity (3,) [m]; cog None keeps the old one."""
     estimate = program.controller.estimate
     estimate.carry(m, estimate.payload.cog if cog is None else cog)
 
@@ -339,7 +340,7 @@ def set_target_payload(
     program: ScriptProgram, m: float, cog: Three, inertia: Six | None = None,
     transition_time: float = 0.0,
 ) -> None:  # fmt: skip
-    """Set the payload's mass [kg], cog [m] and inertia [kg·m²], at once: no transition time."""
+    """Set the payload's mass [kg], cog (3,) [m] and inertia (6,) [kg·m²], all at once."""
     program.controller.estimate.carry(m, cog, inertia)
 
 

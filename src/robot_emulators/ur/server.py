@@ -35,17 +35,18 @@ _BROKEN = {
     "garbage": bytes(range(255, 0, -7)),
 }
 _PORTS = {"rtde": 30004, "dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
-"""Link → its TCP port; source: "Remote control via TCP/IP" of Universal Robots."""
+"""Link → its TCP port; source: Universal Robots, "Remote control via TCP/IP". Clients rely on
+it."""
 _LATE_S = 0.05
-"""Lag beyond which cycles that are made up for follow at once [s]."""
+"""Lag [s] beyond which overdue control cycles are run without pauses between them."""
 _PAUSE = 0.25
-"""Pause between two cycles that are made up for, in periods, until the lag is `_LATE_S`: without it
-a client that keeps the newest state alone misses the states between."""
+"""Pause before an overdue control cycle [periods], while the lag is below `_LATE_S`: without it, a
+client that keeps only the newest state misses those between."""
 _INJECT_S = 2.0
 
 
 class UREmulator(Emulator):
-    """Emulator of a Universal Robots controller with its arm, by default a UR5."""
+    """Emulator of a Universal Robots controller with its arm, by default a UR5, and its box."""
 
     name = "ur5"
     title = "Universal Robots UR5 and its kin: RTDE, dashboard and script ports"
@@ -124,7 +125,7 @@ class UREmulator(Emulator):
         raise EmulatorError(f"the emulator's loop has stopped: {why}")
 
     def _register(self) -> None:
-        """Register handlers, run in the loop's thread, for the faults of ports and robot."""
+        """Register the faults of ports and robot; their handlers run in the loop's thread."""
         rtde, controller, timestamp = self.rtde, self.controller, self.timestamp
         named = Argument(lambda v: str(v) in controller.fields, "an output's name")
         for kind in ("freeze", "drop", "burst", "refuse_start", "in_use", "not_found"):
@@ -162,7 +163,7 @@ class UREmulator(Emulator):
         return lambda fault: self.soon(lambda: handler(fault))
 
     def restart(self, seconds: float) -> None:
-        """Cut the control box's power for ``seconds``, closing all ports, then boot."""
+        """Switch the control box off for ``seconds`` (all ports are closed), then boot it."""
         until = time.monotonic() + seconds
         self.controller.reboot()
         self._outputs.restart()
@@ -177,7 +178,7 @@ class UREmulator(Emulator):
         self._wait()
 
     def _wait(self, pause: float = 0.0) -> None:
-        """Schedule the next control cycle, at the earliest after a pause [s]."""
+        """Schedule the next control cycle at its deadline, but at least ``pause`` [s] from now."""
         self._thread.loop.call_at(max(self._clock.due, time.monotonic() + pause), self._turn)
 
     def _turn(self) -> None:

@@ -1,4 +1,4 @@
-"""Settings of the UR5 emulator: which arm and which controller it is."""
+"""Settings of the UR5 emulator: arm and controller. Their texts are the help of ``--set``."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,20 +9,20 @@ from robot_emulators.errors import SettingError
 from robot_emulators.ur.packets import Version
 
 _CB3 = ("ur3", "ur5", "ur10")
-"""Arms that had a CB3 controller."""
+"""Models of arms that had a CB3 controller."""
 MODELS = (
     *_CB3, "ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur8long", "ur15", "ur18", "ur20",
     "ur30",
 )  # fmt: skip
-"""Arms that the controller can have."""
+"""Models of arms that the emulated controller can have."""
 _SAME_TYPE = {"ur7e": "ur5", "ur12e": "ur10"}
-"""Arms that report an older one's name: the maker's client library has no type of their own."""
+"""Models that report an older one's name: the maker's client library has no type for them."""
 _SERIES: dict[str, tuple[Version, float]] = {
     "cb3": ((3, 15, 8, 106339), 0.008),
     "e": ((5, 11, 1, 108318), 0.002),
     "x": ((10, 10, 0, 0), 0.002),
 }
-"""Series → software and control cycle [s]."""
+"""Series → software version and control cycle [s]."""
 
 
 _VERSION = rules.text("", r"(\d{1,2}(\.\d{1,3}){2})?", "a version of three numbers, as 5.23.0")
@@ -109,11 +109,9 @@ class ControllerSettings(Settings):
 
     @property
     def wrench_error(self) -> tuple[float, float]:
-        """Error of the wrench that the arm itself measures: force [N] and torque [N·m], three σ.
-
-        A CB3 infers it from its motors' currents: as users of Universal Robots' forum report. An
-        e-Series has a sensor in its flange: the precision in UR5e's data sheet.
-        """
+        """Three standard deviations of the wrench that the arm measures: force [N], torque [N·m].
+        A CB3 infers it from motor currents; source: reports in Universal Robots' forum. An e-Series
+        has a sensor in its flange; source: precision in UR5e's data sheet."""
         return (3.5, 0.2) if self.e_series else (10.0, 5.0)
 
     @property

@@ -1,4 +1,4 @@
-"""Functions of the controller that a program may call: a table by name.
+"""Table of the controller functions that a program may call, by name.
 
 Annotations say what an argument must be: a number (``float``), `Three` or `Six` numbers, a truth
 value (``bool``), or whatever can be shown as a text (``str``). Programs have each argument checked
@@ -15,18 +15,18 @@ import numpy as np
 from robot_emulators.ur.urscript.values import ScriptFaultError, Value, real, shown, truth
 
 Steps = Generator[None, None, Any]
-"""What a function that takes time makes: one `next` a control cycle, then its value."""
+"""Generator of a function that takes time: yields once a control cycle, then returns a value."""
 Act = Callable[..., Any]
 Three = Annotated[np.ndarray, 3]
-"""Numbers (3,)."""
+"""Annotation of an argument: three numbers, converted to an array (3,)."""
 Six = Annotated[np.ndarray, 6]
-"""Numbers (6,)."""
+"""Annotation of an argument: six numbers, converted to an array (6,)."""
 MOST = 1e6
-"""Largest number that any quantity of a robot has, SI."""
+"""Largest magnitude that a robot quantity can have, in SI units."""
 
 
 def number(value: Value, what: str) -> float:
-    """Convert a URScript number to float; `ScriptFaultError` if no robot quantity is so large."""
+    """Convert a URScript number to float; `ScriptFaultError`, naming ``what``, above `MOST`."""
     plain = real(value, what)
     if abs(plain) > MOST:
         raise ScriptFaultError(f"{what} = {plain:g} is no quantity of a robot")
@@ -34,7 +34,7 @@ def number(value: Value, what: str) -> float:
 
 
 def vector(value: Value, what: str, count: int = 6) -> np.ndarray:
-    """Convert a URScript list of ``count`` numbers to an array; else `ScriptFaultError`."""
+    """Convert a URScript list of ``count`` numbers to an array; else raise `ScriptFaultError`."""
     if not isinstance(value, list) or len(value) != count:
         raise ScriptFaultError(f"{what} must be a list of {count} numbers")
     numbers = np.array([real(v, f"each element of {what}") for v in value])
@@ -47,7 +47,7 @@ CONVERTERS: dict[str, Callable[[Value, str], Any]] = {
     "number": number, "six": vector, "three": lambda value, what: vector(value, what, 3),
     "truth": lambda value, what: truth(value), "text": lambda value, what: shown(value),
 }  # fmt: skip
-"""Kind of an argument → what makes it of a value and its name."""
+"""Kind of argument → function that converts its value, given value and name."""
 _KINDS: dict[object, str] = {
     float: "number", Six: "six", Three: "three", bool: "truth", str: "text",
 }  # fmt: skip
@@ -59,8 +59,8 @@ class Builtin:
 
     Attributes:
         act: called with the program's context and the arguments.
-        signature: parameter names and defaults that programs use.
-        kinds: parameter → kind of `CONVERTERS`, where it has one.
+        signature: parameters with defaults of ``act``; the first is the context.
+        kinds: name of a parameter → its key in `CONVERTERS`, if it is converted.
         waits: whether it is a generator that yields once per control cycle (`Steps`).
     """
 
@@ -71,16 +71,14 @@ class Builtin:
 
     @property
     def parameters(self) -> list[str]:
-        """Parameter names of the function, in order."""
+        """Names of the parameters that programs can pass, in order."""
         return list(self.signature.parameters)[1:]
 
 
 class Table(dict[str, Builtin]):
-    """Functions that URScript programs may call, by name; `add` is a decorator.
-
-    The first parameter of a function is the context. One that makes `Steps` is a generator
-    function.
-    """
+    """Functions that URScript programs may call, by name; `add` makes the decorator. A function's
+    first parameter is the context (`ScriptProgram`); a generator function takes control cycles
+    (`Steps`)."""
 
     def add(self, *names: str) -> Callable[[Act], Act]:
         """Return a decorator that adds a function to the table, by its own name or these names."""

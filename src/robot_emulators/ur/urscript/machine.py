@@ -1,7 +1,7 @@
 """A program from its text to its end: translated, compiled, and run one control cycle at a time.
 
 A thread runs until it waits, so that nothing interrupts it between two waits. How much it may do
-before it waits is bounded, as are threads, calls inside calls, and what values may become.
+before it waits is bounded, as are threads, calls inside calls, and the sizes of values.
 """
 
 from collections.abc import Mapping
@@ -14,9 +14,9 @@ from robot_emulators.ur.urscript.translation import FILE, OPERATORS, Code, trans
 from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError
 
 LONGEST = 1 << 18
-"""Characters of a program."""
+"""Most characters of a program."""
 MOST_IN_A_CYCLE = 20_000
-"""Loops and calls that a program may take in one control cycle before it waits."""
+"""Most loop passes and calls of a program in one control cycle, before it waits."""
 _MOST_THREADS = 50
 _MISTAKES = (ArithmeticError, LookupError, NameError, TypeError, ValueError)
 _HELPERS = {
@@ -29,8 +29,7 @@ _HELPERS = {
 
 def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
     """Compile the text of a URScript program, which may call the functions of ``table``.
-
-    A text of one function runs that function; other statements run as they come.
+    If the text is one function, that is the program; else its statements are.
 
     Raises:
         ScriptFaultError: syntax error, or a call of an unknown function.
@@ -51,7 +50,7 @@ class Machine:
     """Runs one URScript program with its threads, one slice a control cycle each.
 
     Attributes:
-        current: number of the thread that runs now.
+        current: number of the thread that runs now; 0 is the main one.
     """
 
     def __init__(self, code: Code, context: Any) -> None:
@@ -68,7 +67,7 @@ class Machine:
 
         Raises:
             ScriptFaultError: the program cannot go on.
-            ProgramEndsError: it ends itself.
+            ProgramEndsError: the program calls ``halt``.
         """
         self._left = MOST_IN_A_CYCLE
         done: set[int] = set()
@@ -133,7 +132,7 @@ def _place(error: BaseException) -> tuple[int, int]:
 
 
 def _in_words(error: Exception) -> str:
-    """Text of a program's error, in the words of a controller."""
+    """Text of a Python error in a program, in the words of a UR controller."""
     if isinstance(error, NameError):  # the name as it stands in Python is quoted
         return values.NO_NAME.format(str(error).split("'")[1][2:])
     text = str(error)

@@ -1,6 +1,6 @@
-"""Splits text into tokens, and finds the ends of programs in the bytes of a port.
+"""Splits URScript text into tokens, and finds the ends of programs in bytes received at a port.
 
-Line ends count, except inside brackets; a comment runs to the line's end.
+Line ends are tokens, except inside brackets; a comment runs to the line's end.
 """
 
 import re
@@ -13,7 +13,7 @@ KEYWORDS = frozenset(
     True False run kill join halt pass enter_critical exit_critical""".split()
 )
 NAME, NUMBER, TEXT, MARK, POSE, LINE, END = "name number text mark pose line finish".split()
-"""Kinds of tokens; the kind of a keyword is the keyword."""
+"""Kinds of tokens; a keyword is its own kind."""
 
 _PATTERN = re.compile(
     r"(?P<blank>[ \t\r\f\v]+|#[^\n]*)"
@@ -27,7 +27,7 @@ _PATTERN = re.compile(
 )
 _OPEN, _CLOSE = frozenset(("(", "[")), frozenset((")", "]"))
 _LONGEST = 1 << 22
-"""Bytes of a program that is not complete, from which its connection is closed."""
+"""Most bytes of an incomplete program; beyond, its connection is closed."""
 _OPENS = re.compile(r"(?:def|sec|thread|if|while|for)\b")
 _END = re.compile(r"end\b(?!\s*[=(])")
 
@@ -46,7 +46,7 @@ def tokens(text: str) -> list[Token]:
     """Split a program's text into tokens; the last one marks the end.
 
     Raises:
-        ScriptFaultError: a character that begins none.
+        ScriptFaultError: no token begins with the next character.
     """
     read: list[Token] = []
     line, start, at, depth = 1, 0, 0, 0

@@ -1,11 +1,10 @@
-"""URScript to Python: tokens to the tree of a generator function, by recursive descent.
+"""Translates URScript to Python: tokens to the tree of a generator function, by recursive descent.
 
 Each function of a program becomes a generator function, which yields where it waits for the next
 control cycle. Variables are called ``v_name``, functions ``f_name``, those of the controller
-``b_name``, operators ``o_…``; every node has the place of its token or of what holds it, so that
-Python's tracebacks tell where a program failed. Variables of the program itself are Python's
-globals; a function assigns to the nearest variable of a name that is assigned around it, else to
-one of its own.
+``b_name``, operators ``o_…``. Every node has the place of its token or of the node around it, so
+that Python's tracebacks locate a program's error. Variables of the program itself are Python's
+globals; a function assigns to the nearest enclosing variable of a name, else to one of its own.
 """
 
 import ast
@@ -22,11 +21,11 @@ from robot_emulators.ur.urscript.values import NO_NAME, ScriptFaultError
 
 T = TypeVar("T", bound=ast.AST)
 FILE = "<urscript>"
-"""Name of a program's text in Python's tracebacks."""
+"""File name of a program's text in Python's tracebacks."""
 _DEEPEST = 60
-"""Nested blocks and brackets; deeper than any program that a person wrote."""
+"""Deepest nesting of blocks and brackets, more than any program that a person wrote."""
 _LONGEST_CHAIN = 400
-"""Operators in a row, as they nest in Python's tree, whose depth the compiler bounds."""
+"""Most operators in a row: they nest in Python's tree, whose depth the compiler bounds."""
 _LEVELS = (
     ("or", "xor"),
     ("and",),
@@ -39,16 +38,17 @@ OPERATORS = {
     "+": "add", "-": "subtract", "*": "multiply", "/": "divide", "%": "modulo", "^": "power",
     "<": "less", ">": "more", "<=": "most", ">=": "least", "xor": "xor",
 }  # fmt: skip
-"""Sign → name of the function ``o_name`` that works it out; the others are Python's own."""
+"""Sign → name of the function ``o_name`` that computes it; the other signs are Python's own."""
 _SILENT = ("pass", "enter_critical", "exit_critical")
-"""Threads change only where one of them waits: critical sections need nothing."""
+"""Keywords without effect: threads switch only where they wait, so no section is critical."""
 _FRESH = (ast.Constant, ast.List, ast.Compare, ast.BoolOp, ast.UnaryOp)
-"""Nodes whose value nobody else has."""
+"""Nodes that make a new value, which no other variable shares and nobody need copy."""
 
 
 @dataclass
 class _Scope:
-    """Variables of one URScript function: parameters, assigned ones, declared local or shared."""
+    """Names of the variables of one URScript function: its parameters, those assigned without a
+    declaration (``plain``), and those declared ``local`` or global (``shared``)."""
 
     around: "_Scope | None"
     parameters: set[str] = field(default_factory=set)
@@ -69,7 +69,7 @@ class Code:
     Attributes:
         name: name of the program.
         secondary: whether it runs beside the main program.
-        code: code of a module with the generator function ``program``.
+        code: code of a Python module with the generator function ``program``.
         builtins: controller functions by the names under which the code calls them.
     """
 
@@ -187,10 +187,8 @@ class _Translator:
     # ---- statements --------------------------------------------------------------------------
 
     def _block(self, *ends: str) -> list[ast.stmt]:
-        """Translate statements up to an end; functions are known from the start.
-
-        A statement ends where it is complete: a line's end may follow, and need not.
-        """
+        """Translate statements up to one of these end tokens; functions are put first.
+        A statement ends where it is complete: a line's end may follow, and need not."""
         self._deeper()
         functions: list[ast.stmt] = []
         rest: list[ast.stmt] = []
@@ -454,7 +452,7 @@ def _declare(function: ast.FunctionDef, shared: set[str], enclosing: set[str]) -
 
 
 def _located(place: Token, node: T) -> T:
-    """Return an AST node, with the line and column of a token if it has none."""
+    """Return an AST node; if it has no line and column, set those of token ``place``."""
     if not hasattr(node, "lineno"):
         column = place.column - 1
         more = {"lineno": place.line, "end_lineno": place.line, "col_offset": column}

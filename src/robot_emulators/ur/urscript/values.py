@@ -1,4 +1,4 @@
-"""Values of URScript and what its operators make of them.
+"""Values of URScript and the results of its operators.
 
 A value is a number, a truth value, a text, a list, a pose (`Pose`, a list of six) or a struct
 (dict). Lists take part in sums and products element by element, as newer controllers do.
@@ -9,20 +9,20 @@ from collections.abc import Callable
 from typing import Any
 
 NO_NAME = "compile_error_name_not_found:{}:"
-"""How a controller reports a name that it does not know."""
+"""Controller's message on an unknown name; ``{}`` stands for the name."""
 Value = Any
-"""float, int, bool, str, list, `Pose` or dict."""
+"""A URScript value: float, int, bool, str, list, `Pose` or dict."""
 _EXACT = 2**53
-"""Whole numbers beyond this become floating point, so that none grows without bound."""
+"""Magnitude beyond which whole numbers become floating point, so that none grows without bound."""
 LONGEST_TEXT, LONGEST_LIST = 1 << 15, 1 << 12
 
 
 class ScriptFaultError(Exception):
-    """A URScript program failed and cannot continue.
+    """Raised when a URScript program fails and cannot continue.
 
     Attributes:
         text: what is wrong.
-        line, column: where, from 1; 0 where nobody knows.
+        line, column: place in the program's text, from 1; 0 if unknown.
     """
 
     def __init__(self, text: str, line: int = 0, column: int = 0) -> None:
@@ -30,7 +30,7 @@ class ScriptFaultError(Exception):
         self.text, self.line, self.column = text, line, column
 
     def at(self, line: int, column: int) -> "ScriptFaultError":
-        """Return this error with a line and column of the program, unless it has them."""
+        """Return this error with a line and column of the program, unless it has them already."""
         return self if self.line else ScriptFaultError(self.text, line, column)
 
 
@@ -43,14 +43,14 @@ class Pose(list[Any]):
 
 
 def copied(value: Value) -> Value:
-    """Return a URScript value; a list or struct is deeply copied, as each variable has its own."""
+    """Return a URScript value; a list or struct as a deep copy, as no two variables share one."""
     if isinstance(value, list):
         return type(value)(copied(v) if isinstance(v, list | dict) else v for v in value)
     return {k: copied(v) for k, v in value.items()} if isinstance(value, dict) else value
 
 
 def shown(value: Value) -> str:
-    """Text of a URScript value, as textmsg and str_cat write it."""
+    """Text of a URScript value, as the functions textmsg and str_cat write it."""
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list):
@@ -62,14 +62,14 @@ def shown(value: Value) -> str:
 
 
 def truth(value: Value) -> bool:
-    """Boolean of a condition's value; raises `ScriptFaultError` for a value of another type."""
+    """Convert a condition's value to bool; raise `ScriptFaultError` for a value of another type."""
     if isinstance(value, bool | int | float):
         return bool(value)
     raise ScriptFaultError(f"a condition must be true or false, not {kind(value)}")
 
 
 def kind(value: Value) -> str:
-    """Type of a URScript value in words, such as ``a list``."""
+    """Type of a URScript value in words, such as ``a list``, for error messages."""
     for of, word in ((bool, "a truth value"), (int | float, "a number"), (str, "a text"),
                      (Pose, "a pose"), (list, "a list"), (dict, "a struct")):  # fmt: skip
         if isinstance(value, of):
@@ -78,7 +78,7 @@ def kind(value: Value) -> str:
 
 
 def real(value: Value, what: str = "an argument") -> float:
-    """Convert a URScript value to a finite float; `ScriptFaultError` if it is none."""
+    """Convert a URScript value to a finite float; if it is none, raise `ScriptFaultError`."""
     if isinstance(value, int | float) and math.isfinite(value):
         return float(value)
     raise ScriptFaultError(f"{what} must be a number, not {kind(value)}")
@@ -142,7 +142,7 @@ ACTS: dict[str, Callable[[Value, Value], Value]] = {
     ">=": _ordered(">=", lambda a, b: a >= b),
     "xor": lambda a, b: truth(a) != truth(b),
 }
-"""Sign of an operator → what it makes of its operands."""
+"""Sign of an operator → function that computes it from its two operands."""
 
 
 def _at(holder: list[Value], index: Value) -> int:
