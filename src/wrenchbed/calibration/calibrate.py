@@ -40,8 +40,8 @@ _WELL_SPREAD = 1e-3
 digits of sixteen at most."""
 _ENOUGH_ROWS = 500
 CANDIDATES, DEFAULT = "candidates", "default"
-"""Stand for all that a robot might have wrong, and for what it frees by itself, in
-`CalibrationOptions.free`."""
+"""Words of `CalibrationOptions.free` for all parameters that a robot may have wrong, and for those
+that it frees by default."""
 _OTHER_MASS, _OTHER_CENTRE = 0.1, 0.02
 """Relative difference of a mass, and distance of a centre [m], from which a tool is another than is
 stated: nobody weighs or measures worse."""
@@ -94,11 +94,11 @@ def identify_from_gravity(
 
 
 def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> list[float]:
-    """First moment h (3,) [kg m] that best satisfies τ = h × g; of several the shortest.
+    """First moment h = m c (3,) [kg m] that best satisfies τ = h × g; of several the shortest.
 
     Args:
-        x, y, z: sums of a component of g times g, f and τ (9,).
-        w: weights of τ (3,).
+        x, y, z: sums over rows of gx, gy or gz times gravity, force and torque, less means (9,).
+        w: weights of the three torques (3,).
     """
     u, v, s = w
     a, b, c = v * z[2] + s * y[1], u * z[2] + s * x[0], u * y[1] + v * x[0]
@@ -121,7 +121,7 @@ def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> l
 def initial_values(
     model: Model, theta: np.ndarray, data: Observations, free: tuple[int, ...]
 ) -> np.ndarray:
-    """Start values (K,) of the free parameters; mass, CoG and bias from a linear fit.
+    """Start of a fit (P,): theta, its free mass, CoG and bias replaced by a linear fit at rest.
 
     Raises:
         CalibrationError: one orientation only, or a wrench of opposite sign.
@@ -146,7 +146,8 @@ def initial_values(
 def _rotated_mount(
     model: Model, theta: np.ndarray, data: Observations, g: np.ndarray, mass: float
 ) -> np.ndarray:
-    """Parameters (P,) with the mount rotation that best aligns forces with gravity; no mirrors."""
+    """Parameters (P,) with the mount rotation that best aligns forces with gravity ``g`` (M, 3);
+    unchanged where only a mirror image would. A fitted ``mass`` [kg] is checked then."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     turn = best_turn(g, data.wrench[:, :3])
@@ -174,12 +175,12 @@ class CalibrationOptions:
     """Options of a calibration.
 
     Attributes:
-        free: Parameters, groups (tool.cog) or patterns (L1?) to identify; `candidates` for all
-            that the robot might have wrong, `default` for the robot's own, which none gives.
-        hold: Of these, to hold at their stated or nominal value.
+        free: Parameters, groups (tool.cog) or patterns (L1?) to identify; `candidates` for all that
+            the robot may have wrong, `default` or nothing for the robot's own choice.
+        hold: Parameters, written as in ``free``, that keep their stated or nominal value.
         prior: Take each tolerance as a prior standard deviation.
         loss: Huber's resists outliers.
-        force: Give the values all the same where the data refute them.
+        force: Return values also where the data refute them, instead of raising an error.
     """
 
     free: Sequence[str] = ()
@@ -203,15 +204,15 @@ def calibrate(
 ) -> Fit:
     """Identify a robot's parameters from a recording; return them with their uncertainties.
 
-    Weights come from the recording's own repeats (or its stated noise); where the means of the
-    holds scatter more than that, from the scatter, and the uncertainties with them. Touches of
-    known points, made with the same robot, join the wrenches in one fit.
+    Weights come from the scatter of rows within each hold (a pose at rest), or from the stated
+    noise; where the holds' means scatter more, from that scatter, and the uncertainties with them.
+    ``touches`` of known points, made with the same robot, join the wrenches in one fit.
 
     Raises:
         RecordingError: the recording does not fit its robot.
         ParameterError: an unknown parameter.
-        CalibrationError: too little data, one orientation only, or data that refute the fit (see
-            `checks`), which ``force`` gives all the same; a wrench of opposite sign.
+        CalibrationError: too little data, one orientation only, a wrench of opposite sign; without
+            ``options.force`` also data that refute the fit (see `checks`).
     """
     options = options or CalibrationOptions()
     recording = restored(_without_unknown_joints(recording))
@@ -230,7 +231,7 @@ def calibrate(
 def _checked(
     recording: Recording, options: CalibrationOptions, touches: Touches | None
 ) -> tuple[Problem, Finding | None]:
-    """Set up the fit problem of a recording, and return a finding that does not forbid the fit."""
+    """Return a recording's fit problem, and what was found wrong with it if that allows a fit."""
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
     if POINT[0] in recording.columns:

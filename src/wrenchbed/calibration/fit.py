@@ -37,7 +37,7 @@ class IdentifiedValue:
 
 @dataclass(frozen=True)
 class FitNoise:
-    """Noise by channel (6,) [N, N·m], as the fit used it.
+    """Noise by channel (6,) [N, N·m], as the fit used it; a hold is one pose at rest.
 
     Attributes:
         row: standard deviation of one row, from ``source``.
@@ -84,10 +84,10 @@ class Fit(WrittenFit):
         identified: the free parameters.
         theta: all parameters by name, fitted or not.
         gravity: gravity of the fit, world axes (3,) [m/s²].
-        tool: the load in the contract's terms: mass [kg], cog (3,) [m] in sensor axes.
+        tool: fitted load on the sensor, as in fit.json: mass [kg], cog (3,) [m] in sensor axes.
         covariance: covariance of the free parameters (K, K), minimum-norm where they are redundant.
         residual_rms: rms residual over the holds, each channel (6,) [N, N·m].
-        observability: rank and null directions of the robot's candidates.
+        observability: rank and null directions of all parameters that the robot may have wrong.
         target_rms: expected position error of the tool in the robot's target workspace [m], rms;
             only with a prior, which bounds what the data cannot tell, and touches that agree.
         touches: agreement of the touches with the other data; None without touches.
@@ -183,7 +183,7 @@ def identified_values(
 
 
 def head(recording: str, robot: str, status: str, refuted: str | None) -> dict[str, Any]:
-    """First entries of a fit's JSON file: recording, robot (a user's with its data), status."""
+    """First entries of a fit's JSON file; data of the user's own robot model are among them."""
     named = {"format": FORMAT, "recording": recording, "robot": robot, "status": status}
     said = {} if refuted is None else {"refuted": refuted}
     return named | said | model_field(robot)

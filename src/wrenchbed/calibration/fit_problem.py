@@ -27,7 +27,7 @@ class Problem:
     """Least-squares fit of the parameters at indices ``free``, starting from ``theta`` (P,).
 
     With a prior, each free parameter has the mean ``centre`` (K,) and its tolerance as standard
-    deviation. Touches add the tool's position to the wrenches.
+    deviation. ``touches``, contacts of the tool's tip with known points, add position residuals.
     """
 
     model: Model

@@ -9,8 +9,7 @@ from wrenchbed.pages.numbers import HUMAN, decimals, minus
 from wrenchbed.physics.wrench import CHANNELS
 
 STRONG = 0.9
-"""Least correlation of two parameters that is reported: their uncertainties are then more than
-twice those alone."""
+"""Least correlation reported: two parameters' uncertainties then exceed twice those alone."""
 MOST_PAIRS = 6
 UNKNOWN = "in sum only"
 

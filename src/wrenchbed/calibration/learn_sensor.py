@@ -27,19 +27,18 @@ UNKNOWN_SENSOR = "generic"
 _BAND = NoiseModel()
 MAINS_HZ = (50.0, 60.0)
 _MAINS_OFF_HZ = 0.2
-"""Largest deviation of the mains frequency [Hz]: the grid of continental Europe sheds load at 49.8
-Hz."""
+"""Largest deviation of mains frequency [Hz]: continental Europe's grid sheds load at 49.8 Hz."""
 _BESIDE_HZ = (2.5, 8.5)
 """Distance range of the frequencies that a mains line is compared with [Hz]."""
 _LEAST_RATE = 2.4
-"""The rate must exceed a line's frequency so many times."""
+"""Least ratio of the row rate to a mains frequency at which the line is looked for."""
 _CHANCE = 1e-3
 """Probability of a line or a drift in noise alone, all channels and frequencies together."""
 _COARSE = 0.5
-"""Scatter of a row in steps above which rounding errors are white and independent."""
+"""Standard deviation of a row, in steps of the output, above which rounding errors are white."""
 _LARGEST_MULTIPLE, _OFF_GRID, _LEAST_LEVELS = 12, 0.02, 3
-"""The smallest difference between values may be so many steps; values lie on the grid within this
-share of a step; fewer different values show no grid."""
+"""Search for the step of an output's grid: most steps in the smallest difference of two values,
+largest distance of a value from the grid in steps, and fewest different values that show a grid."""
 _MOST_LINES = 6
 
 
@@ -49,7 +48,7 @@ class LearnedSensor:
 
     Attributes:
         sensor: the sensor; range, resolution, mass and plate offset are those of ``like``.
-        like: name of the sensor that these were taken from.
+        like: name of the sensor that served as template.
         rest: noise of the recording, with its uncertainties.
     """
 
@@ -76,12 +75,11 @@ def learn_sensor(
     Args:
         recording: one pose, an even clock, nothing touches the tool.
         name: name of the new sensor; default is the recording's file name.
-        like: registry name or TOML file of the sensor that range, resolution, mass and plate
-            offset are taken from; default is what the recording states, else ``generic``.
+        like: registry name or TOML file of the sensor that range, resolution, mass and plate offset
+            are taken from; default is what the recording states, else ``generic``.
 
     Raises:
-        CalibrationError: too short, moving, uneven, saturated, disturbed, dead, or beyond the
-            range of ``like``.
+        CalibrationError: too short, moving, uneven, saturated, disturbed, dead, or out of range.
         NotFoundError: there is no sensor ``like``.
     """
     rate = check_rest(recording)
@@ -125,7 +123,8 @@ def learn_sensor(
 
 
 def _within_range(rows: np.ndarray, base: Sensor, name: str) -> SensorCalibration:
-    """Default calibration of a sensor, else its first, whose range contains these rows (N, 6)."""
+    """Default calibration of a sensor, else its first, whose range contains rows (N, 6); raise a
+    `CalibrationError` that begins with ``name`` if none does."""
     most = np.abs(rows).max(axis=0)
     for calibration in (base.calibration(), *base.calibrations):
         if (most < calibration.range).all():
@@ -156,15 +155,14 @@ class RestNoise:
     """Noise of a recording at rest, by periodograms of its channels fx fy fz tx ty tz [N, N·m].
 
     Attributes:
-        rows, rate: rows of the recording and their rate [Hz].
+        rows, rate: number of rows of the recording and their rate [Hz].
         spectra: white and 1/f part of each channel, with uncertainties.
         row_std: standard deviation of a row (6,), without the drift where one is significant.
-        drift, drift_std: slope over the recording (6,) [1/s].
+        drift, drift_std: slope over the recording and its standard uncertainty (6,) [N/s, N·m/s].
         mains, mains_std, mains_hz: amplitudes (6,) of the mains line, 0 where none stands out,
             their standard uncertainty, and its frequency [Hz].
         correlation, correlation_std: of the channels (6, 6), and its standard uncertainty.
-        lines: frequencies [Hz] of other lines that stand out in a channel, strongest first; they
-            count as white noise.
+        lines: frequencies [Hz] of other lines in any channel, strongest first; in the white noise.
     """
 
     def __init__(self, rows: np.ndarray, clock: Clock) -> None:
@@ -292,7 +290,7 @@ def grid_step(rows: np.ndarray) -> float:
 
 
 def _refined(gaps: np.ndarray, step: float) -> float:
-    """Refine a grid step by ever longer gaps between values, whose multiples are then certain."""
+    """Refine a grid's rough step by ascending gaps (N,) between values, which are multiples."""
     for count in (len(gaps) // 4, len(gaps) // 2, len(gaps)):
         some = gaps[: max(count, 1)]
         times = np.rint(some / step)

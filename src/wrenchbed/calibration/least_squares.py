@@ -13,8 +13,8 @@ from wrenchbed.calibration.observability import RANK_TOLERANCE
 
 MAX_STEPS = 50
 STEP_DONE = COST_DONE = 1e-11
-"""A step below this, in tolerances, or a cost that falls by less, relative, is the last: a hundred
-thousand times rounding, which numbers that people read never show."""
+"""Iteration ends after a step below this, in tolerances, or a cost that falls by a smaller
+fraction: a hundred thousand times rounding, which numbers that people read never show."""
 SAME = 1e-7
 """A step below this, in tolerances, changes no derivative that counts."""
 BLIND = 1e-5
@@ -30,7 +30,7 @@ class Solution:
     Attributes:
         x: parameters (K,).
         residual: whitened residual at x (M,).
-        jacobian: whitened and scaled by tolerance (M, K).
+        jacobian: whitened derivatives of the predicted readings, per tolerance (M, K).
         covariance: of x (K, K) for unit variance of the whitened residual, minimum norm.
         blind: fraction of each parameter that lies in the null space (K,), 0 … 1.
     """
@@ -51,8 +51,8 @@ def solve(
     start: np.ndarray,
     scale: np.ndarray,
 ) -> Solution:
-    """Minimise ½|residual(x)|² from ``start`` (K,): residual (M,) and Jacobian (M, K) are whitened,
-    ``scale`` (K,) is the typical size of each parameter."""
+    """Minimise ½|residual(x)|² from ``start`` (K,). ``residual`` is measured − predicted (M,),
+    ``jacobian`` the derivative of predicted (M, K), both whitened; ``scale`` (K,) each x's size."""
     x, r = start.copy(), residual(start)
     converged, fresh = False, False
     steps = 0

@@ -22,34 +22,34 @@ from wrenchbed.physics.time_derivatives import Jet
 ROWS = 4000
 """Most observations that are looked at, evenly spread: half a minute at 125 Hz."""
 SPARE = 20
-"""Readings beyond all parameters from which a residual tells its causes."""
+"""Least number of readings in excess of all parameters for a residual to tell its causes."""
 SURE, CLEAR = 1e-3, 4.0
 """P-value of all suspects together, and standard deviations of one of them, from which they
 explain a part of the residual."""
 LARGE = 8.0
-"""Sizes of an ordinary imperfection from which it is a fault: 8 % of a gain, 1.6° of a tilt."""
+"""Multiple of an ordinary imperfection that counts as a fault: 8 % of a gain, 1.6° of a tilt."""
 MOVED = 5.0
-"""Standard uncertainties by which a fault moves a parameter, if it matters."""
+"""Least shift of a parameter by a fault, in its standard uncertainties, that matters."""
 MATTERS = 0.1
-"""Part of a parameter's tolerance by which it moves, if it matters: less is not worth a refusal."""
+"""Least shift of a parameter by a fault, in its tolerance, that is worth a refusal."""
 ALIKE, ALIKE_PART = 6.0, 0.05
-"""Suspects differ by so much of twice the log likelihood, or by this part of what they explain, if
-the residual cannot tell them apart: a fault of 20 % is linear in its size to about that part."""
+"""Suspects cannot be told apart if twice their log likelihoods differ by less than this, or than
+this part of what they explain: a fault of 20 % is linear in its size to about that part."""
 NAMED = 3
 """Most suspects that are named as alike."""
 FINEST = 1e-6
-"""Least noise over the largest reading, of a simulation without any: no sensor resolves less."""
+"""Least noise over the largest reading, as in noiseless simulations: no sensor is finer."""
 RANK = 1e-10
 """Least eigenvalue over the largest, of columns of unit length, that counts in a rank."""
 _SMALLEST, _LARGEST = 2.0**-6, 2.0**10
-"""Limits of a family's size, in ordinary ones."""
+"""Limits of the fitted size of a family of suspects, in their ordinary sizes."""
 _ROUNDS = 30
 """Updates of the families' sizes; most settle within ten."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A large fault that explains a fit's residual: sentence, and whether it moves its values."""
+    """Large fault that explains a fit's residual: its sentence, and whether it moves the values."""
 
     sentence: str
     moves: bool
@@ -111,7 +111,8 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
 
 
 def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
-    """Sentence on the likeliest faults: the ``size`` of a zero's change, or what others move."""
+    """Sentence on the likeliest faults ``names``: a zero's values are ``size`` (6,) times
+    `CONSTANT`; of others the clause ``moves`` says what they shift."""
     if names[0] == "a zero of the sensor":
         values = ", ".join(f"{v:.3g}" for v in size * CONSTANT)
         return (
@@ -127,7 +128,7 @@ def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Linearised fit with suspected faults, as rows [parameters K, suspects C, residual 1]."""
+    """Linearised fit at observations ``some`` with suspected faults: slopes and a residual."""
 
     problem: Problem
     outcome: Outcome
@@ -162,13 +163,13 @@ class _Rows:
 
     @cached_property
     def least(self) -> np.ndarray:
-        """Lower bound of the noise of an observation (6,); inf for a channel that is always 0."""
+        """Lower bound (6,) [N, N·m] of an observation's noise; inf for a channel that is all 0."""
         largest = np.abs(self.problem.data.wrench).max(axis=0)
         least = np.maximum(self.outcome.noise.expected, FINEST * largest)
         return np.where(least > 0.0, least, np.inf)
 
     def white(self, noise: np.ndarray) -> np.ndarray:
-        """All rows as a matrix (n, K + C + 1), those of wrenches divided by the noise (6,)."""
+        """All rows (n, K + C + 1): parameters, suspects, residual; wrenches over the noise (6,)."""
         wrenches = (self.wrenches / noise[:, None]).reshape(-1, self.wrenches.shape[2])
         return np.concatenate([wrenches, self.others])
 
@@ -218,7 +219,8 @@ def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -> bool:
-    """Whether suspected faults explain significantly more of the residual than of mere noise."""
+    """Whether suspects explain significantly more of ``residual`` (n,) than of mere noise;
+    ``alone`` (n, C) are their changes, both without what parameters explain."""
     if _clear(seen.S, alone, residual) > CLEAR:
         return True
     rest, rank = _rest(np.column_stack([alone, residual]))
@@ -228,17 +230,15 @@ def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -
 
 def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
     """Largest significance, in standard deviations, with which one column of S (n, C) explains the
-    residual (n,); ``alone`` is S without what parameters explain, less than a millionth is
-    rounding."""
+    residual (n,); ``alone`` (n, C) is S without what parameters explain."""
     least = 1e-6 * np.linalg.norm(S, axis=0) + 1e-300
     length = np.maximum(np.linalg.norm(alone, axis=0), least)
     return float((np.abs(alone.T @ residual) / length).max())
 
 
 def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.ndarray:
-    """Standard deviation (C,) of each suspected fault's family at maximum marginal likelihood
-    (MacKay's updates), from changes (n, C) and residual (n,) without what parameters explain
-    [noise]."""
+    """Standard deviation (C,) of each suspect's family at maximum marginal likelihood (MacKay's
+    updates), from whitened changes (n, C) and residual (n,) without what parameters explain."""
     R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
     _, family = np.unique([f for s in every for f in s.families], return_inverse=True)
@@ -270,7 +270,7 @@ def _likeliest(
     first one's shapes, and the changes (n, L) by all that explain it nearly as well.
 
     k shapes cost k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of suspects that explain it
-    alike, those with the fewest shapes are named.
+    alike, those with fewest shapes are named. ``alone`` (n, C): changes beyond the parameters'.
     """
     scores: list[tuple[float, np.ndarray, np.ndarray]] = []
     ends = np.cumsum([len(s.families) for s in every])

@@ -67,13 +67,13 @@ class Clock:
         return np.full(len(self.frequency), 2.0 / self.rate)
 
     def periodogram(self, rows: np.ndarray) -> np.ndarray:
-        """One-sided power spectral density (K,) of rows (N,), without their mean."""
+        """One-sided power spectral density (K,) [1/Hz] of rows (N,), without their mean."""
         spectrum = np.fft.rfft(rows - rows.mean())[1 : len(self.frequency) + 1]
         return np.asarray(2.0 / (self.rate * self.rows) * np.abs(spectrum) ** 2)
 
     def slope_std(self, white: float, flicker: float) -> float:
-        """Standard deviation [1/s] of a fitted straight line's slope, by white noise of a standard
-        deviation ``white`` and 1/f noise of an amplitude ``flicker``."""
+        """Standard deviation of a fitted straight line's slope, in units of the rows per second, by
+        white noise of standard deviation ``white`` and 1/f noise of amplitude ``flicker``."""
         t = (np.arange(self.rows) - (self.rows - 1) / 2.0) / self.rate
         weight = t / (t @ t)
         padded = rfft(weight, next_fast_len(2 * self.rows, real=True))
@@ -88,7 +88,7 @@ class Spectrum:
     """White and 1/f noise of one channel, with uncertainties, without quantisation noise.
 
     Attributes:
-        white, flicker: see `NoiseModel`.
+        white, flicker: standard deviation, and amplitude of the 1/f part, as in `NoiseModel`.
         flicker_std: of ``flicker``; NaN where that is insignificant and 0.
         flicker_most: upper 95 % limit of ``flicker``.
         misfit: mean squared misfit of the octaves over their variances, 1 if the model holds.
@@ -134,7 +134,8 @@ def fit(density: np.ndarray, keep: np.ndarray, clock: Clock) -> Spectrum:
 
 
 def _scored(seen: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Powers (2,) of white and 1/f part fitted by Fisher scoring, and their information (2, 2)."""
+    """Fit densities ``seen`` (n,) by Fisher scoring with the unit spectra of white and 1/f noise,
+    ``basis`` (2, n): powers (2,) and information (2, 2)."""
     power = np.array([seen[len(seen) // 2 :].mean() / basis[0, 0], 0.0])
     low = slice(0, max(2, len(seen) // 50))
     power[1] = max(0.0, float(np.mean((seen[low] - power[0] * basis[0, low]) / basis[1, low])))
@@ -154,7 +155,8 @@ def _scored(seen: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _coloured(density: np.ndarray, keep: np.ndarray, clock: Clock, misfit: float) -> Spectrum:
-    """Fit the 1/f part to the low frequencies alone; the white part is the rest of the variance."""
+    """Fit the 1/f part of a periodogram (K,) to its low frequencies alone, of those in ``keep``
+    (K,); the white part is the rest of the variance. ``misfit`` goes into the result."""
     low = np.flatnonzero(keep & (clock.frequency <= BELOW_ARM_HZ))
     low = low if len(low) > 1 else np.flatnonzero(keep)[:2]
     seen, basis = density[low], np.stack([clock.white[low], clock.flicker[low]])
@@ -180,7 +182,7 @@ def _root_std(power: float, std: float) -> float:
 
 
 def octaves(count: int) -> Iterator[slice]:
-    """Yield slices of ``count`` frequencies: the first has 4, each next one twice as many."""
+    """Yield slices that divide ``count`` frequencies: first 4, each next one twice as many."""
     first, size = 0, 4
     while first < count:
         last = first + size if count - first - size >= size else count
@@ -189,6 +191,6 @@ def octaves(count: int) -> Iterator[slice]:
 
 
 def _misfit(ratio: np.ndarray) -> float:
-    """Mean squared misfit of octaves, 1 if expected, from measured over expected density (K,)."""
+    """Mean squared misfit of octaves, 1 if expected, from measured over fitted density (K,)."""
     parts = [ratio[part] for part in octaves(len(ratio))]
     return float(np.mean([(part.mean() - 1.0) ** 2 * len(part) for part in parts]))

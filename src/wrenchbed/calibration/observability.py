@@ -39,9 +39,9 @@ class Observability:
     Attributes:
         rank, singular_values: of the scaled Jacobian.
         no_effect: names of the parameters that change no reading.
-        scale: typical size of each other parameter (K,), its unit.
-        basis: orthonormal null space of these, scaled (K, D).
-        symmetries: null directions with a known name, to be confirmed.
+        scale: typical size of each of the K other parameters (K,), in its unit.
+        basis: orthonormal null space of the K scaled parameters (K, D).
+        symmetries: name → null direction (parameter → change), each to be confirmed by ``basis``.
     """
 
     names: tuple[str, ...]
@@ -93,7 +93,7 @@ def analyse(
         jacobian: derivatives of whitened readings by the parameters (M, K).
         names: names of these parameters.
         scale: typical size of each parameter (K,), in its unit.
-        symmetries: null directions with a known name, each used only if this Jacobian confirms it.
+        symmetries: name → null direction, each used only if this Jacobian confirms it.
     """
     scaled = jacobian * scale
     norm = np.linalg.norm(scaled, axis=0)
@@ -113,7 +113,8 @@ def _in_span(x: np.ndarray, basis: np.ndarray) -> bool:
 
 
 def _sparsest(basis: np.ndarray) -> list[np.ndarray]:
-    """Sparse null vectors: for each parameter the one that contains it with the least 1-norm.
+    """Sparse vectors of the null space ``basis`` (K, D), in which each parameter that it moves is 1
+    once and the 1-norm is least; the sparsest first.
 
     Minimum 1-norm as a proxy for fewest entries: Donoho 2006, doi 10.1002/cpa.20132.
     """

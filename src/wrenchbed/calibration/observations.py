@@ -23,14 +23,14 @@ _WIDER, _BENT = (1, 2, 4), 1.25
 """Factors on the window where the joints' noise would outweigh the sensor's, and the growth of that
 noise, as a window shows it, from which it bends the path itself: white noise shows alike in all."""
 _LEVER = 1.0
-"""Joint accelerations are taken to act over this length [m]."""
+"""Lever [m] by which joint accelerations are turned into accelerations of the tool."""
 _BETWEEN = 0.2
-"""Mean distance from the nearest count, in counts, from which values stand anywhere between them:
-0.25 if all places are alike, 0 on counts."""
+"""Least mean distance of readings from the nearest count, in counts, at which they are not on
+counts: 0.25 if all places are alike, 0 on counts."""
 _SCALE = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """Relative weight of force [N] and torque [N·m] where nothing is known of the noise."""
 FALLBACK_COVARIANCE = np.diag(_SCALE**2)
-"""The same (6, 6) as a covariance."""
+"""Relative covariance (6, 6) of a row [N², (N·m)²] where nothing is known of the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,23 +169,22 @@ def window_of(recording: Recording) -> int:
 
 
 def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
-    """Variance (J,) [N²] of the force on 1 kg that each joint's noise causes through the
-    acceleration, from joint values minus smoothed ones (N, J), for a window [rows] of steps h [s].
-    """
+    """Variance (J,) [N²] of the force on 1 kg that each joint's noise causes through acceleration;
+    ``rough`` (N, J): joint values minus smoothed ones, over a window [rows] of steps h [s]."""
     second = scipy.signal.savgol_coeffs(window, _ORDER, deriv=2, delta=h)
     return np.asarray((second**2).sum() * rough.var(axis=0) * _LEVER**2)
 
 
 def _allowed(recording: Recording) -> float:
-    """Largest force per kg of tool [N/kg] due to joint noise that the sensor's noise hides."""
+    """Largest force per kg of tool [N/kg] by rough joint values that the sensor's noise hides."""
     std = recording.metadata.sensor.noise_std
     force = float(_SCALE[0]) if std is None or min(std[:3]) == 0 else max(std[:3])
     return force / (recording.metadata.tool.mass or 1.0)
 
 
 def _check_smooth(recording: Recording, force: np.ndarray, rough: np.ndarray) -> None:
-    """Raise `CalibrationError` if the joints' acceleration is mostly noise; ``force`` (J,) and
-    ``rough`` (N, J) as in `_force_of_noise`.
+    """Raise `CalibrationError` if the joints' acceleration is mostly noise: the variance of its
+    force ``force`` (J,) [N²/kg²], from joint values minus smoothed ones, ``rough`` (N, J).
 
     Noise in a regressor biases the fit towards a smaller mass further in, whatever the sensor.
     """
@@ -230,8 +229,8 @@ def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:
 
 
 def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
-    """Raise a row covariance's variances to the sensor's resolution (unless readings are means of
-    rows, between its counts); without any noise return relative weights `_SCALE`."""
+    """Covariance of one row (6, 6) with variances of at least the sensor's rounding (less where
+    readings are means of rows); zeros for readings without any noise."""
     variance = np.diagonal(covariance)
     if not recording.has_wrench:
         return covariance

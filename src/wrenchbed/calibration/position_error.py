@@ -46,7 +46,7 @@ class Goal:
 
     @property
     def weight(self) -> np.ndarray:
-        """Mean GᵀG (K, K): trace(weight · covariance) is the mean square position error [m²]."""
+        """Mean GᵀG (K, K): trace(weight · parameter covariance) is the mean square error [m²]."""
         flat = self.sensitivity.reshape(-1, self.sensitivity.shape[-1])
         return flat.T @ flat / len(self.sensitivity)
 

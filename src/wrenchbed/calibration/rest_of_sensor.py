@@ -1,4 +1,4 @@
-"""Whether a recording is a rest that a sensor's noise can be learnt from; refusals say why not."""
+"""Check that a recording at rest allows a sensor's noise to be learnt; refusals say why not."""
 
 from collections.abc import Iterator
 
@@ -14,19 +14,18 @@ LEAST_ROWS, LEAST_S = 256, 0.9
 """Fewer rows tell a standard deviation to no better than 5 %, and less time than about 1 s no
 colour below 1 Hz. A minute is meant."""
 _UNEVEN, _GAP = 0.2, 2.5
-"""Standard deviation of the steps in time, and a single one, over the median step: jitter of an
-ordinary logger passes, two lost rows do not."""
+"""Largest standard deviation of the time steps, and largest single step, over the median step:
+jitter of an ordinary logger passes, two lost rows do not."""
 _BLOCKS, _JUMP = 60, 14.0
-"""A rest is cut into so many blocks, a second each of a minute; their means change by at most so
-many times the median change (Gaussian noise: 9 sigma, once in 10^17; 1/f noise less)."""
+"""Number of blocks into which a rest is cut, a second each of a minute, and largest change of their
+means over the median change (Gaussian noise: 9 sigma, once in 10^17; 1/f noise less)."""
 
 
 def check_rest(recording: Recording) -> float:
     """Check that a recording is a rest from which noise can be learnt; return its rate [Hz].
 
     Raises:
-        CalibrationError: too short, moving, uneven, saturated, disturbed or dead; names the file,
-            the row and the remedy.
+        CalibrationError: too short, moving, uneven, saturated, disturbed or dead.
     """
     for reason in _reasons(recording):
         raise CalibrationError(f"{recording.name}: {reason}")

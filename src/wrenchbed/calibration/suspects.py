@@ -20,24 +20,24 @@ GAIN, CROSSTALK, TILT, LATE_S, CLOCK = 0.01, 0.005, np.deg2rad(0.2), 0.002, 1e-3
 ZERO = {"rad": np.deg2rad(0.2), "m": 2e-4}
 """Ordinary size of a joint's zero by its unit."""
 PART = 0.005
-"""Ordinary size of a drift, of a dependence on the pose and of what a late wrench keeps of the pose
-before, as a part of the readings' swing."""
+"""Ordinary size, over the readings' swing, of a drift, of a dependence on the pose, and of what a
+late wrench keeps of the pose before."""
 CONSTANT = np.repeat([0.01, 5e-4], 3)
 """Ordinary zero of a tared sensor [N, N·m]."""
 ARM = 0.1
-"""Torque from force of an ordinary crosstalk over that within forces [m]; its inverse back."""
+"""Lever [m] that converts an ordinary crosstalk among forces to one of force in torque."""
 STEP = 1e-6
 """Step of finite differences of angles [rad], of joint values [rad; m] and of the clock's rate."""
 WAVES = 4
-"""Half waves of the fastest drift in a recording: faster ones are like noise of the poses."""
+"""Half periods in a recording of the fastest drift: faster ones are like noise of the poses."""
 
 
 class Suspect(NamedTuple):
-    """A possible fault: the change (M, 6, k) of the readings at its usual size, in k shapes.
+    """A possible fault: change (M, 6, k) of the readings by its ordinary size, in k shapes.
 
     Attributes:
         families: family of each shape (k,); shapes of one family have a common size.
-        tips: change of the touches' residuals (3T, k), None if it has none.
+        tips: change (3T, k) of the residuals of T touches, in standard deviations; None if none.
     """
 
     families: tuple[str, ...]
@@ -77,7 +77,7 @@ def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 
 
 def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Suspect:
-    """Make a fault that adds shapes (M, k) to any channel, scaled by forces' or torques' swing."""
+    """Make a fault of shapes (M, k) in any channel, scaled by the swing of forces or torques."""
     size = np.sqrt(problem.data.wrench.var(axis=0).reshape(2, 3).mean(axis=1)).repeat(3) * PART
     unit = shapes / np.maximum(np.sqrt((shapes**2).mean(axis=0)), 1e-3)
     each = np.einsum("mk,cd->mcdk", unit, np.diag(size))
@@ -97,7 +97,7 @@ def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
 
 
 def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Yield faults of frames: a tilt of gravity, and zero offsets of joints."""
+    """Yield faults of frames at x (K,): a tilt of gravity, and zero offsets of joints."""
     model, theta, q = problem.model, problem.at(x), problem.data.q[some]
     read, gravity = model.predict(q, theta), np.asarray(model.gravity)
     tilted = [
@@ -125,7 +125,8 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 def _of_time(
     problem: Problem, x: np.ndarray, some: np.ndarray, read: np.ndarray
 ) -> Iterator[Suspect]:
-    """Yield faults of time: a delay of the wrench; in motion also a clock of another rate."""
+    """Yield a delay of the wrench ``read`` (M, 6) and, in motion, a clock of another rate, as
+    changes at observations ``some``."""
     model, theta, q = problem.model, problem.at(x), problem.data.q
     if not isinstance(q, Jet):
         for name, others in (

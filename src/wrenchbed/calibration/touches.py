@@ -20,7 +20,7 @@ DOUBT = 0.001
 
 @dataclass(frozen=True)
 class Agreement:
-    """How well touches agree with the wrenches, the prior and each other.
+    """How well T touches of known points agree with the wrenches, the prior and each other.
 
     Attributes:
         std: assumed distance of a tip from its point, per axis [m].
@@ -43,7 +43,7 @@ class Agreement:
 
 @dataclass(frozen=True, eq=False)
 class Touches:
-    """T touches of known points; their wrenches, with the unknown contact force, are not used.
+    """T contacts of the tool's tip with known points; the wrenches of the contacts are not used.
 
     Attributes:
         q: joint values (T, J).
@@ -88,8 +88,8 @@ class Touches:
         return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
 
     def agreement(self, solution: Solution, first: int) -> Agreement:
-        """Compare each touch with its prediction from all other data (deletion residuals); the
-        touches begin at row ``first`` of the whitened solution."""
+        """Compare each touch with its prediction from all other data (deletion residuals);
+        ``first`` is the row of the whitened solution at which the touches begin."""
         rows = slice(first, first + 3 * len(self))
         residual = solution.residual[rows].reshape(len(self), 3)
         u, sizes, _ = np.linalg.svd(solution.jacobian, full_matrices=False)

@@ -32,7 +32,7 @@ from wrenchbed.simulation.closed_form import Model, robot_of
 GIVE = {"rad": ("rad/(N·m)", 7e-5), "m": ("m/N", 3e-6)}
 """Unit and typical size of a joint's compliance, as the effect ``joint.compliance`` has it."""
 FOLDS = 4
-"""Parts of the poses, each of which is held out once."""
+"""Number of parts of the poses, each held out once in cross-validation."""
 _STAND = ParameterSet(
     tuple(
         Parameter(f"{name}.{a}", 0.0, unit, 10.0, -np.inf, np.inf)
@@ -42,28 +42,27 @@ _STAND = ParameterSet(
         for a in "xyz"
     )
 )  # fmt: skip
-"""Stand of the tracker and place of the target in sensor axes; sizes far beyond any geometry's."""
+"""Tracker's pose, and target's position in sensor axes; tolerances far above any geometry's."""
 _HIDDEN = ("base.tilt.", "mount.")
-"""Groups of parameters that stand and target replace."""
+"""Groups of robot parameters that the tracker's pose and the target's position replace."""
 _LOADED = 1e-3
-"""Range of the torque of weight that tells a joint's compliance from its zero [N·m or N]."""
+"""Least range of the weight's torque that tells a joint's compliance from its zero [N·m, N]."""
 _WIDE = 30.0
-"""Tolerances within which a parameter is without a prior: an effect may have so many times its
-typical size. What poses hardly tell, as lengths along nearly parallel axes, stays where it is."""
+"""Standard deviation, in tolerances, of the weak prior of a fit without prior: an effect may be so
+many times its typical size. Lengths along nearly parallel axes, which poses hardly tell, stay."""
 _TOLD = 0.5
-"""Standard uncertainty over that of before, above which the data do not tell a parameter."""
+"""Largest posterior over prior standard uncertainty of a parameter that the data determine."""
 _NOISE_STEPS, _SAME_NOISE = 5, 0.01
-"""Times at most that the weights follow the noise that the fit shows, and the relative change from
-which they stay."""
+"""Most updates of the assumed noise by the residual, and the relative change that ends them."""
 _LEAST_NOISE = 1e-7
-"""Noise of readings that have none [m]."""
+"""Least noise assumed of a position [m], for readings without noise."""
 _PLANNED_TARGET = (0.1, 0.0, 0.1)
-"""Place of a target that no recording has seen yet [m, sensor axes]: a bracket beside the tool."""
+"""Assumed position of the target in sensor axes [m] in a plan: a bracket beside the tool."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """H measured positions of a tracker's target, and the robot model that is fitted to them.
+    """Fit problem: H positions of a target on the flange, measured by a tracker, and robot model.
 
     Attributes:
         theta: stated parameters of the robot (P,).
@@ -71,7 +70,7 @@ class Sight:
         read: measured positions (H, 3) in the tracker's axes [m].
         columns: indices of the free geometric parameters.
         joints: indices from 0 of the joints with a free compliance.
-        turn: rotation (3, 3) of the tracker from which its rotation vector counts.
+        turn: rotation (3, 3) from world to tracker, on which its fitted rotation vector acts.
     """
 
     model: Model
@@ -122,8 +121,8 @@ class Sight:
         return np.moveaxis(np.concatenate([by_geometry, by_joint, by_stand]).imag / STEP, 0, 2)
 
     def solve(self, noise: float, tolerances: float, start: np.ndarray) -> Solution:
-        """Least-squares fit from ``start`` (K,) for a noise [m], with each parameter's prior of
-        ``tolerances`` tolerances about its stated value."""
+        """Least-squares fit from ``start`` (K,) for a noise [m]; each parameter's prior has its
+        stated value as mean and ``tolerances`` times its tolerance as standard deviation."""
         scale, centre = self.parameters.tolerance, self.start
         pull = np.diag(1.0 / (tolerances * scale))
 
@@ -168,10 +167,10 @@ class Sight:
 def calibrate_tracker(
     recording: Recording, options: CalibrationOptions | None = None
 ) -> TrackerFit:
-    """Fit a robot's geometry and compliances to positions mx my mz of a target at rest, one row or
-    many a pose; by default all geometry is free, and the compliance of every joint that weight
-    loads. A CalibrationError without such columns or enough varied poses, or for a geometry that
-    predicts held-out poses no better than the stated one."""
+    """Fit a robot's geometry and joint compliances to positions mx my mz of a target at rest; by
+    default all geometry is free, and the compliance of every joint that weight loads. A
+    `CalibrationError` without such columns, with too few poses or, unless ``options.force``, with
+    held-out poses predicted no better than by the stated geometry."""
     options = options or CalibrationOptions()
     sight, repeats, rows = _sight(recording, options)
     count, tolerances = sight.read.size, 1.0 if options.prior else _WIDE
@@ -241,8 +240,8 @@ def planned_slopes(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, float, int]:
-    """Set up the fit of a recording: the problem, the noise of a pose's mean by its repeats [m] (0
-    without), and the number of rows used."""
+    """Set up a recording's fit; return it, the standard deviation [m] of a pose's mean by its
+    repeats (0 without any), and the number of rows used."""
     name = recording.name
     if not all(c in recording.columns for c in TARGET):
         raise CalibrationError(f"{name}: no columns mx my mz: a tracker did not record this")
@@ -287,7 +286,7 @@ def _free(
 
 def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> tuple[float, float]:
     """Rms distance [m] of held-out poses from fits without them, and its expected value for a
-    correct model, from noise and number of poses (Cramér–Rao).
+    correct model, from noise [m] and number of poses (Cramér–Rao). Priors as in `Sight.solve`.
 
     Each fit is one Gauss–Newton step from that of all poses, x (K,), which is near.
     """
@@ -315,8 +314,8 @@ def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> t
 def _identified(
     sight: Sight, solution: Solution, dof: float, tolerances: float
 ) -> tuple[IdentifiedValue, ...]:
-    """Geometry and compliances with their uncertainties; no uncertainty where the data add nothing
-    to the prior."""
+    """Geometry and compliances with uncertainties (Student's t of ``dof``); None where the data add
+    nothing to the prior of ``tolerances`` times a parameter's tolerance."""
     std = np.sqrt(np.diagonal(solution.covariance))
     determined = std < _TOLD * tolerances * sight.parameters.tolerance
     names = ((p.name, p.unit) for p in sight.parameters)

@@ -10,20 +10,20 @@ from wrenchbed.calibration.fit import IdentifiedValue, WrittenFit, entries, head
 from wrenchbed.calibration.observability import Observability
 
 SPRINGS, COMPLIANCE = "joint.compliance", "compliance.q"
-"""Effect of joints that give, and how its compliances' names begin, before the joint's number."""
+"""Effect of compliant joints; begin of names of their compliances, before the joint's number."""
 MISFIT = 1.5
-"""Held-out error over what noise alone makes of it, from which the geometry does not hold all that
-the tracker saw: misfit is then larger than noise (√(1.5² − 1) = 1.1)."""
+"""Ratio of the held-out error to that by noise alone, above which the geometry does not explain all
+that the tracker saw: misfit is then larger than noise (√(1.5² − 1) = 1.1)."""
 FOLLOWS = 0.5
-"""Share of the places' extent that the stated geometry may leave: forces and torques of the same
-names leave 0.4 to 0.98, zeros that are 20° off 0.45."""
+"""Largest held-out error of the stated geometry, over the extent of the measured positions: forces
+and torques in their columns leave 0.4 to 0.98, zeros that are 20° off 0.45."""
 _LOOSE = 0.1
-"""Standard uncertainty of a turn [rad] from which a linear fit of it misleads."""
+"""Standard uncertainty of the tracker's rotation [rad] from which its linear fit misleads."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrackerFit(WrittenFit):
-    """A fit of a robot's geometry to the places of a target.
+    """A fit of a robot's geometry to positions of a target on its flange, measured by a tracker.
 
     Attributes:
         identified: the free parameters: geometry and compliances.
@@ -31,17 +31,16 @@ class TrackerFit(WrittenFit):
         gravity: world axes (3,) [m/s²].
         stand: the tracker's pose, rotation vector [rad] and shift [m] from the world to its axes,
             and the target's position in sensor axes [m], by name.
-        loose: largest standard uncertainty of the tracker's turn about an axis [rad].
+        loose: largest standard uncertainty of the tracker's rotation about an axis [rad].
         covariance: covariance of the identified parameters (K, K).
         noise: standard deviation of the fit's residual per axis [m], free parameters counted.
         repeats: noise of a pose's mean by its rows [m]; None without repeats.
         held_out: rms distance of poses from fits without them [m].
-        before: the same with the stated geometry; the tracker's pose and the target are fitted.
+        before: ``held_out`` of the stated geometry; only tracker and target positions are fitted.
         bound: expectation of ``held_out`` by noise and number of poses alone (Cramér–Rao) [m].
-        accuracy: rms distance of the fit from the true places at these poses, by its covariance
-            [m].
-        extent: rms distance of the measured places from their mean [m].
-        residual: measured minus fitted places (H, 3) [m].
+        accuracy: rms error [m] of the fitted positions at these poses, by the fit's covariance.
+        extent: rms distance of the measured positions from their mean [m].
+        residual: measured minus fitted positions (H, 3) [m].
     """
 
     recording: str
@@ -73,7 +72,7 @@ class TrackerFit(WrittenFit):
 
     @property
     def errors(self) -> tuple[tuple[str, float], ...]:
-        """Labels and values [m] of the rms distances that a report compares."""
+        """Labels and values [m] of the rms position errors that a report compares."""
         return (
             ("held-out poses, geometry as stated", self.before),
             ("held-out poses, geometry as fitted", self.held_out),

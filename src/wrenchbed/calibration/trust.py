@@ -1,4 +1,4 @@
-"""Checks of a recording's observations before a fit: whether the data refute it anyway."""
+"""Checks of a recording's observations before a fit: whether the data would refute its result."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"}
 def observed(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Observed:
-    """Observations as `checks` take them, at stated theta (P,); ``free``: what a fit will find."""
+    """Convert observations for `checks`: theta (P,) is stated, ``free`` names what a fit finds."""
     robot, robot_theta = model.robot, model.robot.robot_theta(theta)
     tool, stated = robot.tool(robot_theta), recording.metadata.tool
     row = np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1)
@@ -44,7 +44,7 @@ def of_observations(
 ) -> Finding | None:
     """Finding if rows are no repeats of their pose or, with a free mass, no load fits; else None.
 
-    Arguments as in `observed`.
+    Theta (P,) is stated, ``free`` names the parameters that a fit will find.
     """
     if recording.metadata.mode == "static":
         finding = contradicted(recording, data.keep, data.count)

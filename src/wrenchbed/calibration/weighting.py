@@ -1,9 +1,9 @@
 """Weights of a fit, from the data: repeats, stated noise, or the residual.
 
-The mean of a hold has an independent error and one that wanders slowly as 1/f noise does:
-neighbouring holds err together, and the bias of a whole recording run is known no better than the
-wander lets it. Both levels are found per channel by restricted maximum likelihood (Patterson &
-Thompson 1971, doi 10.1093/biomet/58.3.545), which allows for the fitted parameters.
+The mean of a hold (a pose at rest) has an independent error and one that wanders slowly as 1/f
+noise does: neighbouring holds err together, and wander limits how well the bias of a recording is
+known. Both levels are found per channel by restricted maximum likelihood (Patterson & Thompson
+1971, doi 10.1093/biomet/58.3.545), which allows for the fitted parameters.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ _MOST_POSES = 1500
 _DECADES_BELOW = 1.0
 """Decades by which the 1/f band reaches below the inverse of the campaign's length."""
 _RANGE = (-8.0, 12.0)
-"""Natural logarithm of wander over independent variance that is searched."""
+"""Searched range of the natural logarithm of wander over independent variance."""
 _SEARCHED = 0.01
 """Accuracy of that logarithm: 1 % of a ratio that the data know to a factor of two at best."""
 _REWEIGHTINGS, _SETTLED = 3, 1e-6
@@ -34,14 +34,14 @@ _TRUST = 0.01
 """P-value of the residual's χ² below which the noise of the repeats does not explain it."""
 _BATCHES = 20
 _ENOUGH = 20
-"""Poses beyond the number of parameters from which the residual shows wander and correlation."""
+"""Poses in excess of the parameters from which the residual shows wander and correlation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Wander:
     """Noise model of a hold's mean: independent variance (6,) and 1/f level (6,) [N², (N·m)²].
 
-    ``basis`` (N, N) and ``spread`` (N,) are eigenvectors and eigenvalues of the 1/f kernel.
+    ``basis`` (N, N) and ``spread`` (N,) are eigenvectors and eigenvalues of `kernel`, for N holds.
     """
 
     independent: np.ndarray
@@ -128,7 +128,7 @@ def _restricted(r: np.ndarray, span: np.ndarray, weight: np.ndarray) -> tuple[fl
 
 
 def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a whitening by each channel's variance (6,), without correlation in time."""
+    """Return a whitening of rows by each channel's variance (6,), without correlation in time."""
     root = np.sqrt(variance)
     return lambda rows: rows / root.reshape(root.shape + (1,) * (rows.ndim - 2))
 
@@ -179,8 +179,7 @@ def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
 def _blind(problem: Problem) -> Outcome:
     """Fit without known noise: one noise level of all forces and one of all torques.
 
-    A residual is often an effect that the model lacks; a weight of each channel by its own residual
-    would depend on chance.
+    Residuals often are effects that the model lacks; their size in a single channel is chance.
     """
     data = problem.data
     solution = problem.solve(_rows(FALLBACK_COVARIANCE, np.ones(len(data))), problem.start)
@@ -200,7 +199,7 @@ def _blind(problem: Problem) -> Outcome:
 
 
 def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> Outcome:
-    """Fit weighted by the residual's variance and correlation time, channel by channel."""
+    """Refine a solution by weights from each channel's residual variance and correlation time."""
     data = problem.data
     expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     variance = np.zeros(6)
@@ -219,7 +218,7 @@ def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> O
 
 
 def _wandering(problem: Problem, solution: Solution) -> Outcome:
-    """Fit weighted by the residual's scatter, 1/f wander and correlation between channels."""
+    """Refine a solution by weights from its residual's scatter, 1/f wander, channel correlation."""
     data = problem.data
     least = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     order = np.argsort(data.t)
@@ -242,7 +241,7 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
 
 
 def _exact(found: np.ndarray, data: Observations) -> bool:
-    """Whether a residual's variance (6,) is nothing but rounding."""
+    """Whether a residual's variance ``found`` (6,) [N², (N·m)²] is nothing but rounding."""
     size = np.abs(data.wrench).max()
     return bool(found.min() < (1e-12 * size) ** 2)
 

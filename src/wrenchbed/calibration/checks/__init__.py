@@ -5,5 +5,4 @@ Free: the inside of each file (thresholds and order), judged by tests/calibratio
 `scripts/corruptions`.
 Others rely on: the words of `REASONS` (``wrenchbed list checks``, `scripts/corruptions`), and
 `Finding.blocks`, by which a calibration or diagnosis refuses.
-Never: fit parameters of a robot, or mend a recording; it says what is wrong.
-"""
+Never: fit parameters of a robot, or mend a recording; it says what is wrong."""

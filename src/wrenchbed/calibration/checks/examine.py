@@ -1,4 +1,4 @@
-"""Order of the checks: rows, then the load; a cause comes before what follows from it."""
+"""Order of the checks of a recording: rows, then the load; causes before their effects."""
 
 from dataclasses import replace
 
@@ -32,42 +32,42 @@ LEAST_WEIGHT, LITTLE = 0.01, 0.05
 LEAST_SPREAD = 0.05
 """Least spread of gravity's direction, as the sensor sees it, along the second of its axes."""
 PUSHED = 0.5
-"""Forces that change by more than this part of the weight while gravity hardly turns."""
+"""Least change of forces, over the weight, that is a contact while gravity hardly turns."""
 LARGEST_KG, LARGEST_M = 50.0, 2.0
-"""Largest load and lever arm; larger ones are given in another unit."""
+"""Largest plausible load [kg] and lever arm [m]; larger ones are given in another unit."""
 BEYOND = 2.5
 """Largest difference of two forces, in weights, that a load explains: a half turn makes two."""
 FROZEN, FEW = 1e-3, 8
-"""A column is frozen where this part of the swing is left; so many observations judge the rest."""
+"""Least residual over swing with a column that may be frozen, and fewest observations that judge
+the rest of the recording."""
 CLEAR = 6.0
-"""A load on a channel this many times its noise cannot hide."""
+"""Least load on a channel, in its noise, that must show."""
 APART = 3.0
-"""A load on a channel this many times what the others' rest may make of it: 3 σ."""
+"""Least load on a channel over what the residual of the other channels may make of it: 3 σ."""
 LONG = 0.5
-"""Longest lever [m] that counts as found where a channel is left out: tools' centres of gravity are
-nearer."""
+"""Longest lever [m] of a load that is fitted without one channel: tools' CoGs are nearer."""
 DEAD = 0.1
-"""A channel that follows its load by less, relative, is dead."""
+"""Largest measured over expected variation of a channel that counts as dead."""
 CONTRADICTED = 0.25
-"""Part of the load that the others show on a channel which one load for all leaves there at least,
-if they contradict each other: turned about one axis, the others show loads of many kinds."""
+"""Least residual of a channel in a fit of all channels, over the load that the other channels show
+on it, if it contradicts them: turned about one axis, the others show loads of many kinds."""
 FOLLOWED = 0.5
 """Least fraction that a fitted load leaves of the forces of one weight turned at random."""
 ROUND = 0.05
 """Least spread of forces, over the radius, along any axis, for a sphere through them to be seen."""
 SPHERE = 0.1
-"""Relative scatter of the forces' distances from their middle, up to which they are one weight
-turned about: less finds none on a sensor with gain errors, more finds one in pushes by hand."""
+"""Largest relative scatter of the forces' distances from their middle at which they are one weight
+turned about: less finds none with gain errors, more finds one in pushes by hand."""
 MIRRORED = 0.1
 """A CoG that comes out at minus the stated one, within this share, is a wrong sign of torques."""
 STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s²], by definition."""
 SAME_UNIT, NEAR_UNIT, EXACT_UNIT = 0.03, 0.05, 0.01
-"""Relative differences from the ratio of two units: of torques, whose arms are stated to some mm;
-up to which a unit is possible; and up to which it explains forces, which sensors know to 1 %."""
+"""Largest relative differences from the ratio of two units: of torques, whose arms are stated to
+some mm; for a unit to be possible; and to explain forces, which sensors know to 1 %."""
 COUNTS, SUBTRACTED = 20.0, 0.5
-"""Ratio of the forces to the stated weight from which they are counts, and below which a controller
-subtracts a payload: nobody states a tool twice as heavy as it is."""
+"""Least ratio of forces to the stated weight that means counts, and largest that means a payload
+subtracted by a controller: nobody states a tool twice as heavy as it is."""
 _UNITS = {
     "kgf": 1.0 / 9.80665, "lbf": 1.0 / 4.4482216, "mN": 1e3, "kN": 1e-3, "gf": 101.97162,
 }  # fmt: skip
@@ -75,15 +75,15 @@ _UNITS = {
 
 
 def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> Finding | None:
-    """First finding against a recording, None if there is none. With ``blocking`` only findings
-    count after which even a diagnosis, which sets contacts aside and names jumps of the zero, can
-    learn nothing."""
+    """Return the first finding against a recording, or None. ``seen`` are its observations; with
+    ``blocking`` only findings count after which even a diagnosis, which sets contacts aside and
+    names jumps of the zero, can learn nothing."""
     finding = rows.of_rows(recording, blocking=blocking) or of_load(recording, seen)
     return finding if finding is None or finding.blocks or not blocking else None
 
 
 def of_load(recording: Recording, seen: Observed) -> Finding | None:
-    """Finding if no rigid load under gravity explains the readings of this robot; else None."""
+    """Finding if no rigid load under gravity explains the observations ``seen``; else None."""
     finding = _one_orientation(seen)
     if finding is not None:
         return finding
@@ -179,7 +179,7 @@ def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
 
 
 def _one_weight(rest: Observed, force: np.ndarray) -> bool:
-    """Whether forces (K, 3) [N] have the magnitude of the weight that the rows ``rest`` show."""
+    """Whether forces (K, 3) [N] are as large as the weight that the observations ``rest`` show."""
     some = thinned(rest)
     phi = some.moments.fit().phi
     zero = (some.y[:, :3] - some.design[:, :3] @ phi).mean(axis=0)
@@ -273,7 +273,7 @@ def _bad_channel(k: int, measured: float, due: float) -> Finding:
 
 
 def _other_robot(seen: Observed, load: Load) -> Finding | None:
-    """Finding if one constant weight turns otherwise than the joints do; else None."""
+    """Finding if forces are a constant weight, but not turned as the joints turn; else None."""
     radius, off = sphere(seen.y[:, :3])
     noise = float(seen.noise[:3].max(initial=0.0))
     if load.share < FOLLOWED or off > SPHERE or radius < CLEAR * noise:
@@ -357,7 +357,7 @@ def _units(seen: Observed, load: Load) -> Finding | None:
 
 
 def _longer(seen: Observed, load: Load) -> float | None:
-    """Fitted over stated distance of the CoG from the sensor; None if unstated or elsewhere."""
+    """Fitted over stated distance of the CoG; None if unstated or in another direction."""
     if seen.cog is None or not (square := float(seen.cog @ seen.cog)):
         return None
     lever = load.phi[1:4] / load.phi[0]
@@ -398,7 +398,7 @@ def _unlike_stated(seen: Observed, load: Load) -> Finding | None:
 
 
 def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
-    """Finding that a controller subtracts a payload, with its mass by the remaining forces."""
+    """Finding that a controller subtracts a payload, by the forces left; ``doubt`` is its end."""
     mass = float(load.phi[0])
     less = seen.mass - mass
     state = ", or state the tool without it" if mass > 0.0 else " and record again"

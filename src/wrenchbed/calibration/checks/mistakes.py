@@ -1,7 +1,7 @@
 """Which one mistake explains readings that no load on this robot explains.
 
-Each mistake is undone in turn; the one that leaves least is named if it leaves a small part of
-what the readings leave as they are. What two mistakes explain equally well is named by the first.
+Each mistake is undone in turn; the one with the smallest residual is named if that is a small part
+of the residual before. Of mistakes that explain equally well, the first tried is named.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,14 +21,14 @@ from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
 
 MENDED = 0.15
-"""A mistake is named if undoing it leaves less than this part of what the readings leave."""
+"""Largest residual after a mistake is undone, over that before, at which it is named."""
 CLEAN = 0.03
 """Largest residual of an undone mistake, over the swing of the readings."""
 TIE = 0.02
 """Residuals that differ by less than this fraction of the limit count as equal."""
 WRONG, CLEARLY = 0.01, 0.1
-"""A channel of which no load explains this part is suspected to be another's, if the best mending
-leaves less than the second part of that."""
+"""Least unexplained part of a channel that makes it suspect to be another's, and largest ratio of
+that part after the best correction to before."""
 MOST = 400
 """Largest number of observations that are examined, spread over all."""
 TORQUES = {
@@ -38,10 +38,10 @@ TORQUES = {
     ("lbf", "lbf·ft"): 3.2808399, ("gf", "gf·cm"): 100.0, ("kgf", "kgf·m"): 1.0,
     ("mN", "mN·m"): 1.0,
 }  # fmt: skip
-"""Units of force and torque, and torques in them over what they are for forces as given."""
+"""(Unit of force, unit of torque) → number of torque units per N·m over force units per N."""
 PLACE = 2e-3
-"""Of mistakes that explain the readings equally well those count whose load lies at most so much
-[m] further from the stated place than the nearest: what noise moves it by."""
+"""Of mistakes that explain the readings equally well those count whose load lies at most this much
+[m] further from the stated place than the nearest: noise moves it by as much."""
 TURNED = np.deg2rad(10.0)
 """A sensor or a gravity turned by more than this is no imperfection of a mount or a base."""
 
@@ -77,7 +77,7 @@ def mistake(seen: Observed) -> Finding | None:
 
 
 def _mirrored(alike: Sequence[Mistake]) -> Finding:
-    """Finding that names every axis whose mirroring explains the readings, with its load."""
+    """Finding that names every axis whose mirroring explains the readings, each with its load."""
     loads = (", ".join(f"{1e3 * x:.0f}" for x in m.centre) for m in alike)
     ways = " Or ".join(
         f"{m.finding.sentence}: the load is then at ({load}) mm."
@@ -92,8 +92,8 @@ def _whole(mistake: Mistake) -> bool:
 
 
 def channel_mistake(seen: Observed, before: Load) -> Finding | None:
-    """Finding on swapped or negated channels that carry too little load to matter to `mistake`;
-    None without any. Observations are `thinned`; ``before`` is the load fitted to them."""
+    """Finding on swapped or negated channels that carry too little load for `mistake` to notice;
+    None without any. ``seen`` is `thinned`; ``before`` is the load fitted to it."""
     if before.channel.max() < WRONG:
         return None
     for after, finding in _mended(seen.moments, float(before.phi[0])):

@@ -15,12 +15,12 @@ from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.robots.base import Robot
 
 LEAST_LEVER = 0.02
-"""Torques below this lever [m] times the forces' swing are no part of the judgement: a cable of 0.1
-kg at 0.2 m, a wander of the zero and an imperfect geometry make as much."""
+"""Least swing of torques over that of forces [m] by which torques are judged: less comes of a cable
+of 0.1 kg at 0.2 m, a wander of the zero and an imperfect geometry."""
 SURE_OF_SIGNAL = 4.0
 """Standard deviations by which the scatter of forces must exceed that of their noise."""
 LOUD = 5.0
-"""A channel whose swing is this many times its noise is judged by itself."""
+"""Least swing of a channel over its noise at which it is judged by itself."""
 _RIDGE = 1e-9
 
 
@@ -29,12 +29,12 @@ class Observed:
     """M observed wrenches of a robot that carries one load: poses at rest or samples of a motion.
 
     Attributes:
-        robot, theta, gravity: its model, its own parameters (P,), gravity in world axes (3,).
+        robot, theta: robot model and its own parameters (P,).
+        gravity: gravity in world axes (3,) [m/s²].
         q: joint values (M, J), orientations (M, 4), or a `Jet` of either in motion.
         y: readings (M, 6) [N, N·m].
         noise: standard deviation of an observation (6,), 0 where nothing is known.
-        t: begin of each observation (M,) [s].
-        row: number of the first row of each observation (M,).
+        t, row: time [s] and index of the first row of each observation (M,).
         mass: configured mass of the tool [kg].
         stated: whether the metadata state the mass.
         cog: CoG that the metadata state (3,) [m], None if they do not.
@@ -58,7 +58,7 @@ class Observed:
         return len(self.y)
 
     def motion(self, q: Value) -> Motion:
-        """Velocity and acceleration of the sensor at joint values or jets, gravity included."""
+        """Velocity and acceleration (less gravity) of the sensor at joint values or jets."""
         if isinstance(q, Jet):
             return motion_of(*self.robot.sensor_pose(q, self.theta), self.gravity)
         seen = -self.robot.gravity_seen(q, self.theta, self.gravity).T
@@ -81,7 +81,7 @@ class Observed:
 
     @cached_property
     def moments(self) -> "Moments":
-        """Sums of products of regressor and readings, without corrections."""
+        """Sums of products of regressor and readings, from which `Moments.fit` fits a load."""
         return Moments.of(self.design, self.y, self.noise)
 
 
@@ -90,7 +90,7 @@ class Load:
     """One rigid load under gravity, fitted to readings, with its residual.
 
     Attributes:
-        phi: its ten inertial parameters (10,).
+        phi: ten inertial parameters (10,): mass, first moments [kg m], moments of inertia [kg m²].
         share: residual beyond noise over the readings' variance, the larger of forces and torques,
             0 … 1; 1 for a load without mass and where the readings are only noise.
         left: rms residual of each channel (6,) [N, N·m].
@@ -108,9 +108,9 @@ class Moments:
     """Sums of products of regressor D and readings y, about their means, over M observations.
 
     Attributes:
-        design: D_c' D_c of each channel (6, 10, 10).
-        mixed: D_c' y_d (6, 6, 10).
-        readings: y_c' y_d (6, 6).
+        design: D_cᵀ D_c of each channel c (6, 10, 10).
+        mixed: D_cᵀ y_d of channels c, d (6, 6, 10).
+        readings: y_cᵀ y_d (6, 6).
         noise: variance of an observation (6,), which no load explains.
     """
 
@@ -187,7 +187,7 @@ def _parts(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def left_of_swing(residual: np.ndarray, y: np.ndarray) -> float:
-    """Squared residuals (M, 6) over squares of y about means; the larger of forces and torques."""
+    """Squared residuals (M, 6) over squares of y (M, 6) less means; larger of forces, torques."""
     remaining, swing = (residual**2).sum(axis=0), ((y - y.mean(axis=0)) ** 2).sum(axis=0)
     force, torque = float(swing[:3].sum()), float(swing[3:].sum())
     torque = max(torque, LEAST_LEVER**2 * force, 1e-300)

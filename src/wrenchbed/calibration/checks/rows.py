@@ -12,15 +12,14 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.sensors.base import STATUS_SATURATED
 
 STUCK = 0.2
-"""Share of the rows after which a channel that stays at one value is stuck."""
+"""Least share of the rows for which a stuck channel stays at one value."""
 CLIPPED = 0.3
-"""Share of the rows at a channel's end that is refused whatever the end is."""
+"""Share of the rows at a channel's largest or smallest value above which it is refused."""
 FEW = 10
 """Fewest rows from which the fraction at a channel's end is evaluated: of fewer rows `CLIPPED` is
 three or less, which coarse counts reach by chance."""
 AT_END, LEAST_CLIPPED = 0.01, 0.02
-"""Distance of a channel's extreme from the sensor's range, and least fraction of rows there, for a
-clipped channel."""
+"""Largest relative distance of a clipped channel's extreme from the range; least share there."""
 LEAST_AT_END = 10
 """Least number of rows at a clipped channel's extreme."""
 PILE = 5.0
@@ -28,48 +27,47 @@ PILE = 5.0
 ENDS = (1.0, 1.05)
 """Ends of converters' ranges in multiples of the sensor's range."""
 SPIKE, SPIKES = 3.0, 0.005
-"""A row that leaves its neighbours by so many times the channel's usual swing, and comes back, is
-no measurement; more than this share of such rows is noise."""
+"""Least distance of a spike from its neighbours over the channel's usual swing, and largest share
+of spikes among the rows; more are noise."""
 ABSURD = 30.0
-"""A spike of so many times the usual swing is no blow of a tool either."""
+"""Distance of a spike over the usual swing from which it is no blow on the tool either."""
 FAR = 30.0
 """Least distance of a spike from its neighbours in multiples of the usual step between rows."""
 LEAST_LOST = 3
 """Fewest rows without a reading that are named: fewer move no fit by much."""
 ALIKE = 0.5
-"""Relative difference of the rows before and after one without a reading, within one pose."""
+"""Largest relative difference of the rows before and after one without a reading."""
 _USUAL = 0.1
 """Share of the steps from row to row that are larger than the usual one: the ninth decile leaves
-moves, a tenth of the rows, aside."""
+moves between poses, a tenth of the rows, aside."""
 MOST_NAMED = 10
 """Most rows that are named beside the worst one."""
 _OR_HUBER = ", or calibrate with --loss huber"
 ALL = "all joints"
 """Name that stands for the columns of all joints at once."""
 MOVES = 10.0
-"""Readings that scatter by so many times their noise move."""
+"""Least scatter of readings over their noise that is a motion."""
 CLOCK = 0.1
-"""Part by which a step of the clock may differ from the stated rate."""
+"""Largest relative difference of the clock's step from the stated rate."""
 OFF = 8.0
-"""Standard deviations of a row from its pose's median, by the rows' median deviation, from which it
-is no repeat: normal noise is so far off once in 10¹⁵ rows."""
+"""Distance of a row from its pose's median, in standard deviations (by the median deviation), from
+which it is no repeat: normal noise is so far off once in 10¹⁵ rows."""
 OFF_SHARE, OFF_ROWS = 0.005, 3
-"""Share of the rows, and rows, that are far off at least: fewer move no mean by much."""
+"""Least share and number of rows far from their pose's median: fewer move no mean by much."""
 MOVED = 3.0
-"""Standard uncertainties by which far rows move the poses' means, if they matter."""
+"""Least shift of the poses' means by rows far from the median, in standard uncertainties."""
 ALONG, MOST = 0.2, 0.8
-"""A far row is on its way to a neighbouring pose if it is off that way by less than this part of
-what it is off by; so are this part of the far rows where the wrench is late or early."""
+"""Largest part of a row's deviation beside the direction to the neighbouring pose, if the row
+belongs to the move there, and least share of such rows where the wrench is late or early."""
 EARLY = 0.25
-"""Part of a pose in which the tool may still ring: far rows that stood anywhere would be there as
-often."""
+"""First part of a pose in which the tool may still ring after the move."""
 _MAD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation."""
 
 
 def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
     """First finding from a recording's rows alone, None without any. With ``blocking`` only
-    findings that make a recording useless count.
+    findings count that make the recording useless even for a diagnosis.
 
     Raises:
         RecordingError: the recording has no wrench.
@@ -175,8 +173,7 @@ def _ranges(recording: Recording) -> Iterator[Finding]:
 
 
 def _lost(recording: Recording) -> Iterator[Finding]:
-    """Yield findings on rows without a reading: all channels 0, or one channel 0 between rows that
-    are far from 0."""
+    """Yield findings on rows without a reading: all channels 0, or one 0 amid large values."""
     blank = np.asarray(~recording.wrench.any(axis=1))
     if LEAST_LOST <= blank.sum() < len(recording):
         yield _no_readings("all channels are", blank)
@@ -255,8 +252,8 @@ def _clock(recording: Recording) -> Iterator[Finding]:
 
 
 def frozen_joints(recording: Recording) -> list[tuple[str, int, int]]:
-    """Joint columns that are exactly constant for more rows than any pose, while others change:
-    (column, or `ALL` if all joints are; first row; number of rows) of each."""
+    """Joint columns that are exactly constant for more rows than any pose lasts, while others
+    change. Returns of each: column, or `ALL` for all joints together; first row; number of rows."""
     names = recording.joints or QUATERNION
     columns = [np.asarray(recording.columns[n]) for n in names]
     moved = np.zeros(len(recording) - 1, dtype=bool)
@@ -356,7 +353,7 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
 
 
 def _along(off: np.ndarray, way: np.ndarray) -> float:
-    """Fraction of deviations ``off`` (F, 6) along the vectors ``way`` (F, 6), in their length."""
+    """Fraction of deviations ``off`` (F, 6) that point along ``way`` (F, 6) and are shorter."""
     size = np.maximum((way**2).sum(axis=1), 1e-300)
     part = np.clip((off * way).sum(axis=1) / size, 0.0, 1.0)
     beside = ((off - part[:, None] * way) ** 2).sum(axis=1)

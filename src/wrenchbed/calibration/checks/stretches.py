@@ -19,14 +19,13 @@ KEPT = 0.6
 """Fraction of the observations that a trimmed fit explains, so that up to 40 % may be contact: at
 one half noise decides which half is kept, near 1 a long contact pulls the fit."""
 FAR = 8.0
-"""Robust standard deviations from which an observation is no part of the load, if it is off by
-`PUSH` too."""
+"""Least distance of an observation in contact from the load, in robust standard deviations."""
 PUSH = 0.15
-"""Part of the load's own swing of force by which an observation must be off, beside `FAR`."""
+"""Least distance of an observation in contact from the load, over the load's swing of force."""
 MOMENTS = 40
-"""Number of moments at which a change is tried."""
+"""Number of times, evenly spread over a recording, at which a change is tried."""
 SIMPLER = 0.5
-"""A new load is named, not a new zero, where it leaves less than this part of what that does."""
+"""Residual with a new load over that with a new zero, below which the load is named."""
 MOST_NAMED = 8
 """Most stretches of rows that are named: they fill two lines."""
 LEAST_SIDE = 8
@@ -35,7 +34,8 @@ _MAD = 1.4826
 
 
 def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (M, 6) of the load on which most observations agree, and its robust scale (6,)."""
+    """Residual (M, 6) [N, N·m] of the load that explains the larger part of the observations best,
+    and the residual's robust standard deviation (6,)."""
     d, y, scale = _scaled(seen)
     kept, rng = int(KEPT * len(seen)), np.random.default_rng(0)
     best, least = y, np.inf
@@ -56,7 +56,7 @@ def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scaled(seen: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Regressor of load and bias (M, 6, 16) and readings (M, 6), over the swing (6,), and that."""
+    """Regressor of load and bias (M, 6, 16) and readings (M, 6) over the swing (6,); that swing."""
     d = np.concatenate([seen.design, np.broadcast_to(np.eye(6), (len(seen), 6, 6))], axis=2)
     force = float(seen.y[:, :3].std(axis=0).max())
     scale = np.repeat([force, max(float(seen.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
