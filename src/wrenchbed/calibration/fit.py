@@ -41,7 +41,7 @@ class FitNoise:
 
     Attributes:
         row: standard deviation of one row, from ``source``.
-        source: ``repeats``, ``stated`` or ``residual``.
+        source: ``repeats`` (rows within holds), ``stated`` (metadata) or ``residual`` (of the fit).
         expected: standard deviation of a hold's mean if its rows are independent.
         scatter: standard deviation of the holds' means about the fit.
         effective: number of independent rows with as much information as all rows (6,).

@@ -43,7 +43,8 @@ class Observations:
         count: rows in each mean (M,).
         row_covariance: noise of one row (6, 6); zero if there is no noise at all.
         dof: degrees of freedom of ``row_covariance``; inf if stated, 0 if unknown.
-        source: ``repeats``, ``stated`` or ``residual``.
+        source: origin of ``row_covariance``: ``repeats`` of poses, ``stated``, or ``residual`` if
+            it is unknown before a fit.
         t: mean time of each observation (M,) [s].
         keep: rows of the recording that are used, being not saturated (N,), boolean.
         flagged: number of used rows in which a real device's status word is not 0.

@@ -199,7 +199,8 @@ def _blind(problem: Problem) -> Outcome:
 
 
 def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> Outcome:
-    """Refine a solution by weights from each channel's residual variance and correlation time."""
+    """Refine a solution by weights from each channel's residual variance and correlation time.
+    ``inflated``: whether the known noise explains less than the residual."""
     data = problem.data
     expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     variance = np.zeros(6)

@@ -187,7 +187,8 @@ def _parts(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def left_of_swing(residual: np.ndarray, y: np.ndarray) -> float:
-    """Squared residuals (M, 6) over squares of y (M, 6) less means; larger of forces, torques."""
+    """Sum of squared residuals (M, 6) over that of the readings y (M, 6) about their means: of
+    forces or of torques, whichever is larger."""
     remaining, swing = (residual**2).sum(axis=0), ((y - y.mean(axis=0)) ** 2).sum(axis=0)
     force, torque = float(swing[:3].sum()), float(swing[3:].sum())
     torque = max(torque, LEAST_LEVER**2 * force, 1e-300)
