@@ -180,7 +180,7 @@ class CalibrationOptions:
         hold: Parameters, written as in ``free``, that keep their stated or nominal value.
         prior: Take each tolerance as a prior standard deviation.
         loss: Huber's resists outliers.
-        force: Return values also where the data refute them, instead of raising an error.
+        force: Give the values also where the data refute them.
     """
 
     free: Sequence[str] = ()

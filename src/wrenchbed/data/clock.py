@@ -19,27 +19,25 @@ from wrenchbed.errors import MapError
 PER_S = 1e9
 """Nanoseconds in a second."""
 JITTER = 0.02
-"""Steps that differ by less than this fraction are even; as `calibrate` demands of a motion."""
+"""Relative difference of steps below which a clock is even; `calibrate` demands it of a motion."""
 _GAP = 3.5
-"""A step of more than so many usual ones is a gap: over two lost frames in a row a straight line is
-the joints' path."""
+"""Least step over the usual one that is a gap; over less, a straight line is the joints' path."""
 _DEGREE, _TRIED = 5, 40
-"""Degree of the polynomial that fills a gap through as long a stretch on both sides, and stretches
-without a gap on which it is tried first."""
+"""Degree of the polynomial that fills a gap, fitted to rows before and behind of the gap's length,
+and number of stretches without a gap on which it is tried first."""
 _LONGEST_S = 0.05
-"""Longest gap that may be filled [s]: of all but the joints straight lines fill it, which are off
-by 5 % of the amplitude of what repeats every half second, 1 − cos(π g / T)."""
+"""Longest gap that is filled [s]. Straight lines fill all columns but joints; over a gap g they are
+off by 1 − cos(π g / T) of what repeats with the period T: 5 % for half a second."""
 _PARTED = 1.5
-"""Step over the usual one from which rows do not follow each other."""
+"""Least step over the usual one between rows that do not follow each other."""
 _SMOOTHER = 0.5
-"""Ratio of squared bends of the joints' path, by frames over by stamps, below which the rows were
-read evenly: either is larger where its clock is not the true one."""
+"""Largest ratio of the joints' squared changes of speed, on an even clock over those on the stamps,
+at which they were read evenly: either is larger where its clock is not the true one."""
 _FIRST, _MOST, _RATES, _BINS = 64, 4000, 81, 50
-"""Rows by which the search for a clock's rate begins, which then doubles them; most rows that tell
-it; rates that are tried within a cycle more or less; and parts of a frame in which stamps are
-counted."""
+"""Search for a clock's rate: rows by which it begins, which then double; most rows used; rates
+tried within a cycle more or less; and parts of a frame in which stamps are counted."""
 _FASTEST = 10.0
-"""Top speed of arms' joints [rad/s]: a faster step is a report that passed from π to −π."""
+"""Top speed of arms' joints [rad/s]: a faster step is an angle that wrapped from π to −π."""
 _LATEST_S = 9e9
 """Largest time [s], in the year 2255: a larger one is in another unit."""
 _MARK = re.compile(r"(:\d\d:\d\d)[:,](?=\d)")
@@ -50,9 +48,9 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
-    """Convert a column of time stamps or texts to times (N,) [ns] since 1970; None if it is none.
+    """Convert a column of stamps, as times or texts, to times (N,) [ns] since 1970; else None.
 
-    Without days midnight is passed where the time of day falls back by more than half a day.
+    Where texts state no date, midnight is passed at a fall by more than half a day.
     """
     kind = column.type
     if column.null_count or not len(column):
@@ -74,10 +72,10 @@ def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
 
 
 def _moment(text: str) -> datetime:
-    """Parse a time stamp's text; without a day it is on the first of January 1970.
+    """Parse a time stamp's text; without a date it is on the first of January 1970.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is no time stamp.
     """
     text = _MARK.sub(r"\1.", text.strip().replace("/", "-"))
     if ":" not in text:
@@ -90,10 +88,10 @@ def _moment(text: str) -> datetime:
 
 
 def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.ndarray:
-    """Convert a column in units of ``size`` [s], ``zero`` at time 0, to times (N,) [ns].
+    """Convert clock values (N,) in units of ``size`` [s], ``zero`` at time 0, to times (N,) [ns].
 
     Raises:
-        MapError: the clock does not advance, or is not in this unit.
+        MapError: the clock does not advance, or is not in this unit; begins with ``where``.
     """
     if values.dtype.kind in "iu":
         t = (values.astype(np.int64) - round(zero)) * round(size * PER_S)
@@ -168,8 +166,8 @@ def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
 def unwrapped(
     data: dict[str, np.ndarray], angles: Collection[str]
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Make joint angles continuous where they jump from π to −π; return the columns and a sentence
-    for each joint that changed."""
+    """Make joint angles, the columns named in ``angles``, continuous where they jump from π to −π;
+    return the columns and a sentence for each joint that changed."""
     turned_on = dict[str, np.ndarray]()
     for name in set(data) & set(angles):
         steps = np.diff(data[name])
@@ -199,8 +197,8 @@ def evened(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[st
 
 
 def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Restore the even clock by which joints were read if the stamps state the rows' arrival: on it
-    joints bend much less from row to row. Return the columns and sentences on what was done."""
+    """Restore the even clock by which joints were read where stamps are the rows' arrival: on it
+    the joints' speed changes much less from row to row. Return columns and sentences on it."""
     t, joints = data["t"], joint_columns(data)
     if not joints or even_clock(t) is None or (frames := _frames(t)) is None:
         return data, ()
@@ -221,7 +219,7 @@ def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple
 
 
 def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Correct frame numbers (N,): the row after a lost frame gets the number before its own if the
+    """Correct frame numbers (N,): the row behind a lost frame gets the lost frame's number if the
     joints q (N, J) show that it was only late."""
     row = 1 + np.flatnonzero(np.diff(frame)[:-1] >= 2)
     before, behind = q[row - 1], q[row + 1]
@@ -235,11 +233,10 @@ def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _frames(t: np.ndarray) -> tuple[np.ndarray, float, float] | None:
-    """Frame number (N,) of each stamp t (N,) on an even clock that it is late of, time of frame 0
-    [s] and step of the clock [s]; None if steps differ too much.
+    """Frame number (N,) of each stamp t (N,) [s], which comes late, on an even clock; time of frame
+    0 and step of that clock [s]. None if steps differ too much.
 
-    The clock's rate is the strongest line in the stamps' spectrum; a frame begins where stamps set
-    in.
+    The clock's rate is the strongest line in the stamps' spectrum; stamps cluster after a frame.
     """
     since, step = t - t[0], np.diff(t)
     near = np.abs(step / np.median(step) - 1.0) < 0.5
@@ -270,7 +267,7 @@ def in_gap(old: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def pieces(columns: Mapping[str, np.ndarray]) -> list[slice]:
-    """Slices of a motion's rows between gaps of its clock and borders of segments."""
+    """Slices of a motion's rows between gaps of its clock, column ``t``, and ends of segments."""
     step = np.diff(columns["t"])
     parted = step > _PARTED * float(np.median(step)) if len(step) else step > 0.0
     if "segment" in columns:
@@ -280,10 +277,10 @@ def pieces(columns: Mapping[str, np.ndarray]) -> list[slice]:
 
 
 def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
-    """Longest gap [s] between times (N,) that interpolation may fill; 0 if there is none.
+    """Longest gap [s] between times t (N,) that interpolation may fill; 0 if there is none.
 
-    Polynomials fill stretches of its length, of which the joint values (N, J) are known, with
-    errors of at most twice those of a straight line over every second row, by noise or by bends.
+    Stretches without a gap, of its length, are filled by polynomials as a trial: the error to the
+    known joint values q (N, J) may be twice that of a straight line over every second row.
     """
     step, longest = np.diff(t), 0.0
     most = _GAP * float(np.median(step))
@@ -312,7 +309,7 @@ def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Interpolate values q (N, J) at ``old`` (N,) to t (M,) by cubics, smooth at each row."""
+    """Interpolate values q (N, J) at times ``old`` (N,) to t (M,) by cubics with smooth slopes."""
     slope = np.gradient(q, old, axis=0, edge_order=2 if len(old) > 2 else 1)
     k = np.clip(np.searchsorted(old, t, side="right") - 1, 0, len(old) - 2)
     h = (old[k + 1] - old[k])[:, None]
@@ -322,7 +319,7 @@ def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _bridged(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Interpolate values q (N, J) to t (M,) by cubics, in gaps by polynomials through near rows."""
+    """Interpolate q (N, J) at times ``old`` (N,) to t (M,) by cubics, in gaps by polynomials."""
     step = np.diff(old)
     result = along(old, q, t)
     for k in np.flatnonzero((step > _GAP * np.median(step)) & (step < _LONGEST_S)):

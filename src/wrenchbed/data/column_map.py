@@ -34,10 +34,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "A": ("current", 1.0), "mA": ("current", 1e-3),
     "1": ("number", 1.0),
 }  # fmt: skip
-"""Quantity and size in SI of each unit."""
+"""Unit → the quantity that it measures, and its size in the SI unit."""
 
 AUTO = "auto"
-"""Mode of a log of holds and moves, whose rows are classified automatically."""
+"""Mode of a log of holds (rests at a pose) and moves, whose rows are classified automatically."""
 TOLERANCES = ("tool.mass", "tool.cog", "sensor.bias")
 _FILE = ("match", "topic", "delimiter", "skip_incomplete", "columns")
 _COLUMN = ("column", "unit", "sign", "zero", "per", "nanoseconds")
@@ -73,7 +73,7 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Where a recording's column comes from: (a file's column / ``per`` − ``zero``), in SI.
+    """Source of a recording's column: (file's column / ``per`` − ``zero``) · ``sign``, then in SI.
 
     A clock of two columns has the parts of its seconds in ``nanoseconds``.
     """
@@ -129,7 +129,7 @@ class Conventions:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """Column map of an import: its files, of which the first sets the rows; a rate without clock.
+    """Column map of an import: its files, the first of which sets the rows; a rate if no clock.
 
     ``mode`` is ``static``, ``dynamic`` or ``auto``: a log whose holds and moves are detected.
     """
@@ -200,7 +200,7 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
 
 
 def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
-    """Read mode and metadata of a recording from ``[recording]``; unknown keys are refused."""
+    """Read mode and metadata from a map's ``[recording]``; ``folder`` is that of the map's file."""
     fields = set(Metadata.__dataclass_fields__) - {"extra"} | {"format", "configured"}
     stated.only(fields, "[recording]")
     parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}
@@ -346,7 +346,7 @@ def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
     """Orientations (N,) from a file's orientation columns, angles in rad; None if it has none.
 
     Raises:
-        MapError: a matrix or quaternion that is no rotation; names the row.
+        MapError: a matrix or quaternion that is no rotation; names ``where`` and the row.
     """
     kind = next((kind for kind in _ORIENTATIONS if kind[0] in data), None)
     if kind is None:

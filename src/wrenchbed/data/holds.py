@@ -1,4 +1,4 @@
-"""Holds: rows at rest averaged pose by pose, and logs split into holds and moves.
+"""Holds, which are rests at one pose: their rows averaged, and logs split into holds and moves.
 
 In a log without segments a row is at rest if the mean of the joint values (or of the orientation)
 over a short window before it and that over one behind it agree within their noise. The noise of the
@@ -18,10 +18,10 @@ from wrenchbed.physics.wrench import CHANNELS
 
 MOVING = 1e-4
 MOVING_WITHIN_SEGMENT = 1e-3
-"""Steps of joint values (or quaternion components) below these are one pose [rad or m]."""
+"""Largest steps of joints [rad, m] or quaternions in one pose, without and with segments."""
 NEAR_ROWS = 25
-"""Rows before and behind a step of a segment whose means tell a move from noise: they average it to
-a fifth."""
+"""Rows before and behind a step in a segment, whose means, noise over five, tell a move from
+noise."""
 ROWS_AT_ONCE = 500_000
 """Rows processed together: this bounds the memory that a long recording needs."""
 _WINDOW_S = 0.12
@@ -38,18 +38,18 @@ _SIGMAS = 6.0
 """Standard deviations beyond which a difference of means is a move, not noise: at 3 a long
 recording shows moves by chance."""
 _SURELY, _NOISIEST = 10.0, 1e-3
-"""Standard deviations of one reading from which a step is a move at once, of poses that nobody
-numbers; and the noise of an encoder [rad or m] beyond which rows are poses of their own."""
+"""Least step, in standard deviations of a reading, that is a move at once, between poses without
+numbers; and encoder noise [rad or m] beyond which every row is a pose."""
 _NORMAL = 0.6745
 """Median of |x| of a normal distribution with standard deviation 1."""
 LEAST_HOLD_S = 0.4
-"""A shorter rest is a part of a move [s]: without its ends hardly a row would be left."""
+"""Shortest hold [s]: of a shorter rest hardly a row would be left without its ends."""
 _DRIFT = 2e-3
-"""Joints that go further than this within a rest creep: that is a move [rad or m]; it turns 20 N by
-40 mN, as much as the noise of a usual sensor's row."""
+"""Largest way of a joint within a rest [rad or m]: a longer one is a slow move; this one turns 20 N
+by 40 mN, as much as the noise of a usual sensor's row."""
 _LONGER, _CREEP = 8, 4e-4
-"""A rest that creeps is judged over windows so much longer, whose means may differ by this [rad or
-m], what `_SLOWEST` allows in a short window."""
+"""Factor on the windows by which a creeping rest is judged, and largest difference of their means
+[rad or m], which is what `_SLOWEST` allows in a short window."""
 _SAME = 1e-3
 """Difference [rad or m] below which two adjacent rests are one: an encoder's flicker; what gravity
 shows of it is below any noise."""
@@ -60,15 +60,14 @@ the axis pull with 7 mN by the first and 20 mN by the second, less than a usual 
 _BLOCK_S = 0.1
 """The tool's vibration after a move is judged over means of this length [s]: a few periods."""
 _ENOUGH_TO_MOVE, _MOST_SINGLE, _NEXT = 200, 0.3, 0.01
-"""A log of at least so many rows is in motion if more than this fraction of them are poses of their
-own and a usual step is less than this fraction of the whole way; a grid of poses at rest has larger
-steps."""
+"""A log of at least this many rows is in motion if more than this fraction of them are poses of
+their own and the median step is less than this fraction of the whole way."""
 _ENOUGH_ROWS = 50
-"""Rows at rest that show the noise of one row, to 10 %."""
+"""Least degrees of freedom of rows at rest that show the noise of one row, to 10 %."""
 
 
 def runs(marked: np.ndarray) -> list[tuple[int, int]]:
-    """First row and end of each run of consecutive True values in marked (N,)."""
+    """First row and end (exclusive) of each run of consecutive True values in marked (N,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
@@ -100,7 +99,7 @@ class Holds:
 
 
 def gather(recording: Recording, keep: np.ndarray) -> Holds:
-    """Average rows at rest: one mean a hold, of the rows in the boolean ``keep`` (N,)."""
+    """Average a recording's rows hold by hold, using only the rows in the boolean ``keep`` (N,)."""
     names = recording.joints or QUATERNION
     sensed = CHANNELS if recording.has_wrench else ()
     columns = recording.columns
@@ -162,7 +161,8 @@ def _noise_of(values: np.ndarray) -> np.ndarray:
 def _stays_away(
     values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
-    """Booleans: whether each jump of values (N,) lasts; after a jump by noise they return.
+    """Booleans (K,): whether values (N,) stay changed after ``jumps`` (K,), rows before a step
+    above ``limit``; noise [standard deviation] makes steps after which values return.
 
     Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
     """
@@ -186,8 +186,8 @@ def means_of(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarra
 def about_means(
     rows: Sequence[np.ndarray], mean: np.ndarray, count: np.ndarray
 ) -> Iterator[tuple[slice, np.ndarray]]:
-    """Yield pairs (slice of holds, deviations of their rows from the hold's mean (H, 6)), some
-    holds at a time; ``rows`` are six channels (N,), ``count`` (H,) the rows of each hold."""
+    """Yield pairs: a slice of holds, and the deviations (n, 6) of their n rows from their holds'
+    means. ``rows``: six channels (N,); ``mean``: (H, 6); ``count`` (H,): rows of each hold."""
     for some, at in parts(count):
         residual = np.stack([y[at] for y in rows], axis=1, dtype=float)
         residual -= np.repeat(mean[some], count[some], axis=0)
@@ -195,7 +195,8 @@ def about_means(
 
 
 def parts(count: np.ndarray) -> Iterator[tuple[slice, slice]]:
-    """Yield pairs of slices (holds, their rows), some at a time; ``count`` (H,) are their rows."""
+    """Yield pairs of slices, of consecutive holds and of all their rows, about `ROWS_AT_ONCE` rows
+    at a time; ``count`` (H,) is the number of rows of each hold."""
     ends = np.cumsum(count)
     first = row = 0
     while first < len(count):
@@ -238,7 +239,7 @@ class Split:
         return f"{n} {holds} of {length}; {self.moves} {moves}"
 
     def at_rest(self, recording: Recording, metadata: Metadata) -> Recording:
-        """Make a recording of the rows in holds, whose numbers are its ``segment``."""
+        """Make a recording of the rows in holds, whose numbers become its ``segment``."""
         keep = self.hold >= 0
         columns = {k: v[keep] for k, v in recording.columns.items()} | {"segment": self.hold[keep]}
         if not recording.joints:
@@ -251,8 +252,7 @@ class Split:
 def split(recording: Recording, slow: bool = False) -> Split:
     """Find the holds and moves of a log.
 
-    With ``slow``, where hardly anything rests, stretches that turn too slowly to show inertia count
-    as holds.
+    With ``slow``, if hardly anything rests, stretches of slow turning without inertia are holds.
 
     Raises:
         RecordingError: there is no hold.
@@ -317,7 +317,7 @@ class _Path:
     """Joint values or a quaternion's components (N, J) over time, in which rests are sought.
 
     Attributes:
-        q: [rad or m].
+        q: values (N, J) [rad or m].
         t: time (N,) [s].
         noise: standard deviation of one reading of each joint (J,).
     """
@@ -331,7 +331,8 @@ class _Path:
         return _Path(self.q[slice(*run)], self.t[slice(*run)], self.noise)
 
     def still(self, window: int, least: float) -> list[tuple[int, int]]:
-        """Runs (first row, end) at rest: windows side by side agree within noise or ``least``."""
+        """Runs (first row, end) at rest: means over the ``window`` rows before and behind each row
+        agree within noise or ``least`` [rad or m]."""
         n = len(self.q)
         row = np.clip(np.arange(n), 1, n - 2)
         low, high = np.maximum(row - window, 0), np.minimum(row + window, n - 1)
@@ -448,7 +449,8 @@ def _slow(recording: Recording) -> Split | None:
 
 
 def _settled(y: np.ndarray, run: tuple[int, int], block: int) -> tuple[int, int]:
-    """Shorten a run (first row, end) to the rows at which the wrench y (N, 6) is steady."""
+    """Shorten a run (first row, end) to rows with a steady wrench y (N, 6), by means of
+    ``block``."""
     a, b = run
     count = (b - a) // block
     if count < 4:

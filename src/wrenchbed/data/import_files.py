@@ -46,7 +46,7 @@ from wrenchbed.errors import MapError, NotFoundError
 from wrenchbed.physics.wrench import CHANNELS
 
 HOLD = "hold"
-"""Column of a whole log of mode auto: the number of the row's hold from 0, −1 in a move."""
+"""Column of the whole log of mode auto: number of the row's hold from 0, −1 in a move."""
 _POSES_PER_SECOND = 1.0
 _FORCE_TORQUE = (CHANNELS[:3], CHANNELS[3:])
 _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
@@ -59,10 +59,10 @@ class Imported:
 
     Attributes:
         recording: poses at rest, or a motion.
-        left_out: rows outside the other files' times.
+        left_out: number of rows outside the other files' times.
         notes: sentences on what was done to the clock and to the rows.
-        motion: of a log of holds and moves (mode auto) all of it, the moves too; else None.
-        split: holds and moves of such a log; else None.
+        motion: whole log, moves included, where holds are split from moves (mode auto); else None.
+        split: holds and moves of a log of mode auto; else None.
     """
 
     recording: Recording
@@ -180,7 +180,7 @@ def _beside(
 def _by_accelerometer(
     data: Mapping[str, np.ndarray], mode: str, where: str
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Replace an accelerometer by the orientation that it shows at rest, each pose a segment;
+    """Replace accelerometer columns by the orientation that they show at rest, each pose a segment;
     return the columns and a sentence.
 
     Raises:
@@ -297,10 +297,10 @@ def _in_sensor_axes(
 
 
 def sensor_by_joints(data: Mapping[str, np.ndarray], metadata: Metadata, where: str) -> Rotation:
-    """Orientations of the sensor in the base (N,) at joint columns, by the robot's nominal model.
+    """Orientations (N,) of the sensor in the base at joint columns, by the robot's nominal model.
 
     Raises:
-        MapError: no joints, or no such robot.
+        MapError: no joints, or no such robot; begins with ``where``.
     """
     joints = joint_columns(data)
     if not joints:

@@ -23,7 +23,7 @@ from wrenchbed.files import checked
 from wrenchbed.physics.wrench import CHANNELS
 
 INFO = Path("meta") / "info.json"
-"""What marks a folder as a data set."""
+"""File whose presence marks a folder as a LeRobot data set."""
 STATE, ACTION, EFFORT, WRENCH = (
     "observation.state", "action", "observation.effort", "observation.wrench"
 )  # fmt: skip
@@ -32,7 +32,7 @@ NORMALISED = "normalised"
 _ENDS = (-100.0, 100.0)
 """Values at the two ends of a joint's normalised range where the map states no others."""
 _BETWEEN_S = 1.0
-"""Time between episodes [s]: it parts them, how long it was is not recorded."""
+"""Time put between episodes [s]; how long it really was is not recorded."""
 _KEYS = ("unit", "joints", "range", "ends", "sign", "zero", "effort", "wrench")
 _OF_JOINTS = [u for u, (quantity, _) in UNITS.items() if quantity in ("angle", "length")]
 
@@ -105,7 +105,8 @@ def _features(folder: Path) -> dict[str, list[str]]:
 def _joints(
     stated: checked.Fields, joints: Sequence[str], names: Sequence[str], where: str
 ) -> list[str]:
-    """Names of those numbers of a feature that are the robot's joints, in the robot's order."""
+    """Names in a feature that are the robot's joints, in its order: those that the map lists under
+    ``joints``, else those that end in the name of a joint."""
     given = stated.raw.get("joints")
     if given is not None:
         if not isinstance(given, list) or len(given) != len(joints) or set(given) - set(names):
@@ -125,7 +126,7 @@ def _joints(
 
 
 def _places(names: Sequence[str], wanted: Sequence[str], kind: str, folder: Path) -> list[int]:
-    """Indices of the wanted names in a feature's names, which may differ behind the last dot."""
+    """Indices of the wanted names in a feature's names; parts behind the last dot are ignored."""
     bases = [n.rpartition(".")[0] or n for n in names]
     ours = [n.rpartition(".")[0] or n for n in wanted]
     if missing := [n for n in ours if n not in bases]:

@@ -27,7 +27,7 @@ from wrenchbed.errors import MapError, WrenchbedError, WrenchbedWarning, raise_s
 from wrenchbed.files import atomic_write
 
 STAMP, LOGGED = "stamp", "logged"
-"""Times of a message: its header's, and when it was written [ns]."""
+"""Names of two columns with times of messages [ns]: of the header, and of writing the message."""
 TRANSFORMS = "transforms"
 """Name of the field of a TFMessage."""
 METADATA = "metadata.yaml"
@@ -68,7 +68,7 @@ class Channel:
 
 
 Messages = Iterator[tuple[Channel, int, bytes]]
-"""Channel, time of writing [ns] and content of messages."""
+"""Triples of a message: its channel, time of writing [ns], and encoded content."""
 
 
 def is_log(path: Path) -> bool:
@@ -245,7 +245,7 @@ def _line(error: Exception) -> str:
 
 
 def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield a topic's messages, decoded, in the order of the file; none if the topic is None.
+    """Yield a topic's encoded messages in the order of the file; none if the topic is None.
 
     ``topics`` receives all topics and the types of their messages.
     """
@@ -253,7 +253,7 @@ def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages
 
 
 def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield messages of an MCAP file, read from begin to end; arguments as of `_messages`."""
+    """Yield messages of an MCAP file, read from begin to end; arguments as in `_messages`."""
     library = registry.require("mcap.stream_reader", "logs")
     kinds = registry.require("mcap.records", "logs")
     schemas: dict[int, Any] = {}
@@ -295,7 +295,7 @@ def _channel_of_mcap(record: Any, schema: Any) -> Channel:
 
 
 def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield messages of a ROS 1 or 2 bag; arguments as of `_messages`."""
+    """Yield messages of a ROS 1 or 2 bag; arguments as in `_messages`."""
     bag1 = path.suffix == ".bag"
     library = registry.require(f"rosbags.rosbag{1 if bag1 else 2}.reader", "logs")
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path

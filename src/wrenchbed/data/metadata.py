@@ -13,7 +13,7 @@ from wrenchbed.physics.wrench import physical_inertia
 
 MODES = ("static", "dynamic")
 ROBOT_MODEL, SENSOR_MODEL = "robot_model", "sensor_model"
-"""Fields of what a file carries of a robot or a sensor that a user described."""
+"""Metadata entries that hold the model of a user's own robot or sensor (docs/contracts.md)."""
 _MODELS = {"robots": ROBOT_MODEL, "sensors": SENSOR_MODEL}
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
@@ -43,7 +43,8 @@ class SensorInfo:
 
 @dataclass(frozen=True)
 class Metadata:
-    """Checked metadata of a recording; ``extra`` keeps fields that this version does not know."""
+    """Checked metadata of a recording, as docs/contracts.md defines them: gravity (3,) [m/s²] in
+    the base, mode ``static`` or ``dynamic``; ``extra`` keeps fields that are not known."""
 
     robot: str
     mode: str
@@ -73,13 +74,14 @@ class Metadata:
 
 
 def model_field(name: str | None, kind: str = "robots") -> dict[str, Any]:
-    """Metadata field that carries a described robot or sensor; empty for one that ships."""
+    """Metadata entry with the model of a user's own robot or sensor; empty for one that ships."""
     record = registry.record_of(kind, str(name))
     return {} if record is None else {_MODELS[kind]: dict(record)}
 
 
 def known_name(raw: Mapping[str, Any], name: str, kind: str = "robots") -> str:
-    """Registry name of a robot or sensor in a file that may carry its model or name a user's TOML.
+    """Registry name of the robot or sensor ``name`` (or a user's TOML) of a file with metadata
+    ``raw``, which may carry its model; ``kind`` is ``robots`` or ``sensors``.
 
     Raises:
         NotFoundError, ParameterError: the user's TOML cannot be read.

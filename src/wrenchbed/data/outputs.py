@@ -1,4 +1,4 @@
-"""The one rule of what an output may replace: results of its kind; recordings with --force."""
+"""What an output may replace: results of its own kind; recordings and logs only with --force."""
 
 import json
 import re
@@ -55,7 +55,7 @@ _FIELDS = (
     (Kind.SENSOR, {"format", "calibration"}),
     (Kind.MAP, {"file"}),
 )
-"""Fields by which a JSON or TOML file's kind is recognized."""
+"""Fields by which a JSON or TOML file's kind is recognized; who writes such files keeps them."""
 _MARKS = (
     (rb"\ARRF", Kind.PICTURE), (rb"\A\x89MCAP", Kind.LOG), (rb"\A<mujoco", Kind.MODEL),
     (rb"style-src 'unsafe-inline'", Kind.PAGE), (rb": twin as plain MJCF", Kind.NOTES),

@@ -22,8 +22,8 @@ FORMAT = 1
 ROWS_AT_ONCE = 2**18
 """Rows of all columns that are unpacked together."""
 FREE, RATIO = 2**28, 200
-"""A file may unpack to the larger of this size [bytes] and this multiple of its own: a recording
-with noise reaches a multiple of 2, one of constant columns more."""
+"""A file may unpack to the larger of this size [bytes] and this multiple of its own size:
+recordings with noise unpack to twice their size, those of constant columns to more."""
 
 
 def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -125,8 +125,7 @@ def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[st
     """Convert every column of a table to a read-only numpy array.
 
     Raises:
-        error: a duplicated column, a name that is no text, a missing value (names its row) or a
-            column of another kind.
+        error: a duplicated column, a name that is no text, a missing value or another kind.
     """
     try:
         names = table.column_names

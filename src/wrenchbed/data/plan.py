@@ -52,7 +52,7 @@ class Plan:
         rate_hz: float | None = None,
         points: np.ndarray | None = None,
     ) -> "Plan":
-        """Make a plan of poses q (N, J), of touches of points (N, 3), or of a motion at a rate
+        """Make a plan of poses q (N, J), touches of points (N, 3) [m] or a motion at a rate
         [Hz]."""
         n = len(q)
         segment = np.arange(n) if rate_hz is None else np.zeros(n, dtype=int)

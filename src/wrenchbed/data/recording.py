@@ -23,19 +23,19 @@ from wrenchbed.physics.wrench import CHANNELS
 QUATERNION = ("qw", "qx", "qy", "qz")
 """Orientation of the sensor in the base, for robots without a model."""
 POINT = ("px", "py", "pz")
-"""Known position in the world at which the tool's tip sat; such rows are touches [m]."""
+"""Columns of a known point in the world [m] that the tool's tip touched; such rows are touches."""
 TOUCH_STD = 5e-5
 """Standard deviation of a touching tip's position per axis [m]: a ball in a socket, reached with
 the repeatability of a good arm (UR5e's data sheet: 0.03 mm)."""
 TARGET = ("mx", "my", "mz")
-"""Place of a target on the flange in a tracker's axes [m]."""
+"""Columns of the position [m] of a target on the flange in a tracker's axes."""
 EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 """Column prefixes of joint torques and of motor currents, with their units."""
 COMMAND = "q_target"
 """Column prefix of joint targets."""
 _LARGEST = 1e30
-"""Largest value of a column, in any unit: beyond those of nanoseconds since 1970, and squares of
-larger ones overflow."""
+"""Largest value of a column in any unit: nanoseconds since 1970 are far below; larger squares
+overflow."""
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 JOURNAL = ".journal"
@@ -195,7 +195,7 @@ def effort_prefix(columns: Container[str]) -> str | None:
 
 
 def commanded(columns: Container[str]) -> bool:
-    """Whether there is a column of the target of every joint."""
+    """Whether columns hold the target of every joint."""
     return _of_joints(COMMAND, columns)
 
 

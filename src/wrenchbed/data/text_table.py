@@ -22,7 +22,7 @@ from wrenchbed.data.clock import nanoseconds_of
 from wrenchbed.errors import MapError, raise_shortage
 
 _SAMPLE = 200
-"""Lines that are looked at to find out how a file is written."""
+"""Most lines that are looked at to find out how a file is written."""
 _LONGEST = 100_000
 """Longest line that is read [characters], some 5,000 numbers: a longer one is hardly a table, and
 to split it in all ways takes seconds."""
@@ -38,7 +38,7 @@ _COMMA_NUMBER = re.compile(r"^[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?$")
 _NULLS = ["", *"nan NaN NAN null NULL none None NA N/A #N/A -nan -NaN -nan(ind)".split()]
 """Texts that programs write for a missing number."""
 SKIP = "; --skip-incomplete leaves such rows out"
-"""What helps where an import meets such a text."""
+"""End of a message about a missing number in an import: the remedy."""
 _EMPTY = {text.lower() for text in _NULLS}
 
 
@@ -206,8 +206,8 @@ def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
 
 
 def _head(path: Path) -> tuple[str, str]:
-    """Read the first complete lines of a file and detect its encoding: UTF-8, UTF-16, or else
-    Windows-1252 (Excel).
+    """Read the first lines of a file; detect its encoding: UTF-8, UTF-16, else Windows-1252
+    (Excel).
 
     Raises:
         MapError: no such file, or no text.
@@ -263,7 +263,8 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
 def _table_at(
     lines: Sequence[str], some: Sequence[int], plain: Sequence[int], separator: str, decimal: str
 ) -> tuple[float, Layout] | None:
-    """Layout of the table if it has this separator, and a plausibility score; None without one."""
+    """Layout of a table with this separator and decimal mark, and a plausibility score; None if
+    there is none. ``some``: numbers of lines that are not empty, ``plain``: without comments."""
     cells = {k: split(lines[k], separator) for k in plain}
     widths = Counter(len(c) for c in cells.values() if _numeric(c, decimal) > 0)
     if not widths:
@@ -286,7 +287,7 @@ def _table_at(
 
 
 def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -> int:
-    """Line number of the first row of numbers: the first line, or the one after the header."""
+    """Number of the first line of numbers among lines ``body``: the first, or after the header."""
     later = [cells[k] for k in body[1:]]
     columns = [
         j for j in range(len(cells[body[0]]))
@@ -303,7 +304,7 @@ def _header(
     lines: Sequence[str], some: Sequence[int], first: int, separator: str, decimal: str, width: int
 ) -> tuple[list[str], list[str]]:
     """Names of the columns, and their units if a line below has them, from the lines (perhaps
-    comments) before the first row; numbers from 1 if there are none.
+    comments) before line ``first``, at indices ``some``; numbers from 1 if there are no names.
 
     A line in which a word stands twice, below one of different words, is of units.
     """
@@ -317,7 +318,7 @@ def _header(
 
 
 def _words(line: str, separator: str, decimal: str, width: int) -> list[str] | None:
-    """Cells of a line, if there are ``width`` of them and none is a number; else None."""
+    """Cells of a line, if there are ``width`` or one less and none is a number; else None."""
     for mark in (separator, BLANKS, ",", ";", "\t"):
         cells = split(_COMMENT.sub("", line), mark)
         names = [name.strip().strip('"').strip() for name in cells]

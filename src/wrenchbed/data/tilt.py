@@ -1,7 +1,6 @@
 """The orientation that an accelerometer gives where nothing else does: at rest it reads upwards.
 
-How the sensor is turned about the vertical stays unknown; weight, centre of gravity and zeros do
-not need it.
+The turn about the vertical stays unknown; weight, centre of gravity and zeros do not need it.
 """
 
 import numpy as np
@@ -11,11 +10,11 @@ from wrenchbed.data.holds import means_of
 from wrenchbed.errors import MapError
 
 _SIGMAS, _MOST_AT_REST = 4.0, 0.9
-"""Usual changes from row to row beyond which a change is a move: the largest of 600 rows of noise
-is 2.5; and least share of the rows that poses hold."""
+"""Least change from row to row, over the median one, that is a move: the largest of 600 rows of
+noise is 2.5; and least share of the rows that poses hold."""
 _LEAST_POSES, _SPREAD = 8, 0.05
 """Fewest poses that show an accelerometer's zero, twice its four unknowns; and least share of the
-directions' power along each axis, below which they do not surround it."""
+directions' power along each axis, at which they surround the zero."""
 _MOST_OFF = 0.02
 """Largest rms of the readings' lengths at rest, relative: 0.5 % of the usual errors, and margin."""
 _EARTH, _FAR = 9.81, 0.1
@@ -23,8 +22,8 @@ _EARTH, _FAR = 9.81, 0.1
 
 
 def held(read: np.ndarray) -> np.ndarray | None:
-    """Group accelerometer rows at rest (N, 3) to poses: first row and end (G, 2); None if many rows
-    lie between poses, in moves.
+    """Group accelerometer rows (N, 3) into poses: first row and end (exclusive) (G, 2); None if
+    many rows lie between poses, in moves.
 
     A pose may have one row or many; of many, the changes from row to row show the noise.
     """

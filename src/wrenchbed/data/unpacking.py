@@ -14,8 +14,8 @@ LARGEST = 2**28
 """Largest record, and largest unpacked chunk or message [bytes], which is held in memory: 64 times
 mcap's default chunk (4 MiB)."""
 RATIO = 200
-"""Unpacked over packed size, ten times that of a log whose readings hardly change; a whole file on
-the disk may be larger than `LARGEST` up to it."""
+"""Largest unpacked over packed size of a whole file on the disk, if that is more than `LARGEST`:
+ten times that of a log whose readings hardly change."""
 _STEP = 2**18
 """Bytes that are unpacked at once where only the size is asked for."""
 _ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"

@@ -36,8 +36,7 @@ class RecordingWriter:
     Args:
         path: target file.
         metadata: metadata of the recording.
-        aside: suffix under which an existing recording at ``path`` is kept; numbered where it is
-            taken.
+        aside: suffix under which an existing file at ``path`` is kept; numbered if taken.
     """
 
     def __init__(self, path: str | Path, metadata: Metadata, aside: str = "~") -> None:
@@ -106,7 +105,7 @@ class RecordingWriter:
         self._stream = None
 
     def _note(self) -> None:
-        """Append rows that were not yet written to the journal."""
+        """Append all pending rows to the journal."""
         self._flushed = time.monotonic()
         if not self._pending:
             return

@@ -1,4 +1,4 @@
-"""Every convention that some columns allow, each with its fit of one rigid load."""
+"""All conventions (ways to read the columns) that files allow, each with its fit of a load."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,8 +22,8 @@ MOST_TRIED = 40
 """Pairs of a wrench and a reading of the orientation that are fitted in full: a right one and what
 fits as well lie among the first twenty."""
 _FEW_ROWS = 300
-"""Rows by which pairs are compared before: a wrong orientation explains a share of about 9/300 of a
-noise by chance, far less than `HOPELESS` asks for."""
+"""Rows on which pairs are compared first: a wrong orientation explains about 9/300 of noise by
+chance, far less than `HOPELESS` asks for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,8 @@ class Pairing:
 
 
 def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention], str]:
-    """Return all conventions that explain most of the force, and a sentence on those not tried."""
+    """Return all conventions (ways to read the columns) that explain most of the force, and a
+    sentence on those not tried."""
     pairs = [*_pairs(tables, stated)]
     notes = [
         f"of {len(sheet.values)} columns the first {MOST_UNNAMED} without a name that says what "
@@ -136,8 +137,8 @@ def at_rows(
 ) -> np.ndarray:
     """Values (N, K) at each row of the wrench's table ``load``, from values (M, K) of ``sheet``.
 
-    They are interpolated by the clocks if both tables have one, of which the second is ``late``
-    [s]; else ``at`` is as `rows_at` gives it.
+    They are interpolated if both have a clock, that of ``sheet`` being ``late`` [s]; else taken at
+    rows ``at`` (N,) from `rows_at`.
     """
     if sheet is load or load.clock is None or sheet.clock is None:
         return np.asarray(values[at])
@@ -165,7 +166,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
-    """Yield a fitted convention of a pair for each direction, wrench axes and mount."""
+    """Yield a pair's fitted conventions: orientation inverse or not, axes of the wrench, mount."""
     poses = pairing.poses(reading)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:

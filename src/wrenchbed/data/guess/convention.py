@@ -23,29 +23,28 @@ from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
 
 _QUARTERS = np.array(sorted(Rotation.create_group("O").as_matrix().tolist(), key=np.trace))[::-1]
-"""The 24 rotations of a sensor that is mounted at right angles, none first."""
+"""The 24 right-angled rotations (3, 3) by which a sensor may be mounted, the identity first."""
 _SNAP = 1.0 + 2.0 * np.cos(np.deg2rad(5.0))
-"""A mount nearer than 5° to right angles, by the trace of the rotation between, is at right angles;
-a calibration finds the rest."""
+"""Least trace of the rotation (5°) between a mount and a right-angled one at which it counts as
+that; a calibration finds the rest."""
 _ENOUGH = 50
-"""Largest number of poses that count as independent; more share errors of the arm, and would rule
-out conventions that differ by less than these."""
+"""Largest number of poses that count as independent; more share errors of the arm, and would
+exclude conventions that differ by less than these errors."""
 HOPELESS = 0.8
-"""A convention that leaves this fraction of the force is no candidate: half of it is too much for
-the best one, and worse ones are only named."""
+"""Fraction of the force left unexplained from which a convention is no candidate: half is too much
+for the best one, and worse ones are only named."""
 _FLOOR = 1e-3
-"""Errors below this fraction of what turns with gravity count as none: files have some four
-digits."""
+"""Least error, over what turns with gravity, that counts: files have some four digits."""
 _LEAST_HOLDS = 4
 _BINS = 300
 """Number of parts into which a motion is cut."""
 _MOST_POSES = 5000
-"""Rows that may all be poses of their own; of more, some are chosen."""
+"""Most rows that may all be poses of their own; of more, some are chosen."""
 _STILL = 1e-3
 """Fraction of a column's range below which it did not change."""
 _JUMP = 0.01
-"""Fraction of a column's range by which neighbouring poses differ: a grid of poses has larger
-steps, a motion of some hundred rows smaller ones."""
+"""Least median step, over a column's range, of rows that are poses of their own: a grid of poses
+has larger steps, a motion of some hundred rows smaller ones."""
 _COST = {"inverse": 0.3, "base": 0.3, "quarter": 1.0, "free": 2.0, "axis": 0.5}
 """Penalty of each unusual convention; among equal fits the least penalty wins."""
 
@@ -207,17 +206,17 @@ class Convention:
 
     Attributes:
         reading: columns of the orientation or of joints.
-        sheet: table with the orientation, and ``load`` with the wrench.
+        sheet, load: table with the orientation, and table with the wrench.
         wrench: channel → column.
         inverse: whether the orientation is the base's in the body.
         in_base: whether the wrench is in the base's axes.
         fit: fit of one rigid load.
         poses: the rows that were fitted.
         turn: rotation of the body in the base at these poses (G, 3, 3).
-        sign: sign of the wrench, for ``gravity`` along ±axis.
+        sign: sign of the wrench, 1 or −1.
         gravity: gravity in base axes (3,) [m/s²].
         units: units of force and torque.
-        more: penalty for sign and units.
+        more: penalty for sign and units, which `cost` includes.
     """
 
     reading: Reading

@@ -45,8 +45,7 @@ _UNITS = {
 }  # fmt: skip
 """Pairs of units of force and torque, and how often a table without units has them: estimate."""
 _SELDOM = (("mN", "mN·m"), ("gf", "gf·cm"), ("gf", "Nmm"), ("kgf", "Nmm"), ("kN", "N·m"))
-"""Pairs that are tried only where the unit or the mass is stated: counts of a converter may be as
-large."""
+"""Pairs of units tried only where the unit or the mass is stated: converter counts are as large."""
 _MASSES, _LEVERS = (0.02, 60.0), (1e-3, 0.6)
 """Tools weigh [kg] and reach [m] between these: a touch probe and a large arm's payload. Wider
 ranges leave more units possible."""
@@ -57,14 +56,14 @@ _MOST_SHOWN = 6
 _NEAR = 0.2
 """Relative difference up to which a fitted mass agrees with a known one."""
 _LEAST = 0.2
-"""Least correlation of each axis of an accelerometer: 25 rows of noise reach 1/√25 by chance."""
+"""Least correlation of accelerometer axes with forces: 25 rows of noise reach 1/√25 by chance."""
 _LATEST_S, _STEP_S = 0.025, 2e-4
 """Largest delay of an accelerometer's clock that is looked for, and the step of the search [s]."""
 _WORTH = 0.05
-"""A delay must raise the sum of the three correlations by so much: noise alone prefers some delay
-by a little, and a clock without one shall stay as it is."""
+"""Least gain in the sum of the three axes' correlations for which a delay is written: noise alone
+prefers some delay by a little, and a clock without delay shall stay as it is."""
 _IN_G = 4.0
-"""Readings that are this much smaller than the forces say are in g and not in m/s²."""
+"""Least ratio of force/mass to an accelerometer's readings at which these are in g, not in m/s²."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +71,11 @@ class Guess:
     """Result of a guess: column maps that fit the files; the first is used.
 
     Attributes:
-        conventions: those that fit alike, the most usual first.
+        conventions: ways to read the files that fit alike, the most usual first.
         maps: raw column map of each convention.
-        others: the next best that fit worse.
+        others: the next best conventions, which fit worse.
         notes: sentences on what was assumed, not used or not tried.
-        by_names: what the names of the columns say, in words, where there is no convention to find.
+        by_names: sentence on a map made from column names alone (joint torques); else empty.
         unused: files that the first map does not read.
     """
 
@@ -230,9 +229,9 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
 
 
 def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
-    """Yield a convention with both signs of wrench and gravity and with each pair of units in which
-    its load has a tool's mass, unusual ones penalised; ``size`` is gravity's [m/s²], ``mass`` the
-    tool's if known [kg]."""
+    """Yield a convention with both signs of wrench and gravity, and each pair of units in which its
+    load has a tool's mass, unusual ones penalised. ``size``: gravity [m/s²]; ``mass``: known mass
+    [kg]."""
     stated = [c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx")]
     pairs: Sequence[Sequence[str]] = [*_UNITS, *(_SELDOM if mass or any(stated) else ())]
     of_pairs = ([s or u for u, s in zip(p, stated, strict=True)] for p in pairs)

@@ -16,14 +16,14 @@ from wrenchbed.data.guess.stated import Stated
 from wrenchbed.errors import MapError
 
 _USUAL = {"tau": "N·m", "i": "A"}
-"""Unit where no name states one."""
+"""Unit of joint torques and of motor currents where no name states one."""
 
 
 def by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
     """Map of a table with named joint torques or currents, and a sentence on it; else None.
 
     Raises:
-        MapError: nobody says whose joints these are, or their number is another.
+        MapError: no robot is stated, or it has another number of joints.
     """
     kind = next((k for k in _USUAL if f"{k}1" in sheet.roles), None)
     if kind is None or "q1" not in sheet.roles:

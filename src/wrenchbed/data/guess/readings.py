@@ -20,14 +20,14 @@ from wrenchbed.physics.wrench import CHANNELS
 
 _KINDS = {"quaternion": QUATERNION, "matrix": ROTATION, "": ROTATION_VECTOR}
 _KINDS |= {"roll pitch yaw": ROLL_PITCH_YAW}
-"""Groups of roles that are an orientation, by their kind; three angles may be of any."""
+"""Kind of an orientation → its columns; rx ry rz may be three angles of any kind."""
 _NORM = 1e-2
 """Largest error of a unit length by which columns are taken for an orientation: two digits are
 printed at least, and columns of other things do not stay so near to 1."""
 _MOST_ANGLE = 400.0
 """Largest value of a column of angles [°]."""
 _MOST_IN_G = 4.0
-"""A smaller length of an accelerometer's readings is in g, a larger one in m/s²."""
+"""Length of an accelerometer's readings below which they are in g, above in m/s²."""
 
 
 @dataclass(frozen=True)

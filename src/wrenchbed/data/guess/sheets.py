@@ -29,8 +29,8 @@ _NAMED = (
     (re.compile(r"^b$"), "pitch"),
     (re.compile(r"^c$"), "roll"),
 )
-"""Names that say what a column is, the first match counts, and its role with the found letters;
-A, B and C are KUKA's angles."""
+"""Pattern of a column's name, and role that it states, with the found letters; the first match
+counts. A, B and C are KUKA's angles."""
 _TOGETHER = (CHANNELS, QUATERNION, ROTATION, *ANGLES, ACCELERATION, ("gx", "gy", "gz"))
 """Roles that count only where all of them are there."""
 _INDEXED = re.compile(r"^(.*?)_?(\d+)$")
@@ -46,7 +46,7 @@ _OF_JOINTS = {
     "i": re.compile(r"^(?:.*_)?currents?$"),
     "qd": re.compile(r"^(?:.*_)?(?:qd|dq|vel|velocit(?:y|ies)|speeds?)$"),
 }
-"""Stems of numbered columns with one value a joint that are no joint values, by their target."""
+"""Column of a recording → stem of numbered columns of joint torques, currents or speeds."""
 _PARTS = re.compile(r"_?n(?:ano)?_?sec(?:ond)?s?$")
 """End of the name of a column with the parts of a second, and of one with whole seconds."""
 _SECONDS = re.compile(r"_?sec(?:ond)?s?$")
@@ -66,13 +66,13 @@ _EARTH, _NEAR_G = 9.81, 0.02
 """Gravity [m/s²], and how near to it an accelerometer reads at rest, relative: MEMS sensors err by
 0.5 %, and a force of 1 kg has a zero and is farther away."""
 MOST_UNNAMED = 160
-"""Columns without a role that are looked through: the number of pairs of a wrench and an
+"""Most columns without a role that are looked through: the number of pairs of a wrench and an
 orientation grows with its square, and 160 columns take some ten seconds."""
 _FEW = 300
 """Rows, evenly spread, on which a reading is tried before it is tried on all of them."""
 _STEADY = 0.9
-"""Share of the steps of a column without a name that lie within half of the usual one, if it is a
-clock: less than one frame in ten is lost in a log of use; a signal's steps change their sign."""
+"""Least share of a clock's steps within half of the usual one, for a column without a name: less
+than one frame in ten is lost in a log of use; a signal's steps change their sign."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a user knows besides the files, written into the map that is guessed."""
+"""Facts that a user knows besides the files, written into the map that is guessed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,9 +22,9 @@ _STANDARD = 9.80665
 _UNTOUCHED, _NORMAL = 0.3, 0.3853
 """Least fraction of rows free of contact, and that quantile of |x| for a standard normal x."""
 _SIGMAS = 3.0
-"""Tolerances are so many standard uncertainties of the earlier calibration."""
+"""Tolerances of a map, in standard uncertainties of the earlier calibration."""
 _ZERO_FREE = 2.0
-"""Nobody set the sensor's zero: any within so many times the largest reading is as stated."""
+"""Tolerance of the zero of a sensor that nobody zeroed, over its largest reading."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class Stated:
         sheet: Sheet,
         in_base: bool,
     ) -> None:
-        """Write these facts to the ``[recording]`` and ``wrench`` entries of a map; the wrench is
-        in ``sheet``. In the base's axes each of its columns may be any axis of the sensor.
+        """Write these facts to the ``[recording]`` and ``wrench`` entries of a map; ``sheet`` has
+        the wrench. If it is ``in_base`` axes, each column may be any axis of the sensor.
 
         Raises:
             MapError: the fit or the rows at rest cannot be read.
@@ -141,9 +141,8 @@ class KnownLoad:
         return cls(mass, cog, np.array(bias, dtype=float), known, max(rms))
 
     def fitted(self, c: Convention, gravity: float) -> GravityFit:
-        """Put this load in place of the one fitted to a convention, and return its fit at a gravity
-        [m/s²]. Errors are those of the better rows, so that a hand on the tool for a while hides
-        nothing."""
+        """Fit of this load, in place of the one fitted to a convention, at a gravity [m/s²]. Errors
+        are those of the better rows, so that a hand on the tool for a while hides nothing."""
         fit, turn, wrench = c.fit, c.turn, c.readings
         if c.in_base:
             wrench = in_body(turn, wrench)
@@ -166,10 +165,9 @@ class KnownLoad:
     def put(
         self, recording: dict[str, Any], wrench: Mapping[str, dict[str, Any]], gravity: float
     ) -> None:
-        """Write tool, zeros and tolerances to the ``[recording]`` and ``wrench`` entries of a map.
-
-        The mass is not known better than what the fit left of the force, over gravity.
-        """
+        """Write tool, zeros and tolerances to the ``[recording]`` and ``wrench`` entries of a map;
+        the mass has at least the uncertainty of the fit's force residual over ``gravity``
+        [m/s²]."""
         recording["tool"] = {"mass": round(self.mass, 6), "cog": [round(x, 6) for x in self.cog]}
         for channel, bias in zip(CHANNELS, self.bias, strict=True):
             entry = wrench[channel]
