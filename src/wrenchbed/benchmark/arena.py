@@ -47,7 +47,8 @@ class ArenaSet:
     prepare: str = ""
 
     def source(self, name: str, data: Path) -> Path:
-        """Path below ``data`` of ``PATH`` in the set's repository, or of ``OWNER/NAME:PATH``."""
+        """Path below ``data`` of a file: ``PATH`` in the set's repository, or
+        ``OWNER/NAME:PATH``."""
         other, _, path = name.rpartition(":")
         return data / (other or self.repository) / path
 
@@ -63,7 +64,7 @@ class ArenaSet:
 
 
 class Judged(NamedTuple):
-    """Mark of an answer, its text, and each claim above `SURE`: name, probability, if right."""
+    """Mark of an answer (one of `MARKS`), its text, and claims above `SURE`: name, p, if right."""
 
     mark: str
     said: str
@@ -177,7 +178,7 @@ def _value(content: Mapping[str, Any], name: str) -> float:
 def run(
     sets: Iterable[ArenaSet], data: Path, out: Path, method: str = "", limit: float = 900.0
 ) -> dict[str, tuple[ArenaSet, Judged]]:
-    """Answer and judge sets, by id; an answer of the same program to a set is kept in ``out``."""
+    """Answer and judge each set, by id; answers of the same program in ``out`` are reused."""
     program, judged = version(), {}
     for one in sets:
         lacks = one.missing(data)

@@ -1,6 +1,6 @@
 """Faults of all made cases: kinds, the size from which a cause counts, draws of names and sizes.
 
-Look-alikes, the referee and the efforts fill it, each with physics of its own; this file has none.
+Look-alikes, referee and efforts build on it, each with physics of its own; this file has none.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -40,10 +40,10 @@ _CHANNEL = "[ft][xyz]"
 class CaseEffect:
     """An effect of the library that a case may have as a cause, and what makes it visible.
 
-    ``needs`` are what shows it: ``motion``, ``joints``, ``loops`` of them, recorded ``warmth``, or
-    ``repeats``, of which only the scatter of rows shows it. If it ``adds``, its numbers add up with
-    those of minor imperfections of the same name; ``compared`` is a pattern of those that mean the
-    same in both physics and in the library, which the moment of a jump does not.
+    ``needs`` is what a recording must have to show it: ``motion``, ``joints``, closed ``loops``,
+    recorded temperatures ``warmth``, or ``repeats``, if it changes only the scatter of rows. If it
+    ``adds``, its numbers add up with those of minor imperfections of the same name; ``compared`` is
+    a pattern of the numbers that mean the same in all physics (not the moment of a jump).
     """
 
     needs: tuple[str, ...] = ()
@@ -95,7 +95,7 @@ The weight of the sensor's own tool side is exactly a mass and a CoG: it is in e
 
 
 def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> Metadata:
-    """Metadata of a made recording: a given tool, and the noise of the robot's own sensor."""
+    """Metadata of a simulated recording with a given tool, and the noise of the robot's sensor."""
     sensor = registry.load("sensors", robot.sensor)
     numbers = sensor.noise.row_std, tool.cog, six_of(tool.inertia)
     noise, cog, inertia = (tuple(values.tolist()) for values in numbers)
@@ -142,9 +142,9 @@ def possible(shown: Iterable[str]) -> list[str]:
 
 
 def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception]) -> Drawn:
-    """Call ``draw`` with 0, 1, …, ``tries`` times at most, until it makes a case; return that.
+    """Call ``draw`` with 0, 1, …, ``tries`` times at most, until one makes a case; return the case.
 
-    A draw that finds none raises ``failure``; that of the last one is passed on.
+    A draw that makes none raises ``failure``; that of the last attempt is passed on.
     """
     for attempt in range(tries - 1):
         try:
@@ -156,8 +156,8 @@ def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception])
 
 @dataclass(frozen=True, eq=False)
 class Fault:
-    """Something wrong with a robot, and its name: of an effect, of a family outside the library, or
-    ``background``."""
+    """Something wrong with a robot: its ``true`` numbers by name [SI], and the name of an effect,
+    of a family outside the library, or ``background``."""
 
     true: Mapping[str, float] = field(default_factory=dict)
     name: str = field(default="", kw_only=True)
@@ -209,7 +209,7 @@ def by_moment(inertia: np.ndarray) -> dict[str, float]:
 
 
 def by_channel(values: np.ndarray, stem: str = "") -> dict[str, float]:
-    """Nonzero values of six (6,) by name: the stem and ``fx`` … ``tz``."""
+    """Nonzero values of an array (6,) by name: the stem and ``fx`` … ``tz``."""
     pairs = zip(CHANNELS, values.tolist(), strict=True)
     return {f"{stem}{c}": v for c, v in pairs if v != 0.0}
 
@@ -236,7 +236,8 @@ def elapsed(t: np.ndarray) -> np.ndarray:
 
 
 def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
-    """Means (H, …) of rows (N, …) by consecutive holds 0, 0, 1, … (N,)."""
+    """Means (H, …) of rows (N, …) with equal number ``hold`` (N,) of a pose: 0, 0, 1, … in
+    order."""
     count = np.bincount(hold)
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])
     total = np.add.reduceat(np.asarray(rows, dtype=float), starts, axis=0)
@@ -245,9 +246,9 @@ def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """Visibility of a cause beside all other faults: the ``gap`` that it adds (of a cause between
-    rows the mean rise of a row's variance), and in ``rows`` the largest rise of a channel's row
-    variance, 0 for a cause that shows in means."""
+    """Visibility of a cause beside all other faults: ``gap`` is the mean square over noise variance
+    that it adds (of a cause between rows the mean rise of a row's variance), ``rows`` the largest
+    rise of a channel's row variance, 0 for a cause that shows in means."""
 
     gap: float
     rows: float
@@ -305,8 +306,8 @@ def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class UsualFit:
-    """Fit of bias, mass and CoG, which every diagnosis makes first: orthonormal columns (6 n, 10)
-    in units of a row's noise (6,)."""
+    """Fit of bias, mass and CoG to n rows, which every diagnosis makes first: orthonormal columns
+    (6 n, 10) in units of a row's noise (6,)."""
 
     noise: np.ndarray
     basis: np.ndarray
@@ -320,7 +321,8 @@ class UsualFit:
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """Difference (n, 6) over noise (6 n,), less its fit by the basis unless ``configured``."""
+        """Difference (n, 6) over noise as (6 n,), less its fit by the basis unless
+        ``configured``."""
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 

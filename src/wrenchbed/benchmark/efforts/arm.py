@@ -16,7 +16,7 @@ from wrenchbed.benchmark.rigid_bodies import Edit, RigidBodies
 from wrenchbed.robots.base import SimulatedRobot
 
 LINK_MASS, LINK_COG, LINK_INERTIA = 0.01, 0.01, 0.03
-"""Standard deviations of links over stated: mass, centre of gravity, inertia."""
+"""Standard deviations of true from stated links, relative: mass, centre of gravity, inertia."""
 SHARES = (0.35, 0.3, 0.27, 0.08)
 """Shares of multisines, Fourier series, moves from point to point, and such moves one way."""
 FINE = 4
@@ -81,7 +81,8 @@ def draw(robot: SimulatedRobot, rng: Rng) -> Path:
 def _sines(
     rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray, frequencies: np.ndarray
 ) -> np.ndarray:
-    """Joint values (T, J): sines of random phase, scaled to the joints' room and top speeds."""
+    """Joint values (T, J): sines of random phase, scaled to the joints' room and top speeds
+    (J,)."""
     middle, reach = room
     phase = rng.uniform(0.0, 2.0 * np.pi, (len(frequencies), len(middle)))
     weight = rng.uniform(0.4, 1.0, phase.shape) / frequencies[:, None] ** 0.7
@@ -164,8 +165,7 @@ class TrueArm:
         return RigidBodies(self.robot, self.theta, edits=self.edits)
 
     def inverse(self, path: Path) -> tuple[np.ndarray, np.ndarray]:
-        """Torque of the rigid links (T, J) [N·m], and load of the tool on the sensor (T, 6) [N,
-        N·m]."""
+        """Torque of the rigid links (T, J) [N·m], and load on the sensor (T, 6) [N, N·m]."""
         places = np.asarray(self.robot.qpos(path.q, self.theta))
         return self.bodies.inverse(places, path.qd, path.qdd)
 

@@ -1,9 +1,9 @@
 """One case: a robot, its cause, its recording, and the truth that is kept apart from it.
 
-Current and encoder boards add coloured noise, commutation ripple and quantisation. Families that
-imitate a cause on its motion are known before any answer: signatures are columns at thinned rows,
-and a family imitates a cause if, at its best size, it leaves of the cause no more than a gap of
-`SAME`, or `SHARE` of the cause's own gap. Shares of kinds, thresholds beyond the contract's and
+Current and encoder boards add coloured noise, commutation ripple and quantisation. Fault families
+that imitate a cause on its motion are known before any answer: signatures are columns at thinned
+rows, and a family imitates a cause if, at its best size, it leaves of the cause no more than a gap
+of `SAME`, or `SHARE` of the cause's own gap. Shares of kinds, thresholds beyond the contract's and
 sizes of noise are estimates.
 """
 
@@ -94,7 +94,7 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
 
 def classed(fault: EffortFault, size: float, rest: dict[str, float]) -> tuple[str, ...]:
     """Names with joints of a fault and of all families that no data of this motion tell from it,
-    itself first; ``size`` is its gap, ``rest`` what `remaining` returns."""
+    itself first; ``size`` is its gap, ``rest`` the gaps that `remaining` returns."""
     same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != fault.place]
     return (fault.place, *same)
 
@@ -205,7 +205,7 @@ class EffortCase:
 
 
 def kind_of(seed: int, number: int, wrench: bool) -> str:
-    """Kind of a case (none, single, outside), the same in every attempt to draw it."""
+    """Kind of case ``number`` of a seed (none, single, outside), the same in every attempt."""
     rng = np.random.default_rng([seed, number, int(wrench)])
     return str(rng.choice(list(SHARES), p=list(SHARES.values())))
 
@@ -213,8 +213,8 @@ def kind_of(seed: int, number: int, wrench: bool) -> str:
 def make(
     robots: Sequence[SimulatedRobot], seed: int, number: int, wrench: bool, attempt: int
 ) -> EffortCase:
-    """Draw case ``number`` of a seed; a `ParameterError` if this attempt finds no cause that
-    counts."""
+    """Draw case ``number`` of a seed; a `ParameterError` if this attempt finds no large enough
+    cause."""
     rng = np.random.default_rng([seed, number, int(wrench), attempt])
     kind = kind_of(seed, number, wrench)
     robot = robots[int(rng.integers(len(robots)))]

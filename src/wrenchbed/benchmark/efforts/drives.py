@@ -91,9 +91,9 @@ class TrueDrives:
 class State:
     """State of the robot on which a fault may depend, on the fine grid.
 
-    ``rigid`` is the links' torque (T, J) [N·m], ``temperature`` of the drives (T,) [°C]; of the
-    fault's joint, of the first for a fault without one, come values, speeds and the links' torque
-    (T,) [rad, rad/s, N·m], and friction [N·m, N·m·s/rad].
+    ``rigid`` is the links' torque (T, J) [N·m], ``temperature`` of the drives (T,) [°C]. Of the
+    fault's joint (else the first): ``q`` [rad], ``qd`` [rad/s], the links' torque ``load`` [N·m],
+    each (T,), and friction ``coulomb`` [N·m] and ``viscous`` [N·m·s/rad].
     """
 
     path: Path
@@ -114,7 +114,7 @@ def direction(state: State) -> np.ndarray:
 
 
 def since_reversal(speed: np.ndarray, step: float) -> np.ndarray:
-    """Distance (T,) [rad] that a joint has moved since it last turned around."""
+    """Distance (T,) [rad] moved since a joint last turned around, from speeds (T,) [rad/s]."""
     sign = np.sign(np.where(np.abs(speed) < 1e-4, 0.0, speed))
     way, gone, last = np.empty_like(speed), np.inf, 0.0
     for k, s in enumerate(sign.tolist()):
@@ -142,8 +142,8 @@ class EffortFault(Fault):
     ``joint`` is 0-based, None of faults of tool and base. ``theta`` changes the true parameters
     (P,), ``edit`` the compiled model, ``motion`` the true motion against the one that encoders
     report, ``rows`` recorded rows (N, J). ``level`` adds Coulomb friction and ``torque`` torque of
-    the drives [N·m], ``reading`` changes the effort: each the column (T,) of the fault's joint, and
-    all columns (T, J) of a fault without a joint.
+    the drives [N·m], ``reading`` changes the effort: each the column (T,) of the fault's joint, or
+    all columns (T, J) if the fault has none.
     """
 
     joint: int | None = None
@@ -259,7 +259,7 @@ def drive_torque(state: State, gear: float, fault: EffortFault) -> np.ndarray:
 
 
 def simulate(setting: EffortSetting, fault: EffortFault) -> np.ndarray:
-    """Simulate noise-free efforts (N, J) at the recorded rows of a robot with a fault [unit]."""
+    """Noise-free efforts (N, J) [N·m or A] at the recorded rows of a robot with a fault."""
     state = state_of(setting, fault)
     torque = drive_torque(state, setting.gear, fault)
     current = torque / (state.drives.constant if setting.prefix == "i" else 1.0)

@@ -1,4 +1,4 @@
-"""Faults of drives, links, tool and base that the diagnosis knows by name, in forms of their own.
+"""Faults of drives, links, tool and base that the diagnosis knows by name, by other laws than its.
 
 Every public function draws the fault of its name at a 0-based joint. Sizes are log-uniform from
 barely visible to large; all ranges are estimates.

@@ -1,6 +1,6 @@
 """Faults of efforts that no effect of the library is: the right answer to them is ``unknown``.
 
-Every public function draws the family of its name. Sizes and shapes are estimates.
+Every public function draws the family of its name at a 0-based joint. Sizes are estimates.
 """
 
 import numpy as np

@@ -6,6 +6,8 @@ Turns are finite, hysteresis is Preisach's, loads come from finite differences o
 constants, exponents and time constants are jittered. Every case has small imperfections of all
 families, and noise with heavy tails, memory and correlation.
 Faults of mechanics are in `body`, of the sensor in `sensor`, those without a name in `outside`.
+Others rely on: names of draws (`fault.EFFECTS`); what is drawn, on which probabilities are learnt:
+after a change of any law, size or order, `scripts/learn_reliability` (hours).
 Never: import effects or the diagnosis; a test sees to it.
 """
 

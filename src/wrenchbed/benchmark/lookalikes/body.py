@@ -1,7 +1,7 @@
-"""Imperfections of joints, links, base and flange, and of what the sensor carries.
+"""Imperfections of joints, links, base and flange, of the tool, and of cables and obstacles at it.
 
-Tools, loose parts, cables and obstacles are carried. Each public function draws a fault ``size``
-times as large as the typical one that it states; typical sizes and ranges are estimates.
+Each public function draws a fault ``size`` times as large as the typical one that it states;
+typical sizes and ranges are estimates.
 """
 
 import re
@@ -194,14 +194,14 @@ def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
-    """Side ±1 (N,) on which a joint lies in its play; in motion a crossing takes time."""
+    """Side ±1 (N,) of a joint in its play, given as ``state``; in motion a crossing takes time."""
     if not design.moving:
         return state
     return np.asarray(gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate)))
 
 
 def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.ndarray:
-    """Change (N, J) [rad or m] of all joint values if joint j alone changes by (N,)."""
+    """Change (N, J) [rad or m] of all joint values if joint j, from 0, alone changes by (N,)."""
     dq = np.zeros_like(design.q)
     dq[:, j] = change
     return dq
@@ -209,7 +209,7 @@ def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.nda
 
 @lru_cache(maxsize=8)
 def _visibility(design: ExperimentDesign) -> np.ndarray:
-    """Size (J,) of the change of readings by 0.2° at each joint, less the usual fit; relative."""
+    """Relative change (J,) of readings by 0.2° at each joint, after a fit of bias, mass and CoG."""
     robot, seen = ImperfectRobot(design), np.empty(design.q.shape[1])
     for j in range(len(seen)):
         item = Imperfection(joint=_off(design, j, np.deg2rad(0.2)))

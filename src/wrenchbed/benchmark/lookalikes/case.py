@@ -268,8 +268,7 @@ class _Drawing:
         raise ParameterError("no two causes show together in this design")
 
     def outside(self, family: str | None) -> LookalikeCase:
-        """Draw a case of a fault outside the library, of a given family or any, with a random
-        gap."""
+        """Draw a case of a fault outside the library, of a family or any, with a random gap."""
         known = families(self.design)
         if family is not None and family not in known:
             raise ParameterError(f"there is no family {family!r}. Known: {', '.join(known)}")

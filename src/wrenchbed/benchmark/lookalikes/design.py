@@ -85,8 +85,8 @@ class ExperimentDesign:
     ``q`` are joint values of the holds (H, J) or of the samples (N, J) [rad or m]; orientations w,
     x, y, z (H, 4) for a robot without joints; ``t`` mean times of holds or samples [s], ``samples``
     rows of each hold, 1 in motion, ``rate`` rows per second [Hz], ``noise_std`` of one row (6,) [N,
-    N·m], ``temperature`` per hold or sample [°C]. From the wrenches ``measured`` (N, 6) a tool
-    follows that nobody states.
+    N·m], ``temperature`` per hold or sample [°C]. A tool that the metadata do not state is
+    identified from the wrenches ``measured`` (N, 6).
     """
 
     robot: Robot
@@ -126,7 +126,7 @@ class ExperimentDesign:
 
     @classmethod
     def of_plan(cls, plan: Plan, robot: Robot, samples: int = 50) -> "ExperimentDesign":
-        """A design from a plan before it is recorded, with nominal numbers."""
+        """The design of a plan before it is recorded; tool, noise and times have nominal values."""
         rate = float(plan.rate_hz or _RATE_HZ)
         tool = robot.tool(robot.parameters.nominal)
         meta = as_stated(robot, plan.mode, "lookalike", rate, tool)
@@ -245,7 +245,7 @@ class ExperimentDesign:
 
     @cached_property
     def usual(self) -> UsualFit:
-        """Basis of the changes of readings by bias, mass and CoG, which every fit removes."""
+        """Fit of bias, mass and CoG to readings, as every diagnosis makes it before all others."""
         load = self.load
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]

@@ -1,7 +1,7 @@
 """One imperfection of a robot: where it acts and how; and a robot that has several of them.
 
-Here too is what several families draw or use: channels, relays, Preisach's hysteresis, lags, 1/f
-noise. Numbers without a source are estimates.
+Draws and laws that several faults share are here too: channels, relays, Preisach's hysteresis,
+lags, 1/f noise. Numbers without a source are estimates.
 """
 
 from collections.abc import Callable, Sequence
@@ -55,7 +55,7 @@ def preisach(signal: np.ndarray, rng: Rng, reach: float, relays: int = 96) -> np
 
 
 def relax(t: np.ndarray, signal: np.ndarray, time: float) -> np.ndarray:
-    """The signal (T, C) after a first-order lag with a time constant [s]."""
+    """Signal (T, C) at times t (T,) [s] after a first-order lag of a time constant ``time`` [s]."""
     keep = np.exp(-np.diff(t) / time)
     bands = np.ones((2, len(t)))
     bands[1, :-1], bands[1, -1] = -keep, 0.0
@@ -116,7 +116,7 @@ def spread(rng: Rng) -> float:
 
 
 def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
-    """Draw weights (6,) of either sign: of one channel, the forces, the torques or all."""
+    """Draw weights (6,) of either sign: of one channel (probability ``one``), three or all six."""
     kind = rng.uniform()
     chosen = np.zeros(6, dtype=bool)
     if kind < one:
@@ -149,7 +149,7 @@ def biased(shift: np.ndarray, true: dict[str, float] | None = None) -> Imperfect
 class ImperfectRobot:
     """Computes noise-free readings of one design with any imperfections.
 
-    The poses of one set of joint imperfections are computed once.
+    Poses of the sensor are cached for each set of imperfections of joints and links.
     """
 
     def __init__(self, design: ExperimentDesign) -> None:
@@ -205,7 +205,8 @@ class ImperfectRobot:
 
 
 def held_rows(rows: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
-    """Draw which row is read in place of each (N,): itself, or one that a reading repeats."""
+    """Draw which row is read in place of each (N,): itself, or an earlier one that is repeated.
+    ``stale`` is the chance that a repeat begins, and the mean number of rows that it lasts."""
     chance, length = stale
     fresh = np.ones(rows, dtype=bool)
     for start in np.flatnonzero(rng.uniform(size=rows) < chance):

@@ -41,8 +41,7 @@ class SensorMotion:
         return rotate_back(self.rotation, self.gravity - self.acceleration)
 
     def tilted(self, vector: np.ndarray) -> "SensorMotion":
-        """Motion with the whole robot rotated in the world by rotation vectors (N, 3) or (3,)
-        [rad]."""
+        """Motion with the whole robot rotated in the world by vectors (N, 3) or (3,) [rad]."""
         tilt = Rotation.from_rotvec(np.atleast_2d(vector)).as_matrix()
         return replace(
             self,
@@ -52,8 +51,7 @@ class SensorMotion:
         )
 
     def mounted(self, vector: np.ndarray) -> "SensorMotion":
-        """Motion with the sensor rotated on its flange by a rotation vector (3,) or (N, 3)
-        [rad]."""
+        """Motion with the sensor rotated on its flange by a vector (3,) or (N, 3) [rad]."""
         mount = Rotation.from_rotvec(np.atleast_2d(vector)).as_matrix()
         spin, rate = (
             None if v is None else rotate_back(mount, v) for v in (self.spin, self.spin_rate)
@@ -137,8 +135,8 @@ def weights(
     t: np.ndarray | None = None,
     stride: int = 1,
 ) -> Weights:
-    """Torques and base moment that hold the robot at q (N, J), or, with times (N,), move an open
-    chain."""
+    """Joint torques and base moment at rest at q (N, J), or in motion at times (N,) (open
+    chains)."""
     if not isinstance(robot, SimulatedRobot):
         return Weights(np.zeros((len(q), 0)), np.zeros((len(q), 3)))
     bodies = RigidBodies(robot, theta, gravity)

@@ -175,7 +175,7 @@ class FaultyRobot:
 
     @cached_property
     def signatures(self) -> Bench:
-        """Signatures of the library's effects on this robot."""
+        """Changes of readings (signatures) by each effect of the library on this robot."""
         return bench(self.setting, self.way)
 
     @cached_property
@@ -228,8 +228,7 @@ class FaultyRobot:
         return [first] if kind == "single" else self._two(first, rng)
 
     def _one(self, kind: str, names: list[str], rng: Rng) -> TrueCause:
-        """Draw a cause that is large enough; one that is too small is enlarged once, then
-        another."""
+        """Draw a cause that is large enough; a small one is enlarged once, then replaced."""
         for _ in range(_DRAWS):
             name = str(rng.choice(names))
             size = common.log_uniform(rng, *common.SIZES)

@@ -416,7 +416,7 @@ def off(setting: RefereeSetting, error: np.ndarray) -> RefereeFault:
 
 
 def _loaded(setting: RefereeSetting, m: Mechanics, mass: float, cog: np.ndarray) -> Mechanics:
-    """The machine with another mass [kg] and CoG (3,) [m] of its tool."""
+    """The machine with a tool heavier by ``mass`` [kg] and its CoG moved by ``cog`` (3,) [m]."""
     tool = setting.robot.tool(m.theta)
     centre = (np.asarray(tool.cog) + cog).tolist()
     theta = setting.robot.theta_of_tool(m.theta, float(tool.mass) + mass, centre)

@@ -1,6 +1,6 @@
 """Faults that are in no library: a diagnosis must call them unknown.
 
-Every public function draws the family of its name. Sizes and ranges are estimates.
+Every public function draws a fault of the family of its name. Sizes and ranges are estimates.
 """
 
 import numpy as np

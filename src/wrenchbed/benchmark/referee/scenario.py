@@ -155,7 +155,7 @@ class RefereeSetting:
 
     @property
     def mode(self) -> str:
-        """``static`` or ``dynamic``."""
+        """Mode of the recording: ``static`` (poses at rest) or ``dynamic`` (a motion)."""
         return self.metadata.mode
 
     @property
@@ -193,12 +193,11 @@ class RefereeSetting:
 
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
-        """Tolerances of mass [kg], CoG [m] and bias (6,) as the contract sets them."""
+        """Tolerances of mass [kg], CoG [m] and bias (6,): defaults of metadata in contracts.md."""
         return 0.005 * self.mass, 5e-4, 3.0 * self.noise
 
     def mean(self, signal: np.ndarray) -> np.ndarray:
-        """Mean at each pose (H, …) of a signal at all instants (T, …); in motion of each row (N,
-        …)."""
+        """Mean at each pose (H, …) of a signal (T, …); in motion its value at each row (N, …)."""
         rows = signal[self.path.rows]
         return rows if self.mode == "dynamic" else hold_means(rows, self.path.hold)
 
@@ -208,7 +207,7 @@ class RefereeSetting:
 
     @cached_property
     def usual(self) -> UsualFit:
-        """Basis of the changes of readings by bias, mass and CoG, which every fit removes."""
+        """Fit of bias, mass and CoG to readings, as every diagnosis makes it before all others."""
         base, tool = self.nominal[:: self.stride], self.robot.tool(self.theta)
         mass, cog, differences = float(tool.mass), np.asarray(tool.cog), []
         for dm, dc in [(0.01, np.zeros(3)), *((0.0, 1e-3 * e) for e in np.eye(3))]:

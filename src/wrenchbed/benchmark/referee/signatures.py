@@ -1,4 +1,4 @@
-"""Signatures of the library's effects on one robot, and which effects its data cannot tell apart.
+"""Signatures (changes of readings) of the library's effects on a robot, and which are alike there.
 
 Linear in an effect's sizes where the effect is, with a grid of variants where it is not. From
 MuJoCo and finite differences; no code is shared with the library of effects. Typical sizes and the
@@ -24,7 +24,7 @@ from wrenchbed.robots.base import INERTIA_AXES
 _H = 1e-4
 """Step of finite differences [rad or m]: small beside a robot, its square above rounding."""
 _COURSES = 6
-"""Courses in time that a slow change of the tool may be made of: an even one, and half waves."""
+"""Number of functions of time that a slow change of the tool is a sum of: a ramp, and sines."""
 _AWAY = 0.03
 """Distance of lost mass from the tool's CoG, along each axis [m]."""
 SAME = 0.1
@@ -167,8 +167,7 @@ class _Columns:
         return theta
 
     def leaning(self) -> list[np.ndarray]:
-        """Derivatives (n, 6) of the wrench by turns of gravity about x and y; the inertial load
-        stays."""
+        """Derivatives (n, 6) of the wrench by turns of gravity about x, y; inertial load stays."""
         robot, theta = self.setting.robot, self.setting.theta
         tool, gravity = robot.tool(theta), np.array(robot.gravity)
         turns = np.broadcast_to(robot.sensor_pose(self.q, theta)[0], (len(self.q), 3, 3))
@@ -205,7 +204,7 @@ def _directions() -> np.ndarray:
 
 
 def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield names and signatures of hoses from above, from several sides, with several slacks."""
+    """Yield signatures (name, columns) of hoses from above, of several sides and slacks."""
     reach = max(1.5 * float(np.linalg.norm(position.std(axis=0))), 0.2)
     point = np.array([0.0, 0.0, 0.04])
     tied = position + rotation @ point
@@ -225,7 +224,7 @@ def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np
 def _pushes(
     rotation: np.ndarray, position: np.ndarray, tip: float
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield names and signatures of planes that the tool's end presses on."""
+    """Yield signatures (name, columns) of planes that the tool's end presses on, from all sides."""
     lever = np.array([0.0, 0.0, tip])
     ends = position + rotation @ lever
     for normal in _directions():
@@ -244,8 +243,7 @@ class Block(NamedTuple):
     r: np.ndarray
 
     def residual(self, x: np.ndarray, bounded: bool) -> float:
-        """Sum of squares of x (6 n,) after the best fit by the columns; ``bounded``: with
-        amplitudes that a robot may have."""
+        """Sum of squares of x (6 n,) after the best fit, ``bounded`` to plausible amplitudes."""
         projection = self.q.T @ x
         free = float(x @ x) - float(projection @ projection)
         if not bounded:
@@ -257,7 +255,7 @@ class Block(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Bench:
     """Signatures of the library's effects on one robot: columns (6 n, k) of each variant, of
-    typical size in units of row noise, and the basis that every fit removes."""
+    typical size in units of row noise, and the ``usual`` fit of bias, mass and CoG before them."""
 
     usual: UsualFit
     columns: Mapping[str, list[np.ndarray]]

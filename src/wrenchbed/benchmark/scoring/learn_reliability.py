@@ -56,8 +56,7 @@ def reliability_at_design(
 
 
 def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
-    """Draw and diagnose one look-alike: what was claimed and what was true; None if none can be
-    drawn."""
+    """Draw and diagnose a look-alike; return claim and truth, None if it cannot be drawn."""
     kind = TEN_KINDS[index % len(TEN_KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
     try:

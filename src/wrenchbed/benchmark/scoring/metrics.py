@@ -18,7 +18,7 @@ from wrenchbed.benchmark.scoring.truth_and_claims import OURS, Answer, CaseRow, 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 
 VISIBLE = 3.0
-"""Effects that a perfect detector would miss do not count for isolation [σ]."""
+"""Least signal over noise [σ] of an effect that counts for isolation: others are too small."""
 SURE = 0.9
 """Probability above which a claim counts as sure."""
 BINS = 10
@@ -65,7 +65,7 @@ class ScoredMetric:
 class Metric:
     """Definition of a figure by sums over cases: ``parts`` gives the k numbers that a case adds,
     None where it does not count, ``combine`` the figure from sums (…, k); ``ours``: only the
-    diagnosis has it. ``target`` is empty where nobody stated one."""
+    diagnosis has it. ``target`` is a text as ``≥ 95 %``, empty where nobody stated one."""
 
     title: str
     target: str
@@ -165,12 +165,12 @@ def matched(truth: Answer, claim: Claim) -> tuple[int, int, int]:
 
 
 def kind_is(*kinds: str) -> Test:
-    """Make a test of whether a case is of one of these kinds."""
+    """Make a test of whether a case is of one of the given kinds, as ``single``."""
     return lambda truth, claim: truth.kind in kinds
 
 
 def verdict_is(verdict: str) -> Test:
-    """Make a test of whether a claim has this verdict."""
+    """Make a test of whether a claim has a given verdict, as ``unknown``."""
     return lambda truth, claim: claim.verdict == verdict
 
 

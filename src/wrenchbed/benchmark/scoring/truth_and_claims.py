@@ -117,7 +117,7 @@ class Claim:
 
 
 class CaseRow(NamedTuple):
-    """The truth of a case, and the claims about it by method."""
+    """The truth of a case, and the claims about it by name of method."""
 
     truth: Answer
     claims: Mapping[str, Claim]

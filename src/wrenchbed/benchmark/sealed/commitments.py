@@ -28,7 +28,7 @@ COMMITMENTS = "commitments.json"
 FAMILY = "family.json"
 _NAME = re.compile(r"\d{4,9}")
 MOST = 5
-"""Members of a class that may be named; a larger one is unknown (contract)."""
+"""Most effects that one claim may name as indistinguishable; with more it counts as unknown."""
 
 
 def recording_of(cases: Path, name: str) -> Path:
@@ -66,7 +66,7 @@ def digest(data: bytes) -> str:
 
 
 def salt(seed: int, case: str) -> str:
-    """32 bytes in hexadecimal that nobody can guess who does not know the seed."""
+    """Salt of a case: 32 bytes in hexadecimal that nobody can guess who does not know the seed."""
     return digest(f"wrenchbed blind salt {seed} {case}".encode())
 
 

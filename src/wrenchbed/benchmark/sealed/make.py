@@ -46,9 +46,9 @@ _SEEDED = ("single", "none", "outside", "pair")
 class Family:
     """Set of sealed cases with robots of the referee; base of families of other simulated worlds.
 
-    ``robot`` is a registry name, or several joined by commas where ``several``; who knows ``seed``,
-    which is not negative, knows the answers; ``tries`` are draws of a case before giving up: an
-    estimate; ``world`` is its name in ``family.json``, none of the referee's.
+    ``robot`` is a registry name, or several joined by commas where ``several``; ``cases`` is their
+    number; all answers follow from ``seed``, which is not negative; ``tries`` are draws of a case
+    before giving up: an estimate; ``world`` is its name in ``family.json``, none of the referee's.
     """
 
     robot: str
@@ -66,8 +66,7 @@ class Family:
             raise ParameterError(f"seed {self.seed} must not be negative")
 
     def kinds(self) -> list[str]:
-        """Kind of each case: shares of `referee.SHARES`, filled up with single effects, in random
-        order."""
+        """Kind of each case: shares `referee.SHARES`, the rest single effects, in random order."""
         counts = np.floor(np.array(referee.SHARES) * self.cases + 1e-9).astype(int)
         counts[KINDS.index("single")] += self.cases - int(counts.sum())
         every = np.repeat(np.arange(len(counts)), counts)
@@ -109,8 +108,8 @@ class Family:
         return answer, case.recording
 
     def found(self, index: int) -> tuple[Answer, Recording]:
-        """Draw a case anew until an attempt makes one, at most ``tries`` times: its answer and
-        recording; a `ParameterError` if no attempt does."""
+        """Draw a case anew until an attempt makes one, at most ``tries`` times; return its answer
+        and recording, or raise a `ParameterError`."""
         answer, rows = attempts(self.tries, lambda k: self.case(index, k), ParameterError)
         name = self.names()[index]
         return replace(answer, case=name, salt=salt(self.seed, name)), rows
@@ -122,7 +121,7 @@ class Family:
 
 @lru_cache(maxsize=8)
 def design(robot: str, mode: str, seed: int, number: int) -> ExperimentDesign:
-    """Random poses (static) or a multisine (dynamic) of a robot, with nominal numbers stated."""
+    """Design ``number`` of a seed: random poses (static) or a multisine (dynamic), as stated."""
     arm = registry.load("robots", robot)
     rng = np.random.default_rng([seed, 61, number])
     if mode == "dynamic":

@@ -84,8 +84,7 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> Claim:
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names of effects in an entry of ``which``; those of drives and links with each possible
-    joint."""
+    """Names of effects in an entry of ``which``, those of drives and links with their joints."""
     joint = dict(_items(entry.get("parameters"))).get("joint")
     joints = [""]
     if joint is not None:

@@ -175,7 +175,8 @@ class DriveEffect(ABC):
     """Whether its size is never below zero: it can only add to friction, or be late."""
 
     def shapes(self, rows: DriveRows) -> Mapping[str, np.ndarray]:
-        """Effort (N,) of the effect at size 1, by name of column; empty where it cannot show."""
+        """Effort (N,) of the effect at size 1 by name of column; empty if it cannot show, or is
+        searched by `scan`."""
         return {}
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
