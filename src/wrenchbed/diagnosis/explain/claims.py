@@ -1,4 +1,4 @@
-"""Claims of an explanation: effects that add enough, wrong stated numbers, and what remains."""
+"""What may be claimed of a fitted set of causes: effects that add enough, wrong stated numbers."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
@@ -24,18 +24,18 @@ from wrenchbed.diagnosis.explain.verdict import Part
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 
 REST = 0.55
-"""Gap that normal imperfections may make together."""
+"""Largest gap that the small imperfections of a healthy robot make together."""
 DENIED = 2.0 * CLAIMABLE
-"""Gap that a cause must add at least to a channel without any to be contradicted by it."""
+"""Gap that a cause adds to a channel without a gap from which the channel contradicts it."""
 WRONG = 5.0
-"""A stated number that is wrong is off by this many tolerances, typically."""
+"""Typical error of a stated number that is wrong, in tolerances."""
 ODDS = 0.15
 """Prior odds of a stated number being wrong."""
 HOLDS = 0.1
-"""Gap that a small part makes at least to count with others for what they hold together: a tenth of
-what counts; a part that makes nothing cannot be what the others stand in for."""
+"""Least gap of a small cause that is examined for causes that replace each other: a tenth of what
+counts; a cause that adds nothing cannot be replaced."""
 MANY = 9
-"""Columns of an effect that may imitate stated numbers: torques from forces, for instance."""
+"""Number of columns from which an effect may imitate stated numbers, as torques from forces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +63,12 @@ class Explanation:
 
 
 def allowed(explanation: Explanation) -> float:
-    """Gap that a complete explanation may leave: normal imperfections, and errors of its form."""
+    """Gap that a complete explanation may leave: imperfections, and errors of its formulas."""
     return REST + missed(explanation)
 
 
 def missed(explanation: Explanation) -> float:
-    """Gap that the causes' assumed forms, which are only nearly right, may leave."""
+    """Gap that the causes' formulas may leave because they are only nearly right."""
     parts = explanation.finalist.parts
     named = [(p.index, p.share) for p in explanation.parts]
     total = sum(parts[k].effect.form_error * share for k, share in named if k is not None)
@@ -82,8 +82,8 @@ def complete(explanation: Explanation) -> bool:
 
 
 class Stated(NamedTuple):
-    """Errors of the stated numbers (bias, mass, CoG: S values) and their covariance (S, S), in the
-    typical sizes of the effects that they are."""
+    """Errors of the stated numbers (bias, mass, CoG: S values) and their covariance (S, S), in
+    typical sizes of the effects ``sensor.bias``, ``tool.mass`` and ``tool.cog``."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -128,17 +128,17 @@ def with_imitators(refitter: Refitter, e: Explanation) -> Explanation:
 
 
 def contradicted(added: np.ndarray, total: np.ndarray) -> bool:
-    """Whether in some channel a part adds a gap (F,) although there is none in all (F,)."""
+    """Whether a cause adds a gap (F,) to one of F channels whose ``total`` gap (F,) is small."""
     return bool(((added >= DENIED) & (total < CLAIMABLE)).any())
 
 
 def _standing_in(
     refitter: Refitter, f: Finalist, large: Collection[int | None]
 ) -> tuple[list[Part], float]:
-    """Small parts that replace each other (leaving one out costs little, leaving all does), and the
-    gap that then remains, noise subtracted.
+    """Small causes, beside those ``large``, that replace each other (to leave out one costs little,
+    to leave out all costs much), and the gap that then remains, noise subtracted.
 
-    The one that takes up most of what all of them hold gets that as its share, then the next.
+    The cause that reduces the gap most gets that reduction as its share, then the next.
     """
     d, parts = refitter.d, list[Part]()
     held = {k: d.gap(made_by(refitter, f, [k])) for k in f.effects if k not in large}
@@ -165,7 +165,7 @@ def _standing_in(
 
 
 def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
-    """Whether a part may only correct the assumed form of a larger part of its family."""
+    """Whether a cause may only correct the formula of a larger cause of its effect's family."""
     assert part.index is not None
     family = f.parts[part.index].effect.family
     for other in parts:
@@ -177,9 +177,9 @@ def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
 
 
 def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
-    """Parts for stated numbers that are wrong beyond their tolerance and add to the configured gap.
+    """Claims of stated numbers that are wrong beyond tolerance and add to the configured gap.
 
-    The odds of each compare its estimate if it is wrong with one within its tolerance.
+    Odds compare the density of an estimate if its number is wrong with that within tolerance.
     """
     d, estimate = refitter.d, stated(refitter, f)
     odds = wrong_odds(estimate.mean, estimate.std, d.tolerance, zero_offset(refitter, f))
@@ -215,10 +215,10 @@ def wrong_odds(
 
 
 def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """Size (S,), in typical sizes, by which the parts may shift each stated number by convention.
+    """Size (S,), in typical sizes, by which the causes may shift each stated number by convention.
 
-    The zero of a drift, a cable or a memory is a convention: a constant part of such an effect
-    within its own range is no wrong bias (unless it moves in the tool), its mean share of the load
+    The zero of a drift, a cable or a hysteresis is a convention: a constant that such an effect
+    adds within its range is no wrong bias (unless it moves in the tool), its mean share of the load
     no wrong mass. And an effect of many numbers hardly differs from a wrong centre of gravity.
     """
     d = refitter.d
@@ -235,7 +235,7 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
 
 
 def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
-    """Biases, among the stated numbers (S,), as large as a signal's ranges ``extent`` (C,)."""
+    """Biases as large as a signal's ranges ``extent`` (C,), among stated numbers (S,), else 0."""
     result = np.zeros(len(d.stated))
     for i in np.flatnonzero(d.of_stated(STATED[0])):
         column = np.abs(d.E[:, d.stated[i]].reshape(-1, d.channels)).max(axis=0)
@@ -245,9 +245,9 @@ def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
 
 
 def stated(refitter: Refitter, f: Finalist) -> Stated:
-    """Errors of bias, mass and CoG, fitted beside a set of causes and not held by tolerances.
+    """Errors of bias, mass and CoG, fitted beside a set of causes without priors by tolerances.
 
-    A bias also takes what is constant in small imperfections, which no residual shows, so its
+    A bias also contains what is constant in small imperfections, which no residual shows, so its
     uncertainty is that beside the largest background of a healthy robot.
     """
     d, count, numbers = refitter.d, len(f.x), len(refitter.d.stated)
@@ -271,12 +271,12 @@ def stated_errors_beside(refitter: Refitter, f: Finalist) -> np.ndarray:
 
 
 def corrected(refitter: Refitter, f: Finalist, stated: Configuration) -> Configuration:
-    """Configuration with bias, mass and CoG as fitted beside a set of causes."""
+    """Copy of ``stated`` with bias, mass and CoG as fitted beside a set of causes."""
     return moved_by(refitter, stated_errors_beside(refitter, f), stated)
 
 
 def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Configuration:
-    """Configuration with errors (S,), in typical sizes, added to the stated numbers."""
+    """Copy of ``stated`` with errors (S,), in typical sizes, added to bias, mass and CoG."""
     d = refitter.d
     if not len(d.stated):
         return stated
@@ -297,9 +297,8 @@ def _fitted(
 def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
     """Background level in which the stated bias, mass and CoG are exact.
 
-    The sensor's own weight hides behind mass and CoG and adds nothing to the calibrated gap, which
-    does not bound it: half of `MOST` of its typical size does, and half the stated mass's
-    tolerance.
+    The sensor's self-weight looks like mass and CoG and adds nothing to the calibrated gap, so its
+    prior is bounded by half of `MOST` typical sizes and by half the stated mass's tolerance.
     """
     if rung not in refitter.exact:
         d, level = refitter.d, refitter.searcher.rungs[rung].level

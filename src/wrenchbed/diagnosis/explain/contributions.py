@@ -1,6 +1,6 @@
-"""Parts of a finalist: what each adds, what remains without it, and what could replace it.
+"""What each cause of a fitted set adds, what remains without it, and what could replace it.
 
-A part has a twin if another effect leaves no more of its readings than small imperfections make.
+An effect is a cause's twin if it leaves no more of its readings than small imperfections make.
 """
 
 from collections.abc import Collection
@@ -12,14 +12,14 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 
 CLAIMABLE = 0.75
-"""Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
+"""Least estimated gap of a claimed cause: 1 (docs/contracts.md) less its uncertainty."""
 APART = 6.0
-"""Square, over noise and background, by which readings differ that count as different: 3 in the
-logarithm of a likelihood, as `MARGIN` of explanations."""
+"""Squared difference of readings, over noise and background, from which they count as different: 3
+in log likelihood, as `MARGIN` of explanations."""
 EQUAL = 1.0 - 1e-6
-"""Cosine from which two columns are one: rounding of finite differences."""
+"""Cosine of two columns from which they are the same up to rounding of finite differences."""
 SAME, EXCUSED = 0.02, 0.1
-"""Share of a part's gap, and gap, that a twin may leave: small imperfections make as much."""
+"""Largest share of a cause's gap, and gap, that a twin leaves: imperfections make as much."""
 
 
 def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
@@ -42,7 +42,7 @@ def share(refitter: Refitter, f: Finalist, part: int) -> float:
 def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
     """Reduction of each of F channels' gap (F,) by one cause while the others keep their sizes.
 
-    Beside a form-free part the others are refitted: two large curves may cancel each other.
+    If one has a free curve, the others are refitted: two large curves may cancel each other.
     """
     without = f.residual + made_by(refitter, f, [part])
     bending = [k for k in f.effects if k != part and any_free_form(f)]
@@ -69,8 +69,8 @@ def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> floa
 def twins(
     refitter: Refitter, f: Finalist, part: int, share: float, named: Collection[int]
 ) -> tuple[str, ...]:
-    """Names of effects that explain as much as a part, which adds the gap ``share``, when they take
-    its place; parts ``named`` are left out."""
+    """Names of effects that explain as much in the place of cause ``part``, which adds the gap
+    ``share``; causes with indices ``named`` are left out."""
     claimed = {f.parts[k].name for k in named}
     others = _as_many_numbers(refitter, f, part, made_by(refitter, f, [part]), share)
     alike = (n for n in others if n not in claimed)
@@ -78,8 +78,8 @@ def twins(
 
 
 def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
-    """Names of effects that make a part's readings at plausible sizes, with any number of
-    amplitudes; refitted with finite angles where slopes come near."""
+    """Names of effects that make a cause's readings at plausible sizes, with any number of
+    amplitudes; those that nearly do in the linear model are refitted with finite angles."""
     hypotheses, small = refitter.searcher.hypotheses, f.parts[part]
     signal = made_by(refitter, f, [part])
     energy, remainders = refitter.remainders(f, part, signal)
@@ -101,7 +101,7 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
 
 
 def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
-    """Whether a free form ``wide`` has all columns of ``part``: a straight curve is a gain."""
+    """Whether a free curve ``wide`` has all columns of ``part``: a straight curve is a gain."""
     if not wide.variant.free_form or part.variant.shape or not len(part.columns):
         return False
     unit = refitter.d.E / np.maximum(np.linalg.norm(refitter.d.E, axis=0), 1e-300)
@@ -110,7 +110,7 @@ def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
 
 
 def doubled(refitter: Refitter, f: Finalist) -> bool:
-    """Whether the last cause makes nearly the readings of another one, of either sign."""
+    """Whether the last cause makes nearly the readings of another one, times any factor."""
     made = np.stack([made_by(refitter, f, [k]) for k in range(len(f.parts))], axis=1)
     *others, last = refitter.d.without_stated(made).T
     energy = (1.0 - SAME) * float(last @ last)

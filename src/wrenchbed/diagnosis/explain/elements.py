@@ -20,23 +20,23 @@ from wrenchbed.diagnosis.explain.verdict import Elements
 from wrenchbed.effects.base import Variant
 
 NAMING = ("joint", "parameter", "channel", "axis", "axes", "link")
-"""Details of a variant that say which element of the robot it is of."""
+"""Keys in `Variant.detail` that say to which element of the robot a variant belongs."""
 TRIED = 8
-"""Elements of one effect that are fitted in a cause's place at most: two per joint of an arm would
-be 14, of which those that cannot imitate it are left out before."""
+"""Most elements of one effect that are fitted in a cause's place: two per joint of an arm would be
+14, of which those that cannot imitate it are left out before."""
 UNLIKE = 0.2
-"""Share of a cause's squared readings that an element may leave, linearised, to be fitted: the
-linearisation of an angle of 10° misses 1 %."""
+"""Largest share of a cause's squared readings that an element leaves, in the linear model, if it is
+fitted in its place: the linearisation of an angle of 10° misses 1 %."""
 RIVAL = 0.02
-"""A rival has at least this share of its class's probability,"""
+"""Least share that a rival has of its class's probability (the class: a cause with rivals)."""
 DOUBT = 2.0
-"""with log odds divided by this: evidence is exact for exact physics only."""
+"""Divisor of log odds of rivals and elements: evidence is exact for exact physics only."""
 EQUAL = 1.0
 """Difference of log posteriors below which two elements are equally likely: a factor of e."""
 EVEN = 0.02
-"""Difference of two weights of a sum that count as equal."""
+"""Largest difference of two weights of a sum that count as equal."""
 SAME = 0.02
-"""Relative squared difference of two columns that count as proportional."""
+"""Largest relative squared difference of two columns that count as proportional."""
 
 
 class Combination(NamedTuple):
@@ -44,8 +44,8 @@ class Combination(NamedTuple):
 
     Attributes:
         text: the sum in words.
-        value, std: of the sum, SI.
-        unit: of both.
+        value, std: value and standard uncertainty of the sum, SI.
+        unit: unit of both.
     """
 
     text: str
@@ -71,17 +71,17 @@ def element(variant: Variant) -> str:
 def elements(
     refitter: Refitter, f: Finalist, part: int, effects: Collection[str]
 ) -> dict[str, Elements]:
-    """Elements of some effects that explain a recording as well as one part of a finalist.
+    """Elements of some effects that explain a recording as well as one cause of a fitted set.
 
     Args:
         refitter: of the recording.
-        f: the finalist.
-        part: index of the part in whose place they are fitted.
-        effects: names, among them the part's own.
+        f: the fitted set of causes.
+        part: index of the cause in whose place they are fitted.
+        effects: names of effects, among them the cause's own.
 
     Returns:
-        Elements by the effect's name; of the part's own effect, the part is always one, unless it
-        is of several elements together and one of them alone makes all that counts.
+        Elements by the effect's name; for the cause's own effect its element is always one, unless
+        it is of several elements together and one of them alone makes all that counts.
     """
     replaced, signal = f.parts[part], made_by(refitter, f, [part])
     result = {replaced.name: Elements((element(replaced.variant),), (f,), (part,))}
@@ -115,11 +115,10 @@ def elements(
 def _imitating(
     refitter: Refitter, f: Finalist, part: int, signal: np.ndarray, effects: Collection[str]
 ) -> dict[str, list[Hypothesis]]:
-    """Hypotheses that make nearly a part's readings (C R,), by effect, the best of each element.
+    """Hypotheses that nearly make a cause's readings ``signal`` (C R,), by effect: the best of each
+    element.
 
-    If the part is of several elements, one of them may leave as much as ordinary imperfections of
-    the others.
-    """
+    For a cause of several elements, one may leave as much as imperfections of the others make."""
     replaced, hypotheses = f.parts[part], refitter.searcher.hypotheses
     replaced_element, of_one = element(replaced.variant), of_element(replaced.variant)
     energy, each = refitter.remainders(f, part, signal)
@@ -146,7 +145,7 @@ def _imitating(
 
 
 def _likely(log_posteriors: Sequence[float]) -> list[int]:
-    """Indices of the first fit, and of those that evidence does not rule out, likeliest first."""
+    """Index 0, then those of fits that evidence does not rule out against it, likeliest first."""
     logs = np.array(log_posteriors)
     worse = logs.max() - logs
     score = np.exp(-worse / DOUBT)

@@ -18,9 +18,9 @@ the noise of a row, and the least mean square of the load's direction along any 
 of the gap that the best explanation leaves beyond what is normal, 0 where a smooth function
 predicts it."""
 LEAST_P = 0.01
-"""p-value below which a recording is unlike those that taught."""
+"""p-value below which a recording counts as unlike the learning cases."""
 RIDGE = 1e-3
-"""Least variance of a feature, so that what never differed may differ a little."""
+"""Variance added to each feature, so that one equal in all learning cases may differ a little."""
 
 
 def design_of(a: Analysis) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""A structure after its refit: its parts, their variables, and the residual."""
+"""A set of causes as fitted: its parts (causes), their variables, and the residual."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
@@ -14,9 +14,9 @@ class Variables:
     """Names of the free variables ``x`` (k,) of a set of causes in one recording.
 
     Attributes:
-        part: index of the part that each belongs to (k,).
-        name: its parameter of the effect (k,).
-        shape: whether it is a shape, not an amplitude (k,), boolean.
+        part: index of the cause that each variable belongs to (k,).
+        name: name of each variable among the effect's parameters (k,).
+        shape: whether each is a shape, as a delay, not an amplitude (k,), boolean.
     """
 
     part: np.ndarray
@@ -55,7 +55,7 @@ class Finalist:
         residual: measured minus fitted (C R,), whitened; errors of stated numbers are still in it.
         y: readings linearised at x (C R,).
         design: derivatives of the response by x, then columns of blamed stated numbers (C R, m).
-        spread: prior standard deviation of each (m,).
+        spread: prior standard deviation of each column of ``design`` (m,).
         log_posterior: over all background levels and sizes, of all recordings fitted together.
         each: the same fit in each of these recordings; empty for a single one.
     """

@@ -20,21 +20,21 @@ from wrenchbed.diagnosis.explain.structures import Analysis, prediction_errors
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 
 FAR = 25.0
-"""Mean square error of an outlier over that of the median block: five standard deviations."""
+"""Least mean square error of an outlier over the median block's: five standard deviations."""
 LARGE = 5.0
-"""Rms error of an outlier, in σ of a row, at least: beyond any noise."""
+"""Least rms error of an outlier, in standard deviations of a row's noise: beyond any noise."""
 MOST = 0.1
-"""Share of blocks that may be outliers: more of them are no exception."""
+"""Largest share of blocks that may be outliers: more of them are no exception."""
 ENERGY = 0.3
 """Least share of the squared error in outliers together: else their removal answers nothing."""
 ALIKE = 4.0
-"""Ratio of mean square errors of blocks that are set aside together: half and twice the size."""
+"""Largest ratio of mean square errors of blocks set aside together: half and twice the size."""
 LEVER_M = 0.5
 """Longest lever of a force at a tool [m]; a larger torque is named instead: tools are shorter."""
 NEAR = 0.966
 """Cosine from which a direction counts as along an axis: 15°."""
 AGAIN = 1e-4
-"""There is no jump that comes again where chance makes as much oftener than this."""
+"""Largest p-value with which outliers count as a jump of the zero that comes again."""
 MARGIN_S = 0.3
 """Time before and after a stretch that is set aside with it [s]: a touch begins and ends softly."""
 
@@ -80,12 +80,12 @@ class Outlier:
 
 
 def spells(outliers: Sequence[Outlier]) -> int:
-    """Number of separate outliers; neighbours are one."""
+    """Number of separate outliers; adjacent ones count as one."""
     return len(runs(np.any([o.rows for o in outliers], axis=0))) if outliers else 0
 
 
 def comes_again(outliers: Sequence[Outlier], made: np.ndarray, scale: np.ndarray) -> bool:
-    """Whether the outliers have the direction of a jump of the zero, which then comes and goes.
+    """Whether outliers have the direction of a fitted jump of the zero, which so comes and goes.
 
     The squared cosine between independent directions is Beta(½, (C − 1)/2).
 
@@ -119,8 +119,8 @@ def _axis(x: np.ndarray) -> str:
 def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
     """Mark the observations (H,) of blocks that all others contradict; none if there are many.
 
-    The form of what is ``claimed`` is never exact: a block is none whose error is less than what
-    the claim changes there. Readings at a limit of their channel are none either.
+    Formulas of ``claimed`` causes are not exact: a block whose error is less than what they change
+    there is no outlier. Nor are readings at a limit of their channel.
     """
     p, blocks = a.prepared, a.dictionary.prepared.block_rows
     made = np.zeros(len(np.unique(blocks)))
@@ -138,8 +138,8 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
 
 
 def _with_known_jumps(a: Analysis, f: Finalist) -> Finalist:
-    """Finalist whose shapes that act by jumps are exact: a pose beside a jump of the zero would
-    else be predicted by a slope that only this pose has."""
+    """Copy of a fit with exact shapes for effects that jump: a pose beside a jump of the zero would
+    else be predicted by a derivative that only this pose determines."""
     jumps = np.array([f.parts[k].effect.rough for k in f.variables.part], dtype=bool)
     known = np.flatnonzero(jumps & f.variables.shape)
     design, moved = f.design.copy(), f.x - a.refitter.start(f.parts)
@@ -150,7 +150,7 @@ def _with_known_jumps(a: Analysis, f: Finalist) -> Finalist:
 def _contradicted(
     level: BackgroundLevel, f: Finalist, p: Prepared, blocks: np.ndarray, made: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Whether each block (b,) is far from its prediction by the others; largest over typical error.
+    """Whether each block (b,) is far from its prediction by others; ratio of largest to median.
 
     Blocks with the largest errors go first: predictions that use them miss other blocks as well.
     """
@@ -195,8 +195,8 @@ def pose_numbers(p: Prepared) -> np.ndarray:
 
 
 def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outlier, ...]:
-    """Outliers among rows (H,) set aside that differ from the readings (M, 6) predicted without
-    them."""
+    """Outliers among the observations ``rows`` (H,) set aside: those that differ from the readings
+    (M, 6) predicted without them."""
     p = p.leading
     error = p.y - reading[p.scene.held]
     large = np.sqrt(((error / p.sigma) ** 2).mean(axis=1)) > LARGE * np.sqrt(p.noise.max())

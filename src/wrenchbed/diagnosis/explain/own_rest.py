@@ -1,4 +1,4 @@
-"""Causes beside a residual that no effect explains, weighed as the recording's own noise.
+"""Causes beside a residual that no effect explains, which counts as noise of the recording.
 
 A real robot leaves a gap that no library explains. Against the sensor's noise every explanation is
 incomplete then, and the one that takes up most of the residual wins. Here the residual variance of
@@ -21,18 +21,18 @@ from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, rank
 PASSES = 2
 """Number of passes that estimate the remaining residual: the first explanation ignored it."""
 MUCH = 3.0
-"""Gap that is the recording's own rather than what a form misses: three times what counts."""
+"""Gap, left by the best causes, too large for errors of their formulas: three times what counts."""
 MOST_FREE = 0.7
-"""Share of all readings up to which free numbers are counted: beyond it the variance that is left
-rests on too few."""
+"""Largest share of all readings that is subtracted for fitted numbers in a variance: beyond it the
+estimate would rest on too few readings."""
 FREE = 1e-8
-"""Prior precision of a number that is fitted whatever is stated."""
+"""Prior precision of bias, mass and CoG, which are fitted freely."""
 
 
 def is_left(a: Analysis) -> bool:
     """Whether the best explanation leaves an abnormal residual that no smooth function explains.
 
-    A large effect may leave more, since its form is only nearly right: but not as much as `MUCH`.
+    A large effect may leave more, since its formula is only nearly right, but at most `MUCH`.
     """
     r, best = a.ranking, a.ranking.explanations[0]
     rough = r.mixed < best.log_posterior + MARGIN
@@ -41,7 +41,7 @@ def is_left(a: Analysis) -> bool:
 
 
 def weighed_again(a: Analysis) -> Analysis:
-    """Analysis with the recording's own residual as noise."""
+    """Repeat an analysis with the unexplained residual as noise."""
     again = a
     for _ in range(PASSES):
         d, best = a.dictionary, again.ranking.explanations[0].finalist

@@ -1,4 +1,4 @@
-"""Linear model of one recording's readings: what structures of effects would add to them."""
+"""Model of one recording's readings: what sets of effects add to them, and its derivatives."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -23,7 +23,7 @@ _TRIALS = 160
 """Shapes that the random search tries, from steps of 3 typical sizes to 0.1: 32 for each halving,
 enough for the few shapes of one effect. Fewer end in a side minimum, more only cost time."""
 _RIDGE = 1e-3
-"""Precision that keeps an amplitude bounded whose shape shows nothing."""
+"""Ridge that keeps an amplitude bounded where its shape changes no reading."""
 
 
 class ReadingsModel:
@@ -110,7 +110,7 @@ class ReadingsModel:
         amplitudes = (np.flatnonzero(free) - first).tolist()
 
         def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
-            """Squared residual with the part's best amplitudes, and the variables with these."""
+            """Squared residual with the cause's best amplitudes, and the variables with these."""
             bare = np.where(free, 0.0, at)[first:]
             design = self._changes(parts[last:], bare, 0.0, amplitudes, np.ones(len(bare)))
             normal = level.products(design) + _RIDGE * np.eye(design.shape[1])
@@ -143,12 +143,11 @@ class ReadingsModel:
     def remainders(
         self, f: Finalist, part: int, signal: np.ndarray, least: float = 0.0
     ) -> tuple[float, np.ndarray]:
-        """Square of a part's readings (C R,) over noise and background, and what each hypothesis
-        (H,) in its place leaves of them at best.
+        """Square of a cause's readings ``signal`` (C R,) over noise and background, and the least
+        square (H,) that each of H hypotheses in its place leaves of them.
 
-        All other parts give way; so does the part itself up to ``least`` of its typical sizes. So
-        do stated numbers that the part moves beyond their tolerance: beside another cause they may
-        be wrong.
+        Other causes are refitted; so is the cause, within ``least`` of its typical sizes, and
+        stated numbers that it moves beyond tolerance: beside another cause they may be wrong.
         """
         of_part = np.isin(np.arange(len(f.spread)), f.variables.of_parts([part]))
         spread = np.where(of_part, np.minimum(f.spread, least), f.spread)
@@ -163,8 +162,8 @@ class ReadingsModel:
         self, rung: int, design: np.ndarray, spread: np.ndarray, y: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
         """Square of y (C R,) over a background and columns (C R, k) with prior standard deviations
-        (k,); its scores w (n,) with all columns; and H (k, n), of which HᵀH is the information that
-        those columns take from all."""
+        (k,); its scores w (n,) with all columns; and H (k, n): HᵀH is the information on all n
+        columns that those k take up."""
         level = self.searcher.rungs[rung].level
         solved = level.solve(np.column_stack([design, y]))
         side = self.d.E.T @ solved[:, :-1]
@@ -176,10 +175,10 @@ class ReadingsModel:
         return energy, self.d.E.T @ solved[:, -1] - side @ known, half
 
     def uncertainty(self, f: Finalist) -> np.ndarray:
-        """Covariance (m, m) of a fitted set's m numbers, with what no residual bounds.
+        """Covariance (m, m) of a fitted set's m numbers, errors that no residual shows included.
 
-        The background is as large as the imperfections that its causes cannot make; what they can
-        may be as large as every robot's, and a number that hardly shows may have a plausible size.
+        Imperfections may be as large as in any healthy robot, but for those of the causes' own
+        effects; an amplitude that hardly shows may have any plausible size.
         """
         level, plausible = self.level(f.parts, f.rung), f.spread.copy()
         variance = self.level(f.parts, max(f.rung, int(self.normal.max()))).V.copy()
@@ -197,7 +196,7 @@ class ReadingsModel:
         return f.covariance * np.outer(wider / std, wider / std)
 
     def level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
-        """Background of a rung in which the stated numbers that a structure blames are free."""
+        """Background level ``rung``; stated numbers among ``parts``, claimed as wrong, are free."""
         blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)
         if not blamed:
             return self.searcher.rungs[rung].level
@@ -244,7 +243,7 @@ class ReadingsModel:
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray | float,
         which: Sequence[int], step: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Slopes (C R, m) of m variables by steps (k,) from x (k,), where the causes add f (C R,).
+        """Derivatives (C R, m) by m variables, steps (k,) from x (k,); causes add f (C R,) at x.
 
         Amplitudes that act on different channels are changed at once.
         """

@@ -1,7 +1,7 @@
-"""Nonlinear refit of a structure: finite angles, shapes, and the evidence at the minimum.
+"""Nonlinear refit of a set of causes: finite angles, shapes, and the evidence at the minimum.
 
-Gauss–Newton; shapes that act by jumps, where slopes do not show the way, by a random search first.
-One recording is the case N = 1 of several that are fitted together (`shared_numbers`).
+Gauss–Newton; shape parameters with jumps, where derivatives fail, by a random search first. One
+recording is the case N = 1 of several that are fitted together (`shared_numbers`).
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,7 +21,7 @@ from wrenchbed.diagnosis.explain.shared_numbers import SHAPE_SPREAD, Structure
 _STEPS = 12
 """Largest number of Gauss–Newton steps of a fit."""
 _LEAST_SHARE = 0.02
-"""Smallest fraction of a step that is tried, by thirds, before the fit ends where it is."""
+"""Smallest fraction of a step that is tried; a step is reduced by thirds, then the fit ends."""
 _DONE = 1e-3
 """Largest step, in standard uncertainties, at which a fit has converged."""
 
@@ -70,8 +70,8 @@ class Refitter(ReadingsModel):
     def fit(
         self, parts: tuple[Hypothesis, ...], rung: int, x: np.ndarray | None = None
     ) -> Finalist:
-        """Fit causes by Gauss–Newton from their variants' shapes, or from x (k,); again on the best
-        background level."""
+        """Fit causes by Gauss–Newton on the background level with index ``rung``, from x (k,) or
+        their variants' shapes; then on the best level."""
         s = Structure.of(self.each, [tuple(r.like(h, self) for h in parts) for r in self.each])
         begin = [c.start(of) for c, of in zip(s.cases, s.parts, strict=True)]
         begin[self._place] = begin[self._place] if x is None else x
@@ -95,7 +95,7 @@ class Refitter(ReadingsModel):
         return self._fitted(*self._of_parts(f, keep), rough=False) if keep else self.nothing()
 
     def again(self, f: Finalist) -> Finalist:
-        """Refit a set of causes of other rows to these rows: variables and residual only."""
+        """Refit a set of causes, fitted to other rows, to these: variables and residual only."""
         views = tuple(self._views(f))
         if views not in self._again:
             s, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
@@ -159,7 +159,7 @@ class Refitter(ReadingsModel):
         """Most probable variables (k,), by Gauss–Newton from x, with prior standard deviations
         ``spread`` (k,) about the hypotheses' own shapes.
 
-        Slopes of amplitudes are mostly those of the start, shapes' are renewed.
+        Derivatives by shapes are renewed at each step, those by amplitudes at every third.
         """
         if not len(x):
             return x
@@ -230,10 +230,10 @@ class Refitter(ReadingsModel):
     def _over_rungs(
         self, s: Structure, rungs: Sequence[int], y: np.ndarray, every: np.ndarray
     ) -> tuple[list[int], float, ScaledEvidence]:
-        """Best rungs, log evidence over all rungs, and the evidence on the best ones.
+        """Best background level ("rung") of each recording, by index, log evidence over all levels,
+        and the evidence on the best ones.
 
-        Beside ``rungs`` all normal ones are tried; of several recordings all, as what explains one
-        of them may not explain another.
+        Besides ``rungs`` all levels of healthy robots are tried, for several recordings all levels.
 
         Args:
             y: linearised readings (C R,).
@@ -272,8 +272,8 @@ class Refitter(ReadingsModel):
 def together(
     refitters: Sequence[Refitter], known: Sequence[Sequence[Finalist]] = ()
 ) -> tuple[Refitter, ...]:
-    """Refitters of several recordings that fit every structure to all of them, from those of each
-    recording alone and its finalists ``known``."""
+    """Refitters of several recordings that fit every set of causes to all of them, from those of
+    each recording alone and its fitted sets ``known``."""
     each = tuple(copy(r) for r in refitters)
     for r, finalists in zip(each, known or [()] * len(each), strict=True):
         r.each, r.known, r._again = each, finalists, each[0]._again

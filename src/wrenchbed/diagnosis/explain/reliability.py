@@ -1,4 +1,4 @@
-"""How often such answers are right, learnt from look-alikes of many arms and designs.
+"""How often answers are right, learnt from simulated cases (look-alikes) of many arms and designs.
 
 Evidence is exact only for the physics that it knows. A monotone logistic map from what evidence and
 held-out rows say for a claim gives the share of such claims that were right in cases of another
@@ -21,9 +21,9 @@ from wrenchbed.diagnosis.explain.verdict import NONE, UNKNOWN, Verdict
 from wrenchbed.errors import DiagnosisError
 
 NAMES = ("constant", "evidence", "closed", "still")
-"""What speaks for a claim, each 0 … 1: the log odds of evidence, the share of the gap that it
-closes at least on held-out rows, and that the robot was at rest. Of six arms, each judged by the
-others, ten features separated no better."""
+"""Features of a claim, each 0 … 1: a constant 1, scaled log odds of the evidence, least share of
+the gap that it closes on held-out rows, and whether the robot was at rest. Ten features separated
+no better (six arms, each judged by the others)."""
 MOST_ODDS = 30.0
 """Log odds beyond which evidence is as sure as it can be: less likely structures are dropped."""
 PRIOR_STD = 3.0
@@ -34,13 +34,13 @@ LEAST_ERRORS, LARGEST_SPREAD = 40, 2.5
 """Fewest errors from which a spread is learnt, four of them beyond the 90 % quantile, and the
 largest factor by which it widens uncertainties: a larger one would hide that a model is wrong."""
 RIGHT_ELSEWHERE = 0.85
-"""Largest share of right claims that is believed of recordings unlike those that taught: 23 of 27
-new names were right in faults added to a real recording (docs/explanation/benchmark.md)."""
+"""Largest probability of a claim on recordings unlike the learning cases: 23 of 27 new names were
+right in faults added to a real recording (docs/explanation/benchmark.md)."""
 SPREAD_ELSEWHERE = 2.0
-"""Factor on standard uncertainties where lessons are unlike: what look-alikes of UR5 and
-MedRUE taught at commit 9a263b67 by their own designs, 1.8 to 2.0 at rest and 2.1 in motion."""
+"""Factor on standard uncertainties of recordings unlike the learning cases: look-alikes of UR5 and
+MedRUE gave, at commit 9a263b67, 1.8 to 2.0 at rest and 2.1 in motion."""
 COVERED, CONFIDENT = 0.9, 0.95
-"""Share of cases whose truth a set of names holds, and the probability that it holds so many."""
+"""Share of cases whose truth a set of names must contain, and the confidence of that share."""
 ROUNDING = 1e-9
 """Rounding error by which a sum of probabilities may fall short of 1."""
 
@@ -50,7 +50,7 @@ class Lesson:
     """Answer to one learning case, and its truth.
 
     Attributes:
-        arm, mode: of the recording.
+        arm, mode: robot and mode (``static`` or ``dynamic``) of the recording.
         case: name of the simulated recording: its seed and number.
         features: of its leading claim, in the order of `NAMES`; empty without a claim.
         lead: key, among the probabilities, of the answer by evidence (probability of the readings)
@@ -85,11 +85,11 @@ class Reliability:
 
     Attributes:
         claim: weight of each feature of a named cause, in the order of `NAMES`.
-        none, unknown: share of such answers that were right.
-        source: words on the learning cases.
+        none, unknown: share of answers ``none`` and ``unknown`` that were right.
+        source: description of the learning cases.
         spread: factor on standard uncertainties with which 90 % intervals held 90 % of the time.
         set90: probability that the likeliest answers must sum to, so that they contain the truth.
-        believed: upper limit of the share of right claims.
+        believed: upper limit of the probability of a claim.
         designs: features of the learning cases' recordings (N, F), by mode.
     """
 
@@ -103,8 +103,8 @@ class Reliability:
     designs: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def right(self, verdict: Verdict[Any], closed: float, mode: str) -> float:
-        """Share of answers like a verdict that are right; ``closed`` is the share of the gap that
-        it closes at least on held-out rows."""
+        """Share of answers like a verdict that are right, 0 … 1; ``closed`` is the least share of
+        the gap that it closes on held-out rows."""
         if not verdict.causes:
             return self.none if verdict.word == NONE else self.unknown
         return self.of(features(verdict, closed, mode))
@@ -133,7 +133,7 @@ class Reliability:
 
 
 UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
-"""Takes evidence at its word: what lessons are made with."""
+"""Model that believes the evidence as it is; `Lesson`s are made with it."""
 
 
 def features(verdict: Verdict[Any], closed: float, mode: str) -> tuple[float, ...]:

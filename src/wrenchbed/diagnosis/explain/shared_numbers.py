@@ -1,9 +1,9 @@
 """Effects in one or several recordings of a robot: which numbers are shared, what they add.
 
 In the linear Gaussian model one recording's posterior is the prior of the next: log p(y_A, y_B) =
-log p(y_A) + log p(y_B | y_A), and information and scores of the recordings add up. So a structure
-has one set of numbers for what belongs to the robot, and one for each recording of what belongs to
-that (`Effect.of_recording`); background and stated numbers are each recording's own.
+log p(y_A) + log p(y_B | y_A), and information and scores of the recordings add up. So a set of
+causes has one set of numbers for effects of the robot, and one per recording for effects that
+belong to it (`Effect.of_recording`); background and stated numbers are each recording's own.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,18 +19,18 @@ from wrenchbed.diagnosis.explain.finalist import Variables
 from wrenchbed.diagnosis.explain.readings_model import ReadingsModel
 
 SHAPE_SPREAD = 2.0
-"""Prior standard deviation of a shape over its typical size."""
+"""Prior standard deviation of a shape parameter (a delay, an angle …), over its typical size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Effects in N recordings, and which of all their numbers (m,) each recording uses.
+    """A set of causes in N recordings, and which of all its numbers (m,) each recording uses.
 
-    The numbers are k variables, then the stated numbers that the structure blames.
+    The numbers are k variables, then the stated numbers that are claimed to be wrong ("blamed").
 
     Attributes:
-        cases: the N recordings.
-        parts: its hypotheses in each recording (N).
+        cases: models of the N recordings.
+        parts: causes as hypotheses of each recording (N).
         at: indices of each recording's `Variables` among the variables (N).
         blamed: indices of the blamed stated numbers of each recording (N).
         shape: whether each number is a shape (m,).
@@ -146,7 +146,7 @@ class Structure:
 
 
 def _homes(cases: Sequence[ReadingsModel], same: Sequence[Hypothesis]) -> list[int]:
-    """Indices of recordings with own values of a part's numbers: one if they are the robot's."""
+    """Indices of recordings with own values of a cause's numbers; one if they are the robot's."""
     shows = [r for r, (c, h) in enumerate(zip(cases, same, strict=True)) if h.name in c.shown]
     if same[0].effect.stated:
         return [r for r in shows if len(same[r].columns)]

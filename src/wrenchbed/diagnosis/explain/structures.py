@@ -1,7 +1,7 @@
-"""Which effects, alone or up to three together, explain a case: finalists, ranked.
+"""Which effects, alone or up to three together, explain a recording: fitted sets, ranked.
 
 `analyse` goes from a prepared recording to ranked explanations. `rank` refits the best single
-effects, extends the best of these, and replaces each part of the best explanation by its rivals.
+effects, extends the best of these, and replaces each cause of the best explanation by its rivals.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,31 +34,31 @@ SINGLES, EXTENDED, LONGER = 6, 4, 5
 AT_ONCE = 3
 """Largest number of effects that are named together."""
 MINOR = 1
-"""Effects beside them that are too small to be named, but that evidence asks for."""
+"""Number of further effects beside `AT_ONCE`, too small to be named, that evidence asks for."""
 SHAPED = 0.5
-"""Share of the log evidence of the best single effect by which a refit may raise another's."""
+"""Share of the best single effect's log evidence that another may lack and still be refitted."""
 WORSE = 3.0
-"""A longer structure is refitted unless its linear evidence is this much below the best one's."""
+"""Log evidence by which a larger set may be worse, in the linear model, and still be refitted."""
 NEGLIGIBLE = 30.0
-"""Explanations so much less likely than the best (natural logarithm) are dropped."""
+"""Difference of log posteriors from the best beyond which explanations are dropped."""
 NEAR = 12.0
-"""Log evidence by which a rival may fall short, linearly, of what it replaces to be refitted."""
+"""Log evidence by which a rival may be worse, in the linear model, and still be refitted."""
 LINEAR = 0.01
-"""Gap [noise variances of a row] by which a cause's readings may depend on the tool at which slopes
-were taken: half of the smallest background of every robot, the first of `LADDER`."""
+"""Largest gap [noise variances of a row] by linearising at another tool's mass and CoG than those
+fitted: half of the smallest background of every robot, the first of `LADDER`."""
 LEAST_LOAD = 1.0
-"""Least variance of a channel's load, in noise variances of a row, over which a change counts."""
+"""Least variance of a channel's load, in noise variances of a row, that divides its change."""
 UNEXPLAINED = 0.1
-"""Share of the gap that the best cause may leave for its tool to be taken for the true one."""
+"""Largest share of the gap that the best causes leave if the tool fitted with them is right."""
 _PASSES = 2
-"""Times that slopes are taken again: the error falls by the cause's relative size each time."""
+"""Most repetitions of the linearisation: each reduces the error by the cause's relative size."""
 MOST = 3
-"""Largest number of rivals refitted for each part, best first: each costs a nonlinear fit; with
+"""Largest number of rivals refitted for each cause, best first: each costs a nonlinear fit; with
 fewer a rival that is worse in the linear model but better when refitted is missed."""
 
 
 def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> np.ndarray:
-    """Errors (C R,) of predicting each block of whitened rows from all others, P_bb⁻¹ w_b."""
+    """Errors P_bb⁻¹ (P y)_b (C R,) of predicting each block b of readings y from all others."""
     half, w = _weighed(level, f)
     result = np.empty_like(w)
     for rows in _of_blocks(block_rows, len(w)):
@@ -68,7 +68,7 @@ def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarra
 
 
 def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarray]:
-    """Factor H (k, C R) of the rows' precision P = K₀⁻¹ − HᵀH, and w = P y (C R,)."""
+    """Factor H (k, C R) of the rows' precision P = K₀⁻¹ − HᵀH, background K₀; w = P y (C R,)."""
     k = f.design.shape[1]
     solved = level.solve(np.column_stack([f.design, f.y]))
     normal = f.design.T @ solved[:, :k] + np.diag(1.0 / f.spread**2)
@@ -92,7 +92,7 @@ class Ranking:
         unknown: log posterior of an unknown cause alone.
         mixed: log posterior of the best set of causes with an unknown cause beside it.
         kernel: variable that the unknown cause depends on most.
-        gap: of the calibrated simulator, noise subtracted.
+        gap: gap of the calibrated simulator, noise subtracted.
     """
 
     explanations: tuple[Explanation, ...]
@@ -131,7 +131,7 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
 def _extended(
     searcher: Searcher, refitter: Refitter, finalists: Sequence[Finalist]
 ) -> tuple[list[Finalist], float, str]:
-    """Finalists with further effects, as long as each gains; largest log posterior of an unknown
+    """Fitted sets with further effects, as long as each gains; largest log posterior of an unknown
     cause beside one of them, and the variable that this depends on."""
     result: list[Finalist] = []
     mixed, kernel = -np.inf, ""
@@ -171,7 +171,7 @@ def _extended(
 def with_rivals(
     refitter: Refitter, f: Finalist, parts: Sequence[int], singles: Sequence[SingleEvidence]
 ) -> list[Finalist]:
-    """Finalists with each of some parts, by index, replaced by effects that do nearly as well."""
+    """Fits with each of the causes ``parts``, by index, replaced by effects nearly as good."""
     result = []
     for k in parts:
         base = refitter.keeping(f, [i for i in range(len(f.parts)) if i != k])
@@ -184,7 +184,7 @@ def with_rivals(
 def _near(
     refitter: Refitter, more: Sequence[SingleEvidence], f: Finalist, part: int
 ) -> list[SingleEvidence]:
-    """Best variants of other effects whose posterior comes near that of a part."""
+    """Best variants of other effects whose posterior comes near that of cause ``part``."""
     best, name = best_variants(refitter.searcher.hypotheses, more), f.parts[part].name
     mark = best[name].log_posterior if name in best else -np.inf
     others = [s for n, s in best.items() if n not in f.names and n not in STATED]
@@ -196,7 +196,7 @@ def _other_clocks(
 ) -> list[SingleEvidence]:
     """All further timing effects (delays, filters), if one of them is among the chosen ones.
 
-    Their slopes are alike, and true only while the delay is short beside what moves.
+    Their derivatives are nearly equal, and valid only for delays that are short beside the motion.
     """
 
     def late(s: SingleEvidence) -> bool:
@@ -226,7 +226,7 @@ def _distinct(
 ) -> list[SingleEvidence]:
     """Best evidence of each effect, at most ``count``, with a second variant if nearly as good.
 
-    A form-free variant counts as an effect of its own: formulas gain by the fit of their shapes.
+    A variant with a free curve counts as an effect of its own: formulas gain when refitted.
     """
     kept: list[SingleEvidence] = []
     best: dict[tuple[str, bool], list[SingleEvidence]] = {}
@@ -253,9 +253,9 @@ class Analysis:
 
     Attributes:
         prepared: the recording.
-        baseline: simulator after the usual fit of bias, mass and CoG.
+        baseline: simulator after the fit of bias, mass and CoG.
         searcher: probabilities of single hypotheses for the recording's poses and noise.
-        refitter: of this recording's readings.
+        refitter: fits sets of causes to this recording's readings.
         ranking: explanations, best first.
         at_baseline: refitter with slopes at the calibrated tool; those of ``refitter`` are at the
             tool fitted beside the best explanation.
@@ -276,13 +276,13 @@ class Analysis:
 
     @property
     def calibrated(self) -> np.ndarray:
-        """Whitened residual of the first channel (R, c) after the usual fit."""
+        """Whitened residual of the first channel (R, c) after the fit of bias, mass and CoG."""
         d, of = self.at_baseline.d, self.prepared.families[0]
         return d.without_stated(self.at_baseline.y).reshape(-1, d.channels)[:, of]
 
 
 def analyse(prepared: Prepared) -> Analysis:
-    """Analyse a recording: calibrate it, build the dictionary there, and rank explanations; again
+    """Analyse a recording: calibrate it, linearise all effects there, and rank explanations; again
     at the tool fitted beside the best of them, if that changes much."""
     coarse = prepared.coarse
     baseline = calibrate(coarse)
@@ -301,14 +301,14 @@ def analyse(prepared: Prepared) -> Analysis:
 
 
 def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseline) -> Analysis:
-    """Rank the structures that explain a recording, by slopes at the tool of baseline ``at``."""
+    """Rank the sets of causes that explain a recording, linearised at the baseline ``at``."""
     searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance))
     refitter = Refitter(searcher, readings_from_baseline(searcher.d, coarse, at))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), refitter)
 
 
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
-    """Largest change of the causes' gap when the tool becomes that of ``to``, by the load's."""
+    """Largest change of the causes' gap if the tool becomes that of ``to``, in ratio to load."""
     p = p.leading
     here, there = (p.rows(x.expected) for x in (p, p.at(to.robot_theta)))
     change = ((there - here) ** 2).mean(axis=0) / np.maximum(here.var(axis=0), LEAST_LOAD)

@@ -20,10 +20,10 @@ class Part:
     """An effect, or a wrong stated number, that adds enough gap to be claimed.
 
     Attributes:
-        name: of the effect.
-        share: gap that it adds, in row noises squared.
+        name: name of the effect.
+        share: gap that it adds, in noise variances of a row.
         probability: that a stated number is wrong; 1 for effects.
-        index: of the part in the structure; None for a stated number.
+        index: index of the effect in its fitted set; None for a stated number.
         twins: names of effects that might as well be this one, whatever their evidence.
         imitators: names of effects that make its readings, perhaps with numbers that happen to fit.
         joint: number of its joint, from 1, where each joint is a cause of its own.
@@ -73,9 +73,9 @@ class Elements:
     """Elements (joints, axes …) of an effect, one of which is the cause.
 
     Attributes:
-        names: first that of the explanation, then the likeliest.
-        fits: fitted set of causes with each of them in the cause's place.
-        parts: index of the element's part in that finalist.
+        names: element of the explanation first, then the others, likeliest first.
+        fits: fitted set of causes with each element in the cause's place.
+        parts: index of each element's effect in that fitted set.
     """
 
     names: tuple[str, ...]
@@ -90,9 +90,9 @@ class Cause:
     Attributes:
         keys: the effect with its joint, then its rivals.
         probability: that one of the class is present.
-        part: of the explanation that claims it.
-        shares: of each key in ``probability``, by how probable it makes the readings.
-        elements: of each effect for which they were searched, by name.
+        part: effect or stated number of the explanation that claims it.
+        shares: share of each key in ``probability``, by how probable it makes the readings.
+        elements: elements (joints …) that explain as well, by name of the effect.
     """
 
     keys: tuple[Key, ...]
@@ -130,8 +130,8 @@ class Verdict(Generic[S]):
     Attributes:
         word: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
         causes: claimed causes, largest first; empty for none and unknown.
-        explanation: structure behind the claims, also behind an unknown.
-        probabilities: of none, of unknown, and of each class as the leading cause.
+        explanation: set of causes behind the claims, also behind an unknown.
+        probabilities: of none, of unknown, and of each leading cause: its names joined by ``|``.
     """
 
     word: str
