@@ -129,16 +129,18 @@ class BackgroundLevel(OfProducts):
         V: variance of each column's coefficient (n,).
         weighed: makes Eᵀ v₀⁻¹ E (n, n) from a v₀ (C R,) that is the same in all rows of a measured
             column; computed from E if None.
+        channels: number C of measured columns of each row; 1 where rows are not whole.
     """
 
     E: np.ndarray
     v0: np.ndarray
     V: np.ndarray
     weighed: Callable[[np.ndarray], np.ndarray] | None = None
+    channels: int = 1
 
     def of_rows(self, rows: np.ndarray) -> "BackgroundLevel":
         """Copy with selected rows (C R,), boolean."""
-        return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None)
+        return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None, channels=1)
 
     @property
     def tall(self) -> bool:
@@ -162,12 +164,22 @@ class BackgroundLevel(OfProducts):
         diagonal = np.diagonal(self._factor[0])
         return float(2 * np.log(diagonal).sum() + np.log(self.v0).sum())
 
+    def _along(self, x: np.ndarray) -> np.ndarray:
+        """Eᵀ x (n, k) for x (C R, k); a column costs nothing in channels where it is zero."""
+        E = self.E.reshape(-1, self.channels, self.E.shape[1])
+        x = x.reshape(-1, self.channels, x.shape[1])
+        result = np.zeros((E.shape[2], x.shape[2]))
+        for c, shown in enumerate((x != 0.0).any(axis=0)):
+            if shown.any():
+                result[:, shown] += E[:, c].T @ x[:, c, shown]
+        return result
+
     def solve(self, x: np.ndarray) -> np.ndarray:
         """Product K₀⁻¹ x for x (C R, k), with the covariance K₀ of noise and background."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
         if self.tall:
-            weighed = self.E.T @ (z / root)
+            weighed = self._along(z / root)
             return np.asarray((z - (self.E @ self.held(weighed)) / root) / root)
         return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
@@ -179,7 +191,7 @@ class BackgroundLevel(OfProducts):
         if not self.tall:
             half = solve_triangular(factor, z, lower=True, overwrite_b=True, check_finite=False)
             return Whitened(half, np.zeros((0, x.shape[1])))
-        weighed = self._root[:, None] * (self.E.T @ (z / root))[self._on]
+        weighed = self._root[:, None] * self._along(z / root)[self._on]
         return Whitened(z, solve_triangular(factor, weighed, lower=True, check_finite=False))
 
     def products(self, x: np.ndarray) -> np.ndarray:
@@ -368,7 +380,8 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
     result = list[Background]()
     for gap in LADDER:
         noise = row_variance(d.prepared, SHARES["rows"] * gap)
-        result.append(Background(gap, BackgroundLevel(d.E, noise, _variance(d, gap), weighed)))
+        level = BackgroundLevel(d.E, noise, _variance(d, gap), weighed, d.channels)
+        result.append(Background(gap, level))
     return tuple(result)
 
 
