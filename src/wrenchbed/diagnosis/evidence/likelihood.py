@@ -41,13 +41,10 @@ class OfProducts:
 
     V: np.ndarray
 
-    def _weighed(self) -> np.ndarray:
-        """Gram matrix G = Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
-        raise NotImplementedError
-
     @cached_property
     def _gram(self) -> np.ndarray:
-        return self._weighed()
+        """Gram matrix G = Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
+        raise NotImplementedError
 
     @cached_property
     def _on(self) -> np.ndarray:
@@ -73,9 +70,6 @@ class OfProducts:
 
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
-        return self._factored()
-
-    def _factored(self) -> tuple[np.ndarray, bool]:
         """Cholesky factor of I + D G D."""
         return factored(self._inner())
 
@@ -109,7 +103,8 @@ class Products(OfProducts):
     gram: np.ndarray
     V: np.ndarray
 
-    def _weighed(self) -> np.ndarray:
+    @cached_property
+    def _gram(self) -> np.ndarray:
         return self.gram
 
 
@@ -147,14 +142,16 @@ class BackgroundLevel(OfProducts):
         """Whether there are more rows than columns."""
         return len(self.v0) > len(self.V)
 
-    def _weighed(self) -> np.ndarray:
+    @cached_property
+    def _gram(self) -> np.ndarray:
         if self.weighed is None:
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
         return self.weighed(self.v0)
 
-    def _factored(self) -> tuple[np.ndarray, bool]:
+    @cached_property
+    def _factor(self) -> tuple[np.ndarray, bool]:
         if self.tall:
-            return super()._factored()
+            return super()._factor
         scaled = (self.E[:, self._on] * self._root) / np.sqrt(self.v0)[:, None]
         return factored(scaled @ scaled.T)
 
@@ -330,10 +327,6 @@ class ScaledEvidence(NamedTuple):
     total: float
     scale: np.ndarray
     information: np.ndarray
-
-    def raised(self, by: float) -> "ScaledEvidence":
-        """Copy whose log evidence is raised by a log prior."""
-        return self._replace(total=self.total + by)
 
 
 def over_scales(
