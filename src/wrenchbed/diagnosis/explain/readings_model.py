@@ -75,7 +75,7 @@ class ReadingsModel:
         given, result = iter(x.tolist()), []
         for h in parts:
             known = _parameters(h.effect, self.scene.robot)
-            values = {**_nominal(h.effect, self.scene.robot), **h.variant.at}
+            values = {name: p.nominal for name, p in known.items()} | h.variant.at
             if not h.effect.stated:
                 for name in h.variant.free:
                     values[name] = next(given) * known[name].tolerance
@@ -272,11 +272,6 @@ class ReadingsModel:
 def _channel_by_channel(effect: Effect) -> bool:
     """Whether an effect changes each channel by that channel's reading alone."""
     return effect.channelwise or not effect.in_sensor
-
-
-@cache
-def _nominal(effect: Effect, robot: Robot) -> dict[str, float]:
-    return {name: p.nominal for name, p in _parameters(effect, robot).items()}
 
 
 @cache
