@@ -187,7 +187,7 @@ def _problem(scene: Scene, y: np.ndarray, groups: Sequence[str]) -> RestProblem:
 
 
 def _gains(p: RestProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Gains (J,) and free parameters (F,) of the least-squares fit without ordinary errors."""
+    """Gains (J,) and other free parameters (F,) of a least-squares fit that assumes exact links."""
     joints = p.y.shape[1]
     x = np.zeros(p.free.shape[2])
     if not p.gains:

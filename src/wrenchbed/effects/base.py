@@ -52,8 +52,9 @@ class Stage(NamedTuple):
     """One step of the chain from joint values to readings, at which effects can act.
 
     Attributes:
+        changes: what an effect at this stage changes, as text.
         simulated: how a twin simulates an effect that its MJCF cannot hold.
-        exported: what such an effect is applied to beside an exported MJCF.
+        exported: what that effect is applied to beside an exported MJCF.
     """
 
     changes: str
@@ -162,7 +163,7 @@ class Pose(NamedTuple):
 
 
 class Effect(ABC):
-    """One unmodelled effect; each plug-in module holds an instance ``EFFECT``."""
+    """One thing that simulators lack, as hysteresis; each plug-in module has one as ``EFFECT``."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -250,7 +251,7 @@ class Effect(ABC):
 
     @abstractmethod
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """Ways in which the effect may show in a scene (`Variant`); empty where it cannot."""
+        """Ways in which the effect may show in a scene's readings; empty where it cannot."""
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         """Variants without a formula: free curves over time, load or temperature, linear in many

@@ -1,4 +1,4 @@
-"""The base is compliant and tilts under the arm's weight."""
+"""Effect ``base.compliance``: the base is compliant and tilts under the arm's weight."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The base stands tilted against gravity."""
+"""Effect ``base.tilt``: the base stands tilted against gravity."""
 
 import numpy as np
 

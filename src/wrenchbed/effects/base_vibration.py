@@ -1,4 +1,4 @@
-"""The base vibrates."""
+"""Effect ``base.vibration``: the base vibrates."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A cable or hose pulls on the tool."""
+"""Effect ``cable.pull``: a cable or hose pulls on the tool."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""A cable or hose is twisted by the last joint."""
+"""Effect ``cable.torsion``: a cable or hose is twisted by the last joint."""
 
 import numpy as np
 

@@ -135,7 +135,7 @@ class EffectChain:
         return pose, wrench(pose.rotation, pose.position, tool, scene.gravity)
 
     def respond(self, scene: Scene) -> np.ndarray:
-        """Mean readings (M, 6) [N, N·m] of every row after all stages."""
+        """Mean readings (M, 6) [N, N·m] of every row with all effects of the chain."""
         pose, load = self.placed(scene)
         return self.read(scene, load + self.pull(scene, pose, load))
 

@@ -1,4 +1,4 @@
-"""Gains of the joints' torque sensors are wrong."""
+"""Effect ``drive.constant``: gains of the joints' torque sensors are wrong."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Zeros of the joints' torque sensors are off."""
+"""Effect ``drive.offset``: zeros of the joints' torque sensors are off."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The tool's tip touches something."""
+"""Effect ``environment.contact``: the tool's tip touches something."""
 
 from itertools import product
 

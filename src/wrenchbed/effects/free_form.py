@@ -26,7 +26,7 @@ def orders(stem: str, count: int) -> tuple[str, ...]:
 def falling(
     stem: str, sizes: Sequence[float], ratio: float, text: str, units: Sequence[str]
 ) -> tuple[Parameter, ...]:
-    """Make parameters ``stem1.fx`` … with a typical size by order (K,); torques times ``ratio``."""
+    """Make parameters ``stem1.fx`` … with a typical size by order (K,); of torques × ``ratio``."""
     return tuple(
         p
         for name, size in zip(orders(stem, len(sizes)), sizes, strict=True)

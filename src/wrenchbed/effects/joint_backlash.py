@@ -1,4 +1,4 @@
-"""Joints have backlash."""
+"""Effect ``joint.backlash``: joints have backlash."""
 
 import numpy as np
 

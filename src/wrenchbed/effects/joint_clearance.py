@@ -1,4 +1,4 @@
-"""Passive joints have clearance."""
+"""Effect ``joint.clearance``: passive joints have clearance."""
 
 from functools import lru_cache
 

@@ -1,4 +1,4 @@
-"""Joints are compliant and deflect under gravity."""
+"""Effect ``joint.compliance``: joints are compliant and deflect under gravity."""
 
 from collections.abc import Mapping
 from typing import Any

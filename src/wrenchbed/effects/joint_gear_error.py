@@ -1,4 +1,4 @@
-"""Gears and encoders have a periodic error."""
+"""Effect ``joint.gear_error``: gears and encoders have a periodic error."""
 
 import numpy as np
 

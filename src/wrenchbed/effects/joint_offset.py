@@ -1,4 +1,4 @@
-"""Joint zeros are offset."""
+"""Effect ``joint.offset``: joint zeros are offset."""
 
 import numpy as np
 

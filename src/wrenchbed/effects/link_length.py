@@ -1,4 +1,4 @@
-"""Link lengths or twists differ from nominal."""
+"""Effect ``link.length``: link lengths or twists differ from nominal."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""The sensor is rotated on its flange."""
+"""Effect ``mount.rotation``: the sensor is rotated on its flange."""
 
 import numpy as np
 

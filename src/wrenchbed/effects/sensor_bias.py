@@ -1,4 +1,4 @@
-"""The sensor's zero is offset."""
+"""Effect ``sensor.bias``: the sensor's zero is offset."""
 
 import numpy as np
 

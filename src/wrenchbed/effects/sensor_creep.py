@@ -1,4 +1,4 @@
-"""The sensor's reading creeps after its load has changed."""
+"""Effect ``sensor.creep``: the sensor's reading creeps after its load has changed."""
 
 import numpy as np
 

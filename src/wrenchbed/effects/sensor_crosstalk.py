@@ -1,4 +1,4 @@
-"""A channel responds to the load of other channels."""
+"""Effect ``sensor.crosstalk``: a channel responds to the load of other channels."""
 
 from itertools import permutations
 

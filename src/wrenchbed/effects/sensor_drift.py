@@ -1,4 +1,4 @@
-"""The sensor's zero, or span, drifts."""
+"""Effect ``sensor.drift``: the sensor's zero, or span, drifts."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Axes of the sensor have a gain error."""
+"""Effect ``sensor.gain``: axes of the sensor have a gain error."""
 
 import numpy as np
 

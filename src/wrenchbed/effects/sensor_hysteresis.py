@@ -1,4 +1,4 @@
-"""The sensor's reading depends on its earlier loads."""
+"""Effect ``sensor.hysteresis``: the sensor's reading depends on its earlier loads."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""The sensor's zero jumps, once or a few times."""
+"""Effect ``sensor.jump``: the sensor's zero jumps, once or a few times."""
 
 from collections.abc import Sequence
 

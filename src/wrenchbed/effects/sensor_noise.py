@@ -1,4 +1,4 @@
-"""The sensor is noisier than stated."""
+"""Effect ``sensor.noise``: the sensor is noisier than stated."""
 
 import numpy as np
 

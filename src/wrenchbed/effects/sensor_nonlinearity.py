@@ -1,4 +1,4 @@
-"""The sensor's readings are nonlinear in the load."""
+"""Effect ``sensor.nonlinearity``: the sensor's readings are nonlinear in the load."""
 
 from dataclasses import replace
 

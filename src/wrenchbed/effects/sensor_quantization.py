@@ -1,4 +1,4 @@
-"""The sensor's readings are quantised in coarse steps."""
+"""Effect ``sensor.quantization``: the sensor's readings are quantised in coarse steps."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A channel saturates at a level."""
+"""Effect ``sensor.saturation``: a channel saturates at a level."""
 
 import numpy as np
 

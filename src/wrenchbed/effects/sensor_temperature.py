@@ -1,4 +1,4 @@
-"""The sensor's zero and span depend on its temperature."""
+"""Effect ``sensor.temperature``: the sensor's zero and span depend on its temperature."""
 
 import numpy as np
 

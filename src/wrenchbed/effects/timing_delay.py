@@ -1,4 +1,4 @@
-"""Readings arrive late."""
+"""Effect ``timing.delay``: readings arrive late."""
 
 import numpy as np
 

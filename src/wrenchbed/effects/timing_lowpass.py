@@ -1,4 +1,4 @@
-"""A filter smooths the readings."""
+"""Effect ``timing.lowpass``: a filter smooths the readings."""
 
 import numpy as np
 

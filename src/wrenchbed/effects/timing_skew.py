@@ -1,4 +1,4 @@
-"""Clocks run apart, and channels are read one after the other."""
+"""Effect ``timing.skew``: clocks run apart, and channels are read one after the other."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Some rows repeat the previous one."""
+"""Effect ``timing.stale``: some rows repeat the previous one."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The tool's centre of gravity differs from what is stated."""
+"""Effect ``tool.cog``: the tool's centre of gravity differs from what is stated."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The tool bends under its own weight."""
+"""Effect ``tool.flexure``: the tool bends under its own weight."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The tool's inertia differs from what is stated."""
+"""Effect ``tool.inertia``: the tool's inertia differs from what is stated."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The tool loses or gains mass while it is recorded."""
+"""Effect ``tool.leak``: the tool loses or gains mass while it is recorded."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A part of the tool is loose and falls to one side or the other."""
+"""Effect ``tool.loose``: a part of the tool is loose and falls to one side or the other."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""The tool is heavier or lighter than stated."""
+"""Effect ``tool.mass``: the tool is heavier or lighter than stated."""
 
 import numpy as np
 

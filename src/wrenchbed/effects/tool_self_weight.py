@@ -1,4 +1,4 @@
-"""The weight of the sensor's own tool side loads its gauges."""
+"""Effect ``tool.self_weight``: the weight of the sensor's own tool side loads its gauges."""
 
 import numpy as np
 

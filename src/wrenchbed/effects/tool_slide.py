@@ -1,4 +1,4 @@
-"""A part of the tool slides while it is recorded."""
+"""Effect ``tool.slide``: a part of the tool slides while it is recorded."""
 
 from dataclasses import replace
 

@@ -1,7 +1,8 @@
 """One look-alike: what is wrong with the robot, how much it shows, and its recording.
 
 Every case has a little of most effects. Noise of rows has heavy tails, memory, correlation between
-channels and a slow wander. Thresholds with a margin, the growth of sizes, ranges of noise and
+channels and a slow wander. The gap of a change is its mean square over the noise variance, after a
+fit of bias, mass and CoG. Thresholds with a margin, the growth of sizes, ranges of noise and
 typical sizes are estimates; see docs/explanation/benchmark.md.
 """
 
@@ -70,7 +71,7 @@ a turn; a hundredth of it in motion, where derivatives of the readings amplify i
 
 @lru_cache(maxsize=8)
 def effects(design: ExperimentDesign) -> tuple[str, ...]:
-    """Names of the effects that can be drawn for a design: those that can show in it."""
+    """Names of the effects that can be drawn for a design, as its readings can reveal them."""
     return tuple(n for n in _fitting(design) if n not in _HARD or _shows(design, n))
 
 
@@ -88,7 +89,7 @@ def _fitting(design: ExperimentDesign) -> list[str]:
 
 
 def _shows(design: ExperimentDesign, effect: str) -> bool:
-    """Whether an effect can show in a design: of a few large draws one has a gap that counts."""
+    """Whether one of a few large draws of an effect changes a design's readings enough to count."""
     robot = ImperfectRobot(design)
     for probe in range(_PROBES):
         item = DRAWS[effect](design, np.random.default_rng([probe, 7]), 0.8 * LARGEST)
@@ -164,7 +165,7 @@ class LookalikeCase:
     """A simulated robot with known faults, its readings, and how much each fault changes them.
 
     ``clean`` is the noise-free reading of each hold or sample (N, 6) with all causes; ``gaps`` the
-    gap that each cause adds, by effect or family outside the library (of a cause between rows, the
+    mean square over noise variance that each cause adds, by its name (of a cause between rows, the
     mean rise of a row's variance), ``rows`` of causes between rows the largest rise of a channel's
     variance, ``background`` the gap of minor ones, ``items`` all imperfections with amounts.
     """

@@ -70,7 +70,7 @@ def rotate_back(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def at_rest(robot: Robot, theta: np.ndarray, q: np.ndarray, gravity: np.ndarray) -> SensorMotion:
-    """Pose of the sensor at joint values (N, J), at rest."""
+    """Pose of the sensor at joint values (N, J), at rest, with parameters (P,) or (N, P)."""
     rotation, position = robot.sensor_pose(q, theta)
     position = np.broadcast_to(position, (len(q), 3))
     return SensorMotion(rotation, position, np.zeros((len(q), 3)), gravity)

@@ -146,8 +146,8 @@ def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
 
 @dataclass(frozen=True, eq=False)
 class TrueCause(common.Shown):
-    """A fault of a case, the change that it makes to the robot's clean readings where readings are
-    compared (n, 6), and the robot with it."""
+    """A fault of a case, its ``signature`` (the change of the robot's clean readings (n, 6) at the
+    compared rows), and the robot with it."""
 
     fault: RefereeFault
     signature: np.ndarray

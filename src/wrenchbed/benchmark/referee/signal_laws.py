@@ -114,7 +114,7 @@ def rows(
     setting: RefereeSetting, ride: Ride, clean: np.ndarray, faults: Sequence[RefereeFault], rng: Rng
 ) -> tuple[np.ndarray, np.ndarray]:
     """Make the recorded wrenches (N, 6) [N, N·m] of a clean signal (T, 6), with noise and faults
-    between rows, and the reported joints (N, J)."""
+    between rows, and the reported joint values (N, J) [rad or m]."""
     path = setting.path
     t = path.t[path.rows]
     late = np.clip(_JITTER_S * rng.standard_normal(len(t)), -3 * _JITTER_S, 3 * _JITTER_S)
@@ -142,7 +142,7 @@ def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
 
 
 def held(n: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
-    """Draw which row is reported in place of each (N,), by chance and length ``stale``."""
+    """Draw which row is shown for each of n; ``stale``: chance of a repeat, its mean length."""
     chance, length = stale
     if chance == 0.0:
         return np.arange(n)

@@ -308,7 +308,7 @@ def _block(columns: np.ndarray) -> Block:
 
 
 def bench(setting: RefereeSetting, ride: Ride) -> Bench:
-    """Compute the signatures on one robot of every effect that shows in means."""
+    """Compute the signatures on a robot of every effect that changes mean readings."""
     make, columns = _Columns(setting, ride), dict[str, list[np.ndarray]]()
     groups = make.gauges(), make.times(), make.tool(), make.carried(), make.arm()
     for name, block in chain(*groups):

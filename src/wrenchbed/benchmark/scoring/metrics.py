@@ -96,7 +96,7 @@ def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = Fal
 def figure(
     metric: Metric, rows: Sequence[CaseRow], method: str = OURS, draws: int = DRAWS, seed: int = 0
 ) -> ScoredMetric | None:
-    """Compute a metric of a method with its interval; None where no case counts."""
+    """Compute a metric of a method over cases, with 95 % interval; None where no case counts."""
     every = [p for r in rows if (p := metric.parts(r.truth, r.claims[method])) is not None]
     if not every:
         return None

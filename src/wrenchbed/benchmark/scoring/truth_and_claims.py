@@ -18,10 +18,10 @@ OURS = "wrenchbed"
 @dataclass(frozen=True)
 class Fact:
     """A true cause of a case: its name (or the outside family's), its size in multiples of the
-    typical one, the gap that it adds (between rows the mean rise of a row's variance), the largest
-    rise of a channel's row variance, 0 where means show it, its numbers as a diagnosis publishes
-    them, SI, with what minor imperfections add, and the effects that these data cannot tell from
-    it."""
+    typical one, the ``gap`` that it adds, a mean square over noise variance (between rows the mean
+    rise of a row's variance), the largest rise of a channel's row variance, 0 where means show it,
+    its numbers as a diagnosis publishes them, SI, with what minor imperfections add, and the
+    effects that these data cannot tell from it."""
 
     effect: str
     size: float | None
@@ -50,8 +50,8 @@ class Oracle:
 
 @dataclass(frozen=True)
 class Answer:
-    """The truth of a case; its salt keeps the file's hash from being guessed. The referee's cases
-    alone have an oracle, and cases of efforts no gap of minor imperfections."""
+    """The truth of a case; its salt keeps the file's hash from being guessed. ``minor`` is the gap
+    of minor imperfections, None of efforts; only the referee's cases have an oracle."""
 
     case: str
     robot: str

@@ -1,4 +1,4 @@
-"""Friction of a joint differs by direction."""
+"""Drive effect ``drive.asymmetry``: friction of a joint differs by direction."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveAsymmetry(DriveEffect):
-    """τ → τ + a |q̇| + b, τ the effort of the joint.
+    """τ → τ + a |q̇| + b, τ the effort of the joint: viscous and Coulomb part that keep their sign.
 
     Seen in: motion in both directions at several speeds.
     """

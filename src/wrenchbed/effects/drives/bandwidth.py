@@ -1,4 +1,4 @@
-"""The effort of a joint is low-pass filtered."""
+"""Drive effect ``drive.bandwidth``: the effort of a joint is low-pass filtered."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from wrenchbed.effects.drives.operators import slow
 
 
 class DriveBandwidth(Lag):
-    """τ → τ/(1 + T s), τ the effort of the joint.
+    """τ → τ/(1 + T s), τ the effort of the joint, T a time constant, s Laplace's variable.
 
     Seen in: motion with fast reversals.
     """

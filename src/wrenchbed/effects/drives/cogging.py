@@ -1,4 +1,4 @@
-"""The motor of a joint cogs: its torque repeats with the motor's angle."""
+"""Drive effect ``drive.cogging``: a motor cogs: its torque repeats with its own angle."""
 
 from wrenchbed.effects.drives.base import DriveResidual, Size
 from wrenchbed.effects.drives.wave import FASTEST, GEAR_MOST, Wave, first_of, strongest

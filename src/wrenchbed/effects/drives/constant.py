@@ -1,4 +1,4 @@
-"""Gain of a joint's torque sensor, or its drive constant, differs: the effort is τ (1 + ε)."""
+"""Drive effect ``drive.constant``: wrong gain of a torque sensor, or drive constant: τ (1 + ε)."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveConstant(StatedNumber):
-    """τ → τ (1 + ε), τ the effort of the joint: its gain.
+    """τ → τ (1 + ε), τ the effort of the joint, ε the relative error of its gain.
 
     Seen in: motion that loads the joint.
     """

@@ -1,4 +1,4 @@
-"""Coulomb friction of a joint differs from its stated value."""
+"""Drive effect ``drive.coulomb``: coulomb friction of a joint differs from its stated value."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveCoulomb(StatedNumber):
-    """τ → τ + δ sign q̇, τ the effort of the joint.
+    """τ → τ + δ sign q̇, τ the effort of the joint, δ the error of its stated Coulomb friction.
 
     Seen in: motion in both directions.
     """

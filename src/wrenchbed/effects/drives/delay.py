@@ -1,4 +1,4 @@
-"""The effort of a joint is reported late."""
+"""Drive effect ``drive.delay``: the effort of a joint is reported late."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ of the 2 to 8 ms in which controllers report."""
 
 
 class DriveDelay(Lag):
-    """τ(t) → τ(t − T), τ the effort of the joint.
+    """τ(t) → τ(t − T), τ the effort of the joint, T the delay.
 
     Seen in: motion with fast reversals.
     """

@@ -1,4 +1,4 @@
-"""The gear of a joint has hysteresis after reversals."""
+"""Drive effect ``drive.hysteresis``: the gear of a joint has hysteresis after reversals."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ WIDTHS = (1e-2, 3e-2, 1e-1)
 
 
 class DriveHysteresis(DriveEffect):
-    """τ → τ + Σ a z_w(q): stop operators of several half widths w (Prandtl–Ishlinskii).
+    """τ → τ + Σ a z_w(q), z_w stop operators of several half widths w (Prandtl–Ishlinskii model).
 
     Seen in: slow motion with reversals after short and long ways.
     """

@@ -1,4 +1,4 @@
-"""The rotor inertia of a joint differs from its stated value."""
+"""Drive effect ``drive.inertia``: the rotor inertia of a joint differs from its stated value."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveInertia(StatedNumber):
-    """τ → τ + δ q̈, τ the effort of the joint.
+    """τ → τ + δ q̈, τ the effort of the joint, δ the error of its rotor's stated inertia.
 
     Seen in: fast motion.
     """

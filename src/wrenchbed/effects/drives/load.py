@@ -1,4 +1,4 @@
-"""Friction of a joint grows with its load."""
+"""Drive effect ``drive.load``: friction of a joint grows with its load."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveLoad(DriveEffect):
-    """τ → τ + |τ_body| (a sign q̇ + b q̇), τ_body the rigid body's torque.
+    """τ → τ + |τ_body| (a sign q̇ + b q̇), τ the joint's effort, τ_body the rigid body's torque.
 
     Seen in: motion under gravity of both signs, or two payloads.
     """

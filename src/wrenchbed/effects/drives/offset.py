@@ -1,4 +1,4 @@
-"""The zero of a joint's torque sensor is off, or its drive has a constant torque."""
+"""Drive effect ``drive.offset``: the zero of a torque sensor is off, or a constant torque acts."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveOffset(StatedNumber):
-    """τ → τ + δ, τ the effort of the joint.
+    """τ → τ + δ, τ the effort of the joint, δ the error of its zero or stated constant torque.
 
     Seen in: motion in both directions, under gravity of both signs.
     """

@@ -1,4 +1,4 @@
-"""The gear of a joint has a torque ripple per turn."""
+"""Drive effect ``drive.ripple``: the gear of a joint has a torque ripple per turn."""
 
 from wrenchbed.effects.drives.base import DriveResidual, Size
 from wrenchbed.effects.drives.wave import GEAR_MOST, SLOWEST, Wave, first_of, fitting

@@ -1,4 +1,4 @@
-"""A joint sticks at reversals."""
+"""Drive effect ``drive.stiction``: a joint sticks at reversals."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Friction of a joint rises at low speed."""
+"""Drive effect ``drive.stribeck``: friction of a joint rises at low speed."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Friction of a joint changes with its temperature."""
+"""Drive effect ``drive.temperature``: friction of a joint changes with its temperature."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveTemperature(DriveEffect):
-    """τ → τ + (θ − θ₀) (a sign q̇ + b q̇), θ the temperature of the drive.
+    """τ → τ + (θ − θ₀) (a sign q̇ + b q̇), τ the joint's effort, θ its drive's temperature.
 
     Seen in: a recording in which the drive warms up.
     """

@@ -1,4 +1,4 @@
-"""Viscous friction of a joint differs from its stated value."""
+"""Drive effect ``drive.viscous``: viscous friction of a joint differs from its stated value."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
 
 
 class DriveViscous(StatedNumber):
-    """τ → τ + δ q̇, τ the effort of the joint.
+    """τ → τ + δ q̇, τ the effort of the joint, δ the error of its stated viscous friction.
 
     Seen in: motion at several speeds.
     """

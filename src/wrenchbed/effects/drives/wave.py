@@ -1,5 +1,4 @@
-"""Torques that repeat with the joint's angle, fitted as two harmonics of a period that a residual
-shows: cogging of a motor, ripple of a gear."""
+"""Effects periodic in a joint's angle: two harmonics of a period are fitted (cogging, ripple)."""
 
 from abc import abstractmethod
 from typing import ClassVar
