@@ -21,8 +21,7 @@ def wrench_at(lever: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 class RigidBodies:
     """A robot's bodies in MuJoCo with parameters (P,), without constraints, rotors, friction,
-    damping, servos and gravity compensation, under gravity (3,) [m/s²], world axes, or the
-    default."""
+    damping, servos, gravity compensation; gravity (3,) [m/s²] in world axes, or the robot's."""
 
     def __init__(
         self,

@@ -74,7 +74,7 @@ class EffectChain:
         return theta
 
     def displacement(self, scene: Scene) -> Value:
-        """Sum of all effects' joint displacements (M, J), jets in motion; 0 without effects."""
+        """Sum of all effects' joint displacements (M, J), a `Jet` in motion; 0 without effects."""
         total: Any = 0.0
         for a in self._at["joint"]:
             dq = a.effect.displace(scene, a.values)

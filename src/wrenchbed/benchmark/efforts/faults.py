@@ -58,7 +58,7 @@ def drive_load(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_temperature(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: grease by Arrhenius' law: friction falls as exp(E (1/T − 1/T₀)) [K]."""
+    """Draw a fault: grease by Arrhenius' law: friction falls as exp(E (1/T − 1/T₀)), T in K."""
     slope = log_uniform(rng, 0.02, 0.08)
 
     def torque(state: State) -> np.ndarray:

@@ -104,7 +104,7 @@ def ornstein(t: np.ndarray, time: float, columns: int, rng: Rng) -> np.ndarray:
 
 
 def dahl(x: np.ndarray, reach: float) -> np.ndarray:
-    """Friction (T,), −1 … 1, as x (T,) moves, by Dahl (TOR-0158(3107-18)-1), over ``reach``."""
+    """Dahl's friction (T,), −1 … 1, as x (T,) moves, over a ``reach`` (TOR-0158(3107-18)-1)."""
     moves = np.diff(x)  # the exact solution over a piece of one direction
     pieces = zip(np.exp(-np.abs(moves) / reach).tolist(), np.sign(moves).tolist(), strict=True)
     return np.array(list(accumulate(pieces, _follow, initial=0.0)))

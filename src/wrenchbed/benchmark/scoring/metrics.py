@@ -186,8 +186,8 @@ def _of_the_joint(truth: Answer, claim: Claim) -> bool:
 
 
 def _visible(truth: Answer, claim: Claim) -> bool:
-    """Whether a case's single effect is so large that a perfect detector would not miss it: its
-    signature over the noise, or the rise of variance over its scatter √(2/n)."""
+    """Whether a perfect detector would see a case's single effect: its signature over the noise,
+    or the rise of variance over its scatter √(2/n), is above `VISIBLE`."""
     sigmas = [
         c.rows * np.sqrt(truth.rows / 2) if c.rows else np.sqrt(6 * truth.rows * c.gap)
         for c in truth.causes
@@ -362,7 +362,7 @@ def _without_joint(name: str) -> str:
 
 def size_cells(rows: Sequence[CaseRow]) -> Cells:
     """Heading and rows of a table: of cases with one effect on means, by the gap that it adds, the
-    shares that are noticed (any answer but none) and isolated."""
+    shares of cases that are noticed (any answer but none) and isolated."""
     singles = [r for r in rows if r.truth.kind == "single" and not r.truth.causes[0].rows]
     lines = []
     for low, high in pairwise(EDGES):

@@ -66,7 +66,7 @@ class Answer:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Names of the library's effects that the case holds."""
+        """Names of the library's effects that are causes of the case; empty for one outside."""
         return () if self.kind == "outside" else tuple(c.effect for c in self.causes)
 
     @property

@@ -59,7 +59,7 @@ class Block:
         effect: name of the effect; without a name, words for what it does.
         joint: its number from 1; None for the whole arm.
         outside: whether the cause has no name in the library.
-        value: shape at which the columns were made: a time, or periods a turn.
+        value: shape at which the columns were made: a time [s], or periods a turn.
         prior: log odds against other variants of the same effect.
         level: scale of what it changes: friction of the joint [N·m], mass [kg] or inertia [kg·m²]
             of the link or the tool; 1 if sizes are absolute.
