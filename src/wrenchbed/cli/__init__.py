@@ -61,23 +61,22 @@ _VERBS = {
     "study": ("small_verbs", "study"),
     "blind": ("blind", "blind"),
 }
-"""Module and function of each verb."""
+"""Verb → module of this package and name of its function."""
 _GROUPS = ("blind",)
 """Verbs that consist of other verbs."""
 _GOES_ON = ("campaign", "study", "blind")
-"""Verbs that go on where they were stopped when the same command is given again."""
+"""Verbs that continue stopped work when the same command is given again."""
 _COLUMNS = 80
 _GB = 1e9
 _LEAST = 1.2e9
-"""Address space below which libraries fail to load, or wait for ever [bytes]; measured on two
-cores."""
+"""Address space below which libraries fail to load or hang [bytes]; measured on two cores."""
 _LEAST_DRAWN = 4.5e9
-"""The same for verbs that load rerun, which reserves much and uses little [bytes]."""
+"""Least address space of verbs that load rerun, which reserves much and uses little [bytes]."""
 _DRAWN = ("diagnose", "view")
 _AGAIN_S = 0.05
-"""Time after which a swallowed interrupt comes again [s]: the callback that met it has ended."""
+"""Delay after which an interrupt swallowed in a callback is raised again [s]."""
 _LEAST_COLUMNS = 40
-"""The narrowest output; below, tyro's layout of help does not end (tyro 1.0)."""
+"""Least width of the output [characters]; in a narrower one tyro 1.0 never ends to print help."""
 
 
 def run() -> None:
@@ -89,7 +88,7 @@ def run() -> None:
 
 
 def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
-    """Hook for exceptions in callbacks of the interpreter, which swallows them: interrupt again."""
+    """Hook for exceptions that the interpreter swallows in callbacks: raises an interrupt again."""
     if unraisable.exc_type is KeyboardInterrupt:
         threading.Timer(_AGAIN_S, signal.raise_signal, (signal.SIGTERM,)).start()
     else:
@@ -216,7 +215,7 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _check_interrupt(error: BaseException | None) -> None:
-    """Raise KeyboardInterrupt if an error hides one: among its causes or, by ctypes, in words."""
+    """Raise KeyboardInterrupt if an error hides one: among its causes or, of ctypes, as text."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error):
             raise error if isinstance(error, KeyboardInterrupt) else KeyboardInterrupt()
@@ -224,7 +223,7 @@ def _check_interrupt(error: BaseException | None) -> None:
 
 
 def _in_words(error: Exception) -> str:
-    """Name the missing file or resource that an error is about; empty if a library is broken."""
+    """Message for an error about a missing file or resource; empty if a library is broken."""
     if isinstance(error, OSError):
         short = shortage(error, error.filename or "")
         reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)

@@ -32,7 +32,7 @@ class FamilyArguments:
     world: Literal["referee", "look-alikes", "efforts", "both"] = "referee"
 
     def family(self, seed: int) -> "Family":
-        """Make the family of sealed cases that these options and a seed determine."""
+        """Settings of the sealed benchmark cases that these options and a seed determine."""
         from wrenchbed.benchmark.sealed.make import EffortFamily, Family, LookalikeFamily
 
         if self.world in ("efforts", "both"):

@@ -23,13 +23,13 @@ from wrenchbed.pages.numbers import HUMAN, percent
 from wrenchbed.physics.wrench import CHANNELS
 
 _OF = {"effort": "efforts", "pose": "a tracker's readings", "command": "commands"}
-"""Readings of the channels but the wrench, in words for people."""
+"""Words for the fitted readings other than the wrench, by channel."""
 
 
 @dataclass(frozen=True)
 class DataArguments:
-    """Options of `calibrate`: which columns of a recording are fitted, and a recording of touches
-    that joins them."""
+    """Options of `calibrate`: which channels of a recording are fitted, and a recording of touches
+    (contacts at known points) to fit together with it."""
 
     # What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording without one,
     # or the places of a target (mx my mz), or what position servos were told (q_target1 …). Of
@@ -115,7 +115,7 @@ def _fitted(
     channels: str, data: wb.Recording, options: wb.Options, given: DataArguments,
     truth: Path | None, known: Mapping[str, float] | None,
 ) -> tuple[wb.Fit | DriveFit | TrackerFit, Group]:  # fmt: skip
-    """Fit a recording's channels; return the fit and its table, with true values if known."""
+    """Fit a recording's channels; return the fit and its table, with ``known`` true values."""
     if channels == "effort":
         efforts = wb.calibrate_efforts(
             data, options.free, constants=given.constants, force=options.force
@@ -136,7 +136,7 @@ def _fitted(
 
 
 def tracker_fit_table(fit: TrackerFit) -> Group:
-    """Table of a tracker's fit: parameters, errors before and after, null directions, status."""
+    """Table of a fit to a tracker's readings: parameters, errors, null directions, status."""
     rows = f"{fit.poses} poses, {fit.rows} rows"
     head = Text.assemble(("places of a target ", "bold"), f"{fit.recording}  {fit.robot}, {rows}")
     errors = console.table("|rms distance", ">mm", space=1)

@@ -34,20 +34,20 @@ from wrenchbed.files import locked
 from wrenchbed.files.checked import load
 
 _MEAN_OVER_S = 3600.0
-"""Time over which the mean rate of steps is taken [s]: one of them may take minutes."""
+"""Time over which the rate of steps is averaged [s]: a single step may take minutes."""
 _SIMPLE: dict[type, tuple[str, Callable[[str], Any]]] = {
     int: ("a whole number", lambda word: int(word, 0)), float: ("a number", float),
     str: ("text", str), bool: ("on or off", lambda word: {"on": True, "off": False}[word]),
 }  # fmt: skip
-"""Types of settings that a word can give, in words, and how the word becomes their value."""
+"""Type of a setting → its name for people and the function that converts a word to it."""
 Json = Annotated[bool, tyro.conf.arg(name="json", help="Print the result as JSON.")]
-"""Print the result as JSON on stdout; said here once for all verbs."""
+"""Option ``--json``: print the result as JSON on stdout; defined once for all verbs."""
 Repeated = tyro.conf.UseAppendAction[tuple[str, ...]]
 """A text option that may be given several times."""
 _CLAIMED = ExitStack()
 """Locks of the outputs of the verb that runs."""
 _WORDS: list[str] = []
-"""Words of the command line that runs."""
+"""Words of the command line that is running."""
 
 
 def pairs(words: Sequence[str]) -> dict[str, str]:
@@ -60,8 +60,8 @@ def pairs(words: Sequence[str]) -> dict[str, str]:
 
 
 def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> dict[str, Any]:
-    """Convert words to the types of an options dataclass's fields, name → value; fields in
-    ``excluded`` have flags of their own.
+    """Convert words (field → text) to the types of a dataclass's fields; fields in ``excluded``
+    have options of their own.
 
     Raises:
         ParameterError: no such field (the message lists all), or a value of another type.
@@ -87,8 +87,8 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
 
 
 def _simple_type(hint: Any) -> tuple[type, bool, bool] | None:
-    """Type of a value in a type hint, whether the hint is a tuple of them, and whether it allows
-    None; None if no word of a command line can be its value."""
+    """(type, whether the hint is a tuple of it, whether it allows None) of a type hint; None if no
+    word of a command line can be its value."""
     optional = NoneType in get_args(hint)
     others = [a for a in get_args(hint) if a is not NoneType]
     inner = others[0] if optional and len(others) == 1 else hint
@@ -121,7 +121,7 @@ def check_seed(seed: int) -> None:
 
 @contextmanager
 def outputs() -> Iterator[None]:
-    """Context in which outputs are locked; their locks are released at its end."""
+    """In the block, `check_out` may lock output files; the locks are released at its end."""
     with _CLAIMED:
         yield
 
@@ -129,7 +129,8 @@ def outputs() -> Iterator[None]:
 def check_out(
     out: Path | None, kind: Kind, *inputs: Path | None, force: bool = False, lock: bool = True
 ) -> None:
-    """Raise `ParameterError` if an output may not be replaced; lock it against other processes."""
+    """Raise `ParameterError` if ``out`` is an input or another kind of file, or a recording unless
+    ``force``; lock it against other processes."""
     if out is None:
         return
     if lock and out.name and not out.is_dir():
@@ -220,7 +221,7 @@ def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None
 
 
 def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]:
-    """List of displays: an empty line, a title, and lines (texts indented); empty without lines."""
+    """Displays: an empty line, a title, and lines (texts indented); empty list without lines."""
     inside = [Padding(Text(x), (0, 0, 0, 2)) if isinstance(x, str) else x for x in lines]
     return ["", Text(title, style="bold"), *inside] if inside else []
 
@@ -229,8 +230,8 @@ def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]
 def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Callable[..., None]]:
     """Show a progress bar if stderr is a terminal; yield a function to call with (steps, label).
 
-    Without a total, or with steps of which one may take much longer than another, it shows the time
-    since its begin, else the time that remains.
+    It shows the remaining time; the elapsed time if ``total`` is None or steps are not ``alike``,
+    of which one may take much longer than another.
     """
     console = Console(stderr=True)
     alike = alike and total is not None

@@ -33,11 +33,11 @@ _FILES = {
     "diagnosis.json": Kind.DIAGNOSIS, "twin.json": Kind.TWIN, _PAGE: Kind.PAGE,
     _PICTURE: Kind.PICTURE,
 }  # fmt: skip
-"""What a diagnosis writes; of joint efforts drives.json and no picture."""
+"""Files that a diagnosis writes, with their kinds; of joint efforts drives.json and no picture."""
 _MATERIAL = re.compile(r"(\d*\.?\d+(?:e-?\d+)?)(N|N[·.*]?m|mm)")
-"""A size and its unit."""
+"""A number and its unit, as in ``0.2N``, ``0.01N·m`` or ``0.1mm``."""
 _MOST_SIZES = 7
-"""Parameters of a cause that are printed."""
+"""Most parameters of a cause that are printed."""
 _COLOURS = {
     "none": "green", "identified": "cyan", "ambiguous": "yellow", "partial": "yellow",
     "unknown": "magenta",
@@ -119,8 +119,8 @@ def diagnose(
 
 
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
-    """Whether to diagnose the joint efforts of a motion: if the option says so or there is no
-    wrench. At rest they belong to the diagnosis of the wrench."""
+    """Whether to diagnose the joint efforts of a motion: if option ``channels`` asks for them, or
+    there is no wrench. At rest they belong to the diagnosis of the wrench."""
     if all(r.metadata.mode == "static" and r.effort == "tau" for r in data):
         return False
     held = data[0].effort is not None or data[0].only_commanded
@@ -187,8 +187,8 @@ def _diagnose_wrench(
 
 
 def material_of(text: str) -> Material:
-    """Parse the residual that counts as a gap of 1, such as ``0.2N,0.01N·m,0.1mm``; a
-    `ParameterError` unless these are a force, a torque and a length above 0, each once."""
+    """Parse the residuals that count as a gap of 1 each, such as ``0.2N,0.01N·m,0.1mm``; a
+    `ParameterError` unless they are a force, a torque and a length above 0, each once."""
     from wrenchbed.diagnosis.prepare.prepared import Material
 
     parts = text.replace(" ", "").split(",")
@@ -216,7 +216,7 @@ def _draw(findings: Findings, path: Path) -> None:
 
 
 def _tried(name: str, write: Callable[[], object]) -> None:
-    """Call ``write``, which makes the file ``name``; warn if a library that it needs is missing."""
+    """Call ``write``, which makes the file ``name``; warn if a library for it is missing."""
     try:
         write()
     except MissingExtraError as error:
@@ -256,7 +256,7 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
 
 
 def answer_display(a: Answer) -> Group:
-    """Displays of a diagnosis: its three answers, what the data cannot tell, what to do next."""
+    """Displays of a diagnosis: its three answers, what the data cannot show, what to do next."""
     d = a.d
     head = Text.assemble(("diagnosis ", "bold"), a.about)
     verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {a.headline}")
@@ -291,7 +291,7 @@ def _causes(a: Answer) -> Table:
 
 
 def isolability(name: str, result: DryRun) -> Group:
-    """Displays of a dry run: which effects the plan ``name`` could show, from which size on."""
+    """Displays of a dry run: effects that the plan ``name`` could show, and their least sizes."""
     from wrenchbed.diagnosis.next.blind import sentences
     from wrenchbed.pages import numbers
 

@@ -113,7 +113,7 @@ def _import_lerobot(
 
 
 def _doubt(recording: Recording) -> str | None:
-    """Reason why a calibration would refuse a recording; None without one or a known robot."""
+    """Reason why `calibrate` would refuse a recording; None if there is none that is known."""
     from wrenchbed.calibration.trust import check
 
     try:
@@ -137,7 +137,7 @@ def _changed(column_map: ColumnMap, options: RowOptions) -> ColumnMap:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Options of `export --to`: inputs that some formats need besides the fit."""
+    """Options of `export --to`: inputs that some formats need besides fit.json or twin.json."""
 
     # Your own URDF, for --to urdf. It is read; OUT is a copy with the numbers.
     urdf: Path | None = None

@@ -34,20 +34,20 @@ from wrenchbed.monitoring.live import Datagrams, LiveSummary, Sink, live
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 EXIT = {monthly.HEALTHY: 0, monthly.CHANGED: 3, monthly.CANNOT_TELL: 4}
-"""Exit code of each verdict."""
+"""Exit code of `check` by verdict, see docs/contracts.md."""
 _EVERY_S = 0.1
-"""Time between two pictures of the gauge [s]."""
+"""Interval at which the gauge in the terminal is redrawn [s]."""
 _WIDE = 21
 """Width of a bar of `live` [characters]."""
 _FULL = 10.0
-"""Noise at the ends of a bar, in standard deviations of a row."""
+"""Ends of a bar, in standard deviations of one reading's noise."""
 _LONGEST_S = 3600.0
-"""Longest time between two readings of ``live`` [s]: an hour, at which nobody watches."""
+"""Longest interval of readings of ``live`` [s]: an hour, after which nobody watches."""
 
 
 @dataclass(frozen=True)
 class CheckArguments:
-    """Options of `check`: how the monthly check is recorded and what is known of it."""
+    """Options of `check`: how the monthly check is recorded, its temperature and its baseline."""
 
     recording: Path | None = None  # Check this recording of the plan in DIR, and move nothing.
     # When it was recorded, ISO 8601 with a zone; what the recording states, else now.
@@ -224,7 +224,7 @@ class _Gauge:
 
 
 def gauge(external: External, frame: str) -> Table:
-    """Table of one reading: values, bars in units of noise, and the alarm."""
+    """Table of one reading in axes ``frame``: values, bars in units of noise, and the alarm."""
     caption = external.alarm or (
         "at rest" if external.at_rest else "moving: inertia is not compensated"
     )
@@ -240,7 +240,7 @@ def gauge(external: External, frame: str) -> Table:
 
 
 def bar(sigmas: float) -> str:
-    """Text with a mark at ``sigmas`` on a line from −10 to 10 standard deviations."""
+    """Text with a mark at ``sigmas`` on a line from −`_FULL` to `_FULL` standard deviations."""
     middle = _WIDE // 2
     at = int(np.clip(round(middle + middle * sigmas / _FULL), 0, _WIDE - 1))
     return "".join("█" if k == at else "┼" if k == middle else "─" for k in range(_WIDE))

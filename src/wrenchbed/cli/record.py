@@ -24,12 +24,11 @@ from wrenchbed.robots.motion_limits import Limits
 CHANNELS_OF = {
     "wrench": CHANNELS, "effort": (), "pose": (), "command": ("q_target",), "imu": (),
 }  # fmt: skip
-"""Channels by name, and the columns (or their stems) that a recording has unless they are left
-out."""
+"""Channel → columns (or starts of their names) in a recording unless ``--channels`` omits it."""
 _OPTION_OF = {"effort": "effort", "pose": "tracker", "imu": "imu"}
 _USUAL: dict[str, str | float] = {"effort": "torque", "pose": 5e-5, "imu": 0.02}
-"""Options of the simulated driver by channel, and their values if none is stated: a laser tracker's
-noise [m], and a MEMS accelerometer's in 50 Hz [m/s²]."""
+"""Channel → value of its option of the simulated driver if none is stated: a laser tracker's noise
+[m], a MEMS accelerometer's in 50 Hz [m/s²]."""
 _MOST_LEGS = 12
 """Most rows of a dry run's table."""
 _YES = ("y", "yes")
@@ -77,7 +76,7 @@ class DeviceArguments:
         return names
 
     def check(self, mode: str) -> None:
-        """Raise an error for channels that a plan of this mode (static or dynamic) cannot show."""
+        """Raise an error for channels that a plan of ``mode`` (static or dynamic) cannot record."""
         other = ("command",) if mode == "static" else ("pose", "imu")
         if wrong := [name for name in self.asked_channels if name in other]:
             when = "in motion" if mode == "static" else "at rest"
@@ -121,7 +120,7 @@ class LimitArguments:
     max_torque: float | None = None  # Stop the robot above this measured torque [N·m]; likewise.
 
     def limits(self, live: bool) -> Limits:
-        """Limits as given, completed by the usual ones of ``live`` or simulated robots."""
+        """Limits as given; missing ones are the defaults of ``live`` (real) or simulated robots."""
         usual, box = LIVE if live else Limits(), self.workspace
         return Limits(
             usual.speed if self.speed is None else self.speed,
@@ -205,19 +204,19 @@ def record(
 
 
 def _version(path: Path) -> tuple[int, int] | None:
-    """Time and size of a file, which change when it is rewritten; None if there is no file."""
+    """Modification time and size of a file, to notice when it is rewritten; None without a file."""
     return (path.stat().st_mtime_ns, path.stat().st_size) if path.is_file() else None
 
 
 def _left_behind(new: bool, static: bool, resumed: bool) -> str:
     """Describe what a stopped recording leaves on disk (``new``: the file was written) and how to
-    continue (``static``: a live driver visited poses, which alone can be resumed)."""
+    continue; only a plan of poses (``static``) on a live driver can be resumed."""
     what = "; what was recorded is on disk" if new else "; nothing was recorded"
     return f"{what}, and `record … --resume` goes on" if static and (new or resumed) else what
 
 
 def _leave_out(path: Path, asked: tuple[str, ...]) -> None:
-    """Delete a recording's columns of channels not in ``asked``; none if that is empty."""
+    """Delete a recording's columns of channels that are not in ``asked``; none if that is empty."""
     stems = {s for name, columns in CHANNELS_OF.items() if name not in asked for s in columns}
     if not asked or not stems:
         return
@@ -280,12 +279,12 @@ def _answer(done: RunProgress, plan: wb.Plan, driver: str, as_json: bool) -> Non
 def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[LiveLimits | None]:
     """Connect and activate a driver for the block; yield the limits of a live driver.
 
-    These were printed and agreed to. Errors name the flag to give, not the Python method.
+    The limits were printed, and a person agreed. Errors name the flag to give, not the method.
 
     Args:
         link: driver that is not connected yet.
         plan: plan that it will run.
-        recover: somebody has looked at a robot that stopped.
+        recover: whether somebody has looked at a robot that had stopped.
         yes: a person agreed already that a real robot moves.
 
     Raises:

@@ -20,7 +20,7 @@ Kinds = Literal[
     "checks",
 ]  # fmt: skip
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", "bold red")}
-"""Word and style of a grade of the doctor."""
+"""Word and style by grade of a line of `doctor`."""
 
 
 def list_(kind: tyro.conf.Positional[Kinds], /, as_json: Json = False) -> None:
@@ -94,7 +94,7 @@ def compare(
 
 
 def compared(result: wb.Comparison) -> Group:
-    """Displays of a comparison: its sentences, then a table of all numbers."""
+    """Displays of a comparison: its sentences, then a table of all compared numbers."""
     table = console.table("|", ">A", ">B", ">B − A", ">σ", space=1)
     for c in result.changes:
         table.add_row(*c.cells, style="bold" if c.changed else "")
@@ -117,7 +117,7 @@ class RobotArguments:
     seed: int = 0  # Seed of everything random.
 
     def fleet(self, robot: str) -> "wb.Fleet":
-        """Make the campaign's settings, which determine all rows of its table."""
+        """Make the settings of a campaign of simulated robots, which determine its table."""
         words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
         plan = None if self.plan is None else wb.Plan.read(self.plan)
         return wb.Fleet(robot, self.robots, words, self.poses, self.samples, self.seed, plan)

@@ -30,13 +30,13 @@ from wrenchbed.robots.base import GoalSets, Robot
 from wrenchbed.simulation.closed_form import Model
 
 ROBOTS = 100
-"""Robots of a rehearsal."""
+"""Number of random robots on which a plan is rehearsed."""
 SAMPLES = 100
 """Rows that are averaged at one pose under gravity."""
 _STEP, _TRIES, _THERE = 1e-6, 20, 1e-8
 _MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
 Chosen = tuple[list[int], list[int]]
-"""Poses under gravity and touches, by their numbers in the two pools."""
+"""Indices of the chosen gravity poses and of the chosen touches in their two pools."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +44,12 @@ class MixOptions:
     """Costs, tolerances and candidates with which `reach` plans gravity poses and touches.
 
     Attributes:
-        share: part of the robots whose error shall be below the wanted accuracy, 0 … 1.
+        share: fraction of the robots whose error shall be below the wanted accuracy, 0 … 1.
         least_poses: smallest number of poses under gravity; they calibrate the sensor itself.
         touch_cost: cost of one touch, in units of one gravity pose.
-        pool: gravity poses to choose from.
+        pool: number of candidate gravity poses.
         points: known positions to touch (K, 3) [m]; the robot's default if None.
-        touch_std: standard deviation of the tip's place about the point, per axis [m].
+        touch_std: standard deviation of the tip's position at the point, per axis [m].
 
     Raises:
         PlanError: a number is out of its range.
@@ -81,7 +81,7 @@ class Mix:
         rms: root mean square position error in the target [m], over the rehearsed robots.
         assured: position error [m] that the wanted share of the rehearsed robots stays below.
         before: rms without any measurement [m].
-        share: wanted share of robots that ``assured`` holds for, 0 … 1.
+        share: fraction of robots that stay below ``assured``, 0 … 1.
     """
 
     gravity: Plan
@@ -100,9 +100,9 @@ class _Task:
     """Design problem of `reach`: candidate poses and touches, unknown parameters, target.
 
     Attributes:
-        columns: unknown parameters (K,).
+        columns: indices of the unknown parameters (K,).
         wrench_std: standard deviation of a pose's mean wrench (6,) [N, N·m].
-        pools: candidate poses, then touches, their Jacobians in units of noise and ``scale``.
+        pools: candidate poses, then touches: their Jacobians over noise, per ``scale``.
         scale: tolerances of the unknown parameters (K,).
     """
 
@@ -117,7 +117,7 @@ class _Task:
     criterion: Criterion
 
     def information(self, chosen: Chosen) -> np.ndarray:
-        """Information matrix (K, K) of priors and chosen measurements, parameters in tolerances."""
+        """Information matrix (K, K) of priors and chosen measurements; parameters in tolerances."""
         seen = [pool.information(some) for pool, some in zip(self.pools, chosen, strict=True)]
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
@@ -127,8 +127,8 @@ class _Task:
         return self.goal.quantile(covariance, self.options.share)
 
     def best(self, kind: int, information: np.ndarray, used: list[int]) -> tuple[int, float]:
-        """Find the unused candidate of a kind (0 pose, 1 touch) that raises the criterion most: its
-        index, and the criterion with it added to ``information`` (K, K)."""
+        """Find the unused candidate of a kind (0 pose, 1 touch) whose information raises the design
+        criterion most: its index, and the criterion with it added to ``information`` (K, K)."""
         pool = self.pools[kind]
         slope = pool.slopes(self.criterion.gradient(information))
         slope[used] = -np.inf
@@ -137,7 +137,7 @@ class _Task:
         return int(some[np.argmax(value)]), float(value.max())
 
     def grow(self, chosen: Chosen) -> None:
-        """Add to ``chosen``, in place, the candidate that lowers the log error most per cost."""
+        """Add to ``chosen``, in place, the candidate that lowers log(error) most per cost."""
         information = self.information(chosen)
         now = float(self.criterion.values(information))
         (pose, with_pose), (touch, with_touch) = (
@@ -149,7 +149,7 @@ class _Task:
             chosen[0].append(pose)
 
     def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
-        """Drop the touches, then the poses, without which an accuracy [m] is still reached."""
+        """Remove touches, then poses, as long as an accuracy [m] is still reached."""
         for kind, least in ((1, 0), (0, self.options.least_poses)):
             while len(chosen[kind]) > least:
                 blocks = self.pools[kind].blocks[chosen[kind]]
@@ -186,8 +186,8 @@ class _Task:
         return before, after
 
     def _one(self, chosen: Chosen, rng: np.random.Generator) -> tuple[float, float]:
-        """Draw one robot within tolerances and calibrate it: rms tool error [m] of the nominal and
-        of the fitted model."""
+        """Draw one robot within tolerances and calibrate it: rms tool error [m] of the nominal
+        model and of the fitted one."""
         robot, nominal, free = self.model.robot, self.model.parameters.nominal, list(self.columns)
         truth, std, touch_std = nominal.copy(), self.wrench_std, self.options.touch_std
         truth[free] += rng.uniform(-1.0, 1.0, len(free)) * self.scale

@@ -21,11 +21,11 @@ _SPEED_SHARE = 0.6
 _REACH = np.deg2rad(20.0)
 _REACH_M = 0.05
 TRACKER_NOISE = 5e-5
-"""Noise of a target's place at rest [m], as `Simulation` has it in examples: a laser tracker."""
+"""Noise of a target's position at rest [m], that of `Simulation` in examples: a laser tracker."""
 
 
 def poses(robot: Robot, n: int, seed: int) -> Plan:
-    """n random feasible poses in random order; a `PlanError` if n < 1, or without joints."""
+    """Plan n random feasible poses in random order; a `PlanError` if n < 1, or without joints."""
     if n < 1:
         raise PlanError(f"a plan of {n} poses is empty")
     if not robot.joints:
@@ -43,10 +43,10 @@ def informative(
 ) -> Plan:
     """Choose n of ``pool`` random poses that make an observability index of the model largest.
 
-    The Jacobian is in standard deviations of the sensor's row and in the parameters' tolerances.
+    The Jacobian is that of readings over their noise by parameters over their tolerances.
 
     Args:
-        index: ``O1`` … ``O5`` or ``A``.
+        index: ``O1`` … ``O5`` (observability) or ``A`` (A-optimality), see `criteria`.
         progress: called with the index after each exchange of poses that raises it.
 
     Raises:
@@ -72,8 +72,8 @@ def for_tracker(
 ) -> Plan:
     """Choose n of ``pool`` random poses at which a tracker shows a robot's geometry best.
 
-    I-optimal: the mean variance of a target's place, as such a fit predicts it, is smallest;
-    ``progress`` gets the rms error [m] after each exchange of poses that lowers it.
+    I-optimal: minimises the mean variance with which a fit to the tracker's readings predicts
+    positions; ``progress`` gets the rms error [m] after each exchange that lowers it.
 
     Raises:
         PlanError: a robot without joints, or a pool smaller than n.
@@ -99,7 +99,7 @@ def _candidates(robot: Robot, n: int, pool: int, seed: int) -> np.ndarray:
 
 
 def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
-    """A periodic sum of sines in every joint about a feasible pose, faded in and out from rest.
+    """Return a plan of a sum of sines in each joint about a feasible pose, from rest to rest.
 
     Harmonics of 0.1 Hz with random phases: Swevers et al. 1997, doi 10.1109/70.631234.
 
@@ -129,7 +129,7 @@ def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
 
 
 def _wave(t: np.ndarray, joints: int, rng: np.random.Generator) -> np.ndarray:
-    """Sum (N, J), at t (N,) [s], of harmonics of `BASE_PERIOD_S` of random weight and phase."""
+    """Sum (N, J) at t (N,) [s] of harmonics of `BASE_PERIOD_S`, with random weights and phases."""
     phase = rng.uniform(0.0, 2 * np.pi, (HARMONICS, joints))
     weight = rng.uniform(0.3, 1.0, (HARMONICS, joints))
     turn = 2 * np.pi * t[:, None] / BASE_PERIOD_S

@@ -1,7 +1,7 @@
-"""Does the robot hit itself or what stands around it? MuJoCo's collision test on the whole way.
+"""Does the robot hit itself or what stands around it? MuJoCo's collision test along whole paths.
 
 Every geom of the robot's MJCF counts, as it looks. Bodies that are at most two joints apart, or
-that touch at home or in three of ten random poses, are built or drawn so and do not count.
+that touch at home or in three of ten random poses, may touch: they are built or drawn so.
 """
 
 from collections import Counter
@@ -16,13 +16,13 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.mjcf import compiled
 
 STEP = 0.03
-"""Largest move of a joint between two tests [rad or m]."""
+"""Largest move of a joint between two collision tests [rad or m]."""
 MARGIN = 0.005
 """Distance from which two bodies count as touching [m]."""
 _DETOURS = 60
 _OFTEN = 0.3
 _PER_LEG = 0.3
-"""Cost of each leg of a way beside its length [rad or m]: few long legs rather than many short."""
+"""Cost of each straight leg of a path, beside its length [rad or m]: prefers few, longer legs."""
 
 
 class Clearance:
@@ -46,8 +46,8 @@ class Clearance:
         return ""
 
     def blocked(self, start: np.ndarray, end: np.ndarray) -> str:
-        """Sentence that names the first contact on a straight joint-space move (J,) → (J,), and
-        where on it; empty if the move is free."""
+        """Sentence that names the first contact on a straight joint-space move from ``start`` to
+        ``end`` (J,), and where on it; empty if the move is free."""
         n = max(1, int(np.ceil(np.abs(end - start).max() / STEP)))
         for share in np.arange(1, n + 1) / n:
             what = self.hit(start + share * (end - start))
@@ -56,13 +56,13 @@ class Clearance:
         return ""
 
     def path(self, start: np.ndarray, end: np.ndarray, where: str) -> list[np.ndarray]:
-        """Find a collision-free path from ``start`` to ``end`` (J,): its way points up to ``end``.
+        """Find a collision-free path from ``start`` to ``end`` (J,): its way points, last ``end``.
 
-        A straight joint move if that is free, else the shortest free one over one or two of home
+        A straight joint move if that is free, else the shortest free path over one or two of home
         and random poses.
 
         Raises:
-            PlanError: ``end``, called ``where``, or every such way is blocked; says by what.
+            PlanError: ``end``, called ``where``, or every such path is blocked; says by what.
         """
         why = self.hit(end)
         if why:
@@ -82,7 +82,7 @@ class Clearance:
 
     @cached_property
     def _built(self) -> set[tuple[int, int, int, int]]:
-        """Pairs that touch at home or in many random poses, as `_touching`: `hit` ignores them."""
+        """Pairs as of `_touching` that touch at home or in many random poses; `hit` skips them."""
         drawn = self.robot.sample(_DETOURS, np.random.default_rng(1))
         often = Counter(pair for q in drawn for pair in self._touching(q))
         usual = {pair for pair, n in often.items() if n > _OFTEN * len(drawn)}
@@ -133,4 +133,4 @@ class Clearance:
 
 
 clearance = lru_cache(maxsize=4)(Clearance)
-"""The `Clearance` of a robot, kept: which parts may touch takes a while to find out."""
+"""Cached constructor: the `Clearance` of a robot, whose harmless contacts take a while to find."""

@@ -17,7 +17,7 @@ from wrenchbed.errors import PlanError
 _SMALLEST = 1e-300
 _SOFT = 4
 _EXPONENTS = {"O2": (1, 1), "O3": (1, 0), "O4": (2, 1)}
-"""Exponents a, b of σm^a / σ1^b."""
+"""Exponents (a, b) of σm^a / σ1^b by index; σ1 largest, σm smallest singular value."""
 
 
 class Criterion(ABC):
@@ -38,7 +38,7 @@ class Criterion(ABC):
 
     @abstractmethod
     def gradient(self, information: np.ndarray) -> np.ndarray:
-        """Derivative (m, m) of the criterion with respect to a regular information matrix."""
+        """Derivative (m, m) of the criterion with respect to a non-singular information matrix."""
 
     def screen(self, information: np.ndarray) -> np.ndarray:
         """Matrix G (m, m): the larger trace(G JᵢᵀJᵢ), the more promising is configuration i."""
@@ -50,7 +50,7 @@ class Criterion(ABC):
 
 
 class Spectral(Criterion):
-    """Criterion that depends on the singular values alone."""
+    """Criterion that depends on the singular values of the Jacobian alone."""
 
     def values(self, information: np.ndarray) -> np.ndarray:
         return self._of(np.sqrt(np.maximum(np.linalg.eigvalsh(information), 0.0)))
@@ -60,7 +60,7 @@ class Spectral(Criterion):
 
     @staticmethod
     def _turned(information: np.ndarray, slope: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Derivative (m, m) by the information matrix, from ``slope`` by singular values."""
+        """Derivative (m, m) by the information matrix, from that by singular values, ``slope``."""
         squares, vectors = np.linalg.eigh(information)
         sigma = np.sqrt(np.maximum(squares, _SMALLEST))
         return np.asarray((vectors * (slope(sigma) / (2 * sigma))) @ vectors.T)
@@ -75,7 +75,7 @@ class Spectral(Criterion):
 
 
 class O1(Spectral):
-    """(σ1 σ2 … σm)^(1/m), to be divided by √n: the volume of the ellipsoid; D-optimality."""
+    """(σ1 σ2 … σm)^(1/m) of the singular values, without 1/√n: ellipsoid's volume; D-optimality."""
 
     name, power = "O1", 2.0
 
@@ -86,7 +86,7 @@ class O1(Spectral):
         return self._of(sigma) / (len(sigma) * sigma)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after adding or removing each block, by determinants k × k (lemma)."""
+        """Criterion (N,) after adding or removing each block; matrix determinant lemma, k × k."""
         m = len(information)
         inner = blocks @ np.linalg.inv(information) @ np.swapaxes(blocks, -1, -2)
         factor = np.linalg.det(np.eye(blocks.shape[1]) + sign * inner)
@@ -96,7 +96,7 @@ class O1(Spectral):
 
 class Weakest(Spectral):
     """Criterion σm^a / σ1^b of the smallest and the largest singular value. Screening also weighs
-    the other small ones, any of which may become σm."""
+    the other small singular values, as each may become the smallest."""
 
     smooth = False
 
@@ -124,7 +124,7 @@ class Weakest(Spectral):
 
 
 class O5(Spectral):
-    """1 / (1/σ1 + … + 1/σm): harmonic mean of the singular values over m."""
+    """1 / (1/σ1 + … + 1/σm): harmonic mean of the m singular values, over m."""
 
     name, power = "O5", 2.0
 
@@ -136,7 +136,7 @@ class O5(Spectral):
 
 
 class InverseTrace(Criterion):
-    """1 / trace(W M⁻¹): A-optimality for W = 1, I-optimality for W from a goal's sensitivity."""
+    """1 / trace(W M⁻¹), M the information: A-optimality for W = 1, I-optimality for a goal's W."""
 
     power = 1.0
 

@@ -35,12 +35,12 @@ _STEPS = 150
 _NEW = 60
 _DROP = 1e-7
 _GAP = 1e-3
-"""Distance of a continuous design from the best, relative, at which `certify` stops."""
+"""Distance of a continuous design from the upper bound, relative, at which `certify` stops."""
 
 
 class Pool:
-    """N candidates: blocks (N, k, m) of the Jacobian of k readings by m parameters, over noise, in
-    scales of the parameters."""
+    """N candidates: blocks (N, k, m), Jacobians of k readings by m parameters, over noise and per
+    scale of a parameter."""
 
     def __init__(self, blocks: np.ndarray) -> None:
         self.blocks = np.ascontiguousarray(blocks, dtype=float)
@@ -92,7 +92,7 @@ def exchange(
     Args:
         start: indices to begin with; random if None.
         prior: information (m, m) before any measurement.
-        tell: called with the value after each exchange.
+        tell: called with the criterion after each exchange.
 
     Raises:
         PlanError: n is not between what the parameters need and the pool's size, or no random
@@ -188,7 +188,7 @@ class Certificate:
     """The best continuous design found, and the upper bound on any choice that it proves.
 
     Attributes:
-        support: configurations with weight (K,).
+        support: indices of the configurations with weight (K,).
         weight: (K,), sums to 1.
         bound: no n different configurations of the pool have a larger criterion.
     """
@@ -199,10 +199,10 @@ class Certificate:
 
 
 def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Certificate:
-    """Bound the criterion over all choices of n different configurations; ``start`` has full rank.
+    """Bound the criterion over all choices of n different configurations.
 
-    Multiplicative weights (Silvey, Titterington & Torsney 1978, doi 10.1080/03610927808827719) on a
-    growing set of candidates; the whole pool is scanned once a round.
+    ``start``: indices of a set with full rank. Multiplicative weights (Silvey, Titterington &
+    Torsney 1978, doi 10.1080/03610927808827719) on a growing set of candidates.
 
     Raises:
         PlanError: the criterion is not concave, so nothing can be certified this way.
