@@ -1,4 +1,4 @@
-"""The words of a diagnosis, for page, terminal and rerun: what wrenches and joint efforts share."""
+"""A diagnosis in words, for page, terminal and rerun: what wrenches and joint efforts share."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -11,23 +11,23 @@ from wrenchbed.pages import numbers
 from wrenchbed.reports.claim import MOST_SIZES, Claim, listed
 
 BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
-"""Shapes beside the colour of a verdict."""
+"""Symbol by verdict, shown beside its colour."""
 MOST_HEADLINE = 160
-"""Characters of a headline: two lines of a terminal."""
+"""Most characters of a headline: two lines of a terminal."""
 MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
-"""Largest number of listed candidates, and least probability of one: below it prints as 0 %."""
+"""Most listed candidate causes, and least probability of one: below it prints as 0 %."""
 LEAST_SCATTER = 0.05
-"""Gap of the rows' own scatter that is called so: below it prints as 0.0."""
+"""Least gap by scatter of single rows that is stated apart from noise: below it prints as 0.0."""
 LEAST_NEAREST = 0.05
-"""Probability from which the nearest cause is named beside unknown: below, it is a guess."""
+"""Least probability at which the nearest cause is named beside "unknown": below, it is a guess."""
 _DISTRUST = "do not trust the twin"
-"""Advice in the note on causes that leave much of the gap."""
+"""Text by which `Answer.distrusted` recognises the note on causes that leave much of the gap."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
 
 
 LOUD, MOST_LOUD = 2.0 / 3.0, 3
-"""Share of the gap that channels hold which are named, and how many are at most: half of six."""
+"""Channels are named that hold this share of the gap together, if they are at most so many."""
 
 
 class Answer(ABC):
@@ -35,7 +35,7 @@ class Answer(ABC):
 
     Attributes:
         d: the diagnosis.
-        fitted: phrase on what was fitted in the calibrated simulator.
+        fitted: phrase on the parameters that were fitted in the calibrated simulator.
         notes: further sentences for the reader.
     """
 
@@ -58,41 +58,41 @@ class Answer(ABC):
     @property
     @abstractmethod
     def no_claim(self) -> str:
-        """The verdict in a sentence where nothing is claimed."""
+        """Headline where no cause is claimed: the verdict in a sentence."""
 
     @property
     @abstractmethod
     def no_cause(self) -> str:
-        """Text in the place of a cause where none is claimed."""
+        """Text shown in place of a cause where none is claimed."""
 
     @property
     @abstractmethod
     def place(self) -> str:
-        """Place of the cause in a few words."""
+        """Where in the robot the cause lies, in a few words."""
 
     @property
     @abstractmethod
     def where(self) -> Sequence[str]:
-        """Sentences on where, the most important first."""
+        """Sentences on where in the robot the gap lies, the most important first."""
 
     @property
     @abstractmethod
     def far(self) -> tuple[str, str]:
-        """Figure (may be empty) and sentences on how far the gap shrinks."""
+        """Figure (may be empty) and sentences on how far the gap shrinks with the causes."""
 
     @property
     @abstractmethod
     def advice_without_experiment(self) -> str:
-        """Sentence on what to do where no experiment is proposed."""
+        """Sentence on what to do where no further experiment is proposed."""
 
     @property
     @abstractmethod
     def observations(self) -> str:
-        """Text of what the gap was measured on: ``20 poses``."""
+        """Text of the observations on which the gap was measured, such as ``20 poses``."""
 
     @property
     def on(self) -> str:
-        """Phrase for the rows on which the gap is measured, as the end of a sentence."""
+        """Phrase at the end of a sentence: on which held-out observations the gap is measured."""
         return f"on {self.observations} that were held out of every fit"
 
     @property
@@ -107,15 +107,15 @@ class Answer(ABC):
 
     @property
     def headline(self) -> str:
-        """The verdict in sentences: each claim with its values, as many as two lines hold, and what
-        they leave open."""
+        """The verdict in sentences, as many values of each claim as two lines of a terminal hold,
+        and what the claims leave open."""
         if not self.causes:
             return self.no_claim
         texts = [self._claims(most) for most in (MOST_SIZES, 1, 0)]
         return next((text for text in texts if len(text) <= MOST_HEADLINE), texts[-1])
 
     def _claims(self, most: int) -> str:
-        """The claims with at most ``most`` figures each, as one text."""
+        """All claims as one text, each with at most ``most`` of its figures."""
         phrases = [c.sentence_with(most) for c in self.causes]
         if len(phrases) > 1:
             phrases.insert(0, f"{_COUNT[len(phrases)]} causes.")
@@ -134,8 +134,8 @@ class Answer(ABC):
 
     @property
     def loudest(self) -> str:
-        """Phrase on the channels with two thirds of the gap: ``, 91 % in fy and fx``; empty if more
-        than `MOST_LOUD` share them."""
+        """Phrase on the channels that hold two thirds of the gap: ``, 91 % in fy and fx``; empty if
+        more than `MOST_LOUD` share them."""
         gaps = {c: max(g["before"], 0.0) for c, g in self.d.gap.per_channel.items()}
         order = sorted(gaps, key=lambda c: -gaps[c])
         for k in range(1, MOST_LOUD + 1):
@@ -148,13 +148,13 @@ class Answer(ABC):
 
     @property
     def blind(self) -> tuple[str, ...]:
-        """Sentences on what the recording could not have shown."""
+        """Sentences on effects that the recording could not have shown."""
         return sentences(self.d.blind)
 
     @abstractmethod
     def claim_of(self, entry: Mapping[str, Any]) -> Claim:
-        """The `Claim` that puts one entry of ``minor`` of diagnosis.json (an effect that was
-        detected and is too small to count) into words."""
+        """Put an entry of ``minor`` of diagnosis.json into words: an effect that was detected and
+        is too small to count as a cause."""
 
     @property
     def minor(self) -> list[str]:
@@ -167,7 +167,7 @@ class Answer(ABC):
 
     @property
     def fitted_load(self) -> list[str]:
-        """Sentences on the load that was fitted, and on what further recordings carry beyond it."""
+        """Sentences on the fitted load, and on the loads of further recordings beyond it."""
         result = []
         for k, number in enumerate(self.d.fitted):
             value = numbers.quantity("mass", number)
@@ -195,7 +195,7 @@ class Answer(ABC):
 
     @property
     def stays(self) -> str:
-        """Sentences on a gap that no cause is named for."""
+        """Sentences for a gap for which no cause is named."""
         own = f" {numbers.gap(self.d.gap.floor)} of it is how single rows scatter beyond noise."
         own *= self.d.gap.floor >= LEAST_SCATTER
         return f"It stays {self.on}: without a cause there is nothing to close it with.{own}"
@@ -220,14 +220,14 @@ class Answer(ABC):
 
     @property
     def distance(self) -> str:
-        """Sentences on how far the gap shrinks, and what a black box says of it."""
+        """Sentences on how far the gap shrinks, and on the share that a black-box model closes."""
         figure, text = self.far
         text = text if self.black_box in text else f"{text} {self.black_box}"
         return f"{figure}. {text}" if figure else text
 
     @property
     def bars(self) -> list[tuple[str, str]]:
-        """Label and gap of each simulator, as texts for bars."""
+        """(label, text of the gap) of each simulator, for a chart of bars."""
         g = self.d.gap
         rows = [("as configured", g.configured), ("calibrated", g.calibrated.value)]
         if g.with_effects is not None:
@@ -238,7 +238,7 @@ class Answer(ABC):
 
     @property
     def candidates(self) -> list[dict[str, str]]:
-        """Leading causes by probability; none and unknown always stand among them."""
+        """Texts of the leading causes by probability, always with "none" and "unknown"."""
         ranked = sorted(self.d.probabilities.items(), key=lambda kv: -kv[1])
         kept = [(k, p) for k, p in ranked if p >= LEAST_CANDIDATE][:MOST_CANDIDATES]
         kept += [(k, p) for k, p in ranked if k in _MEANING and (k, p) not in kept]
@@ -254,14 +254,14 @@ class Answer(ABC):
 
     @property
     def leading(self) -> str:
-        """Text of the leading causes with probabilities, and of those likely together."""
+        """Text of the leading causes with probabilities, and of those likely to act together."""
         ranked = ", ".join(f"{c['key']} {c['p']}" for c in self.candidates)
         likely = ", ".join(self.d.set90)
         return f"leading cause: {ranked}; at least 90 % together: {likely}"
 
     @property
     def nearest(self) -> tuple[str, float]:
-        """Key and probability of the likeliest class of known effects; empty if there is none."""
+        """(name, probability) of the likeliest class of known effects; ("", 0) if there is none."""
         known = {k: p for k, p in self.d.probabilities.items() if k not in _MEANING}
         return max(known.items(), key=lambda kv: kv[1], default=("", 0.0))
 
@@ -270,7 +270,7 @@ class Answer(ABC):
         return numbers.chance(self.d.probabilities.get(name, 0.0))
 
     def unknown(self, gap: str, hint: str = "") -> str:
-        """Sentence that no known effect explains the gap, and which is nearest."""
+        """Sentence that no known effect explains ``gap`` (a phrase), and which is nearest."""
         nearest, p = self.nearest
         text = f"No known effect explains {gap}. Probability that it is something unknown: "
         text += f"{self.chance_of(UNKNOWN)}.{hint}"

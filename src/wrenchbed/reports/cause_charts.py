@@ -1,8 +1,8 @@
 """Figures of a cause over its own variable, and of the residual where no cause is claimed.
 
-An effect states what it is drawn over (`Effect.shown`): a loop, a spring line, a wave. Of other
-effects `figures.of_cause` draws measured and simulated over the rows, sorted by the effect's
-prediction.
+An effect states the variable that it is drawn over (`Effect.shown`), for a loop, a spring line, a
+wave. Other effects are drawn by `figures.of_cause`: measured and simulated over the rows, sorted by
+the effect's prediction.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,30 +24,30 @@ from wrenchbed.reports.simulators import Cause, HeldOutReadings, joint_axis, lar
 STEP = 1e-5
 """Step of a joint's value in a difference quotient [rad or m]."""
 LEAST_SLOPE = 0.2
-"""Share of the largest slope below which a row is left out: it says little about a joint's
-value."""
+"""Share of the largest slope below which a row is left out: it says little about a joint's value.
+"""
 ROUNDING = 1e-9
-"""Response per unit of load below which it is rounding of doubles."""
+"""Added reading per unit of load that counts as 0: rounding of doubles."""
 LEAST_REACH, LAGS = 8, 40
-"""Samples by which readings are shifted each way at least, and shifts each way."""
+"""Least shift of readings in time each way [samples], and number of shifts each way."""
 SMOOTH_S = 0.5
-"""Time of a motion over which rows are averaged [s]: slower changes are the motion's own."""
+"""Window of the moving average of a motion's rows [s]: slower changes belong to the motion."""
 MOST_ROWS = 200
-"""Points of each of many panels."""
+"""Most points in each of many panels."""
 _CROSS = Scale("change of the reading [noise of one row]", -30.0, 30.0, (-30.0, 0.0, 30.0),
                diverging=True)  # fmt: skip
 _OF_UNIT = {"N": "force", "N·m": "torque", "s": "time", "K": "temperature"}
 
 
 def own_chart(e: HeldOutReadings, c: Cause, name: str) -> Chart | None:
-    """Chart of a claimed cause over its own variable; None if it has none, or the data lack it."""
+    """Chart of a claimed cause over its own variable, such as torque or angle; None without one."""
     draw = None if c.active is None else _OWN.get(c.active.effect.shown)
     chart = None if draw is None or c.active is None else draw(e, c, c.active)
     return None if chart is None else replace(chart, name=name)
 
 
 def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
-    """Chart of the form-free curve of an entry of ``which`` with its ±; None if it has none."""
+    """Chart of the estimated curve (no formula assumed) ± std of a cause in ``which``, or None."""
     curve = entry.get("curve")
     if not curve:
         return None
@@ -60,7 +60,7 @@ def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
 
 
 def _over(title: str, x: Axis, y: Axis, series: Sequence[Series], caption: str) -> Chart:
-    """Chart with one panel of series over a variable."""
+    """Chart with one panel: series over one variable."""
     kept, note = thinned(series)
     panel = Panel(x, y, kept, zero=True, height=1.4)
     return Chart("", title, (panel,), caption=caption, note=note)
@@ -70,9 +70,9 @@ def _over(title: str, x: Axis, y: Axis, series: Sequence[Series], caption: str) 
 
 
 def _joint(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart | None:
-    """Error of a joint by row, against the torque on it or against its own value.
+    """Error of a joint at each row, against the torque on it or against its own value.
 
-    A spring is a line over the torque of weight, a gear a wave over the angle.
+    A spring shows as a line over the torque of weight, a gear as a wave over the angle.
     """
     scene = e.prepared.scene
     moved = value(active.effect.displace(scene, active.values)) if scene.jointed else 0.0
@@ -104,8 +104,9 @@ def _joint(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart | None:
 def _joint_error(
     e: HeldOutReadings, c: Cause, shift: np.ndarray
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-    """Error of a wrong joint's value, of a cause that shifts joints by (H, J): number of the joint
-    from 0; rows that show it (R,); their errors (R,) [rad or m]; standard uncertainties (R,)."""
+    """Error of a joint, by least squares, for a cause that shifts joints by (H, J): index of the
+    most shifted joint; rows that show it (R,); errors (R,) [rad or m]; standard uncertainties (R,).
+    """
     scene = replace(e.prepared.scene, theta=c.rest.robot_theta)
     slopes = [_slope(e.prepared, scene, c, k) / e.std for k in range(shift.shape[1])]
     sizes = [float(((s * shift[:, [k]]) ** 2).sum()) for k, s in enumerate(slopes)]
@@ -119,7 +120,7 @@ def _joint_error(
 
 
 def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
-    """Change of the readings (H, 6) per unit of a joint's value."""
+    """Derivative of the readings (H, C) by a joint's value [1/rad or 1/m], by differences."""
     step = np.zeros(scene.joints.shape[1])
     step[joint] = STEP
     up, down = (p.read(replace(scene, q=scene.q + s), c.rest.active) for s in (step, -step))
@@ -130,7 +131,7 @@ def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
 
 
 def _load(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
-    """Residual of a channel against its load; for a loop, rising and falling rows apart."""
+    """Residual of the channel that shows a cause most, over its load; rising and falling apart."""
     scene, k = e.prepared.scene, largest(c.effect / e.std)
     channel, unit, at = CHANNELS[k], UNITS[k], np.flatnonzero(scene.held)
     load = scene.load[:, k]
@@ -156,7 +157,7 @@ def _load(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
 
 
 def _matrix(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
-    """Matrix of what a claimed effect adds to each channel per unit of each channel's load."""
+    """Matrix (6, 6) of what a claimed effect adds to each channel per unit load in each channel."""
     scene, read, p = e.prepared.scene, active.effect.read, active.values
     plain = read(scene, scene.load, p)
     steps = [read(scene, scene.load + d, p) - plain - d for d in np.eye(6)]
@@ -185,14 +186,14 @@ def _cross(i: int, j: int, v: float) -> str:
 _OWN: Mapping[str, Callable[[HeldOutReadings, Cause, ActiveEffect], Chart | None]] = {
     "torque": _joint, "angle": _joint, "load": _load, "loop": _load, "matrix": _matrix,
 }  # fmt: skip
-"""Charts by `Effect.shown`; other causes are drawn by `figures.of_cause` alone."""
+"""Function that draws a cause's chart, by `Effect.shown`; others have `figures.of_cause` alone."""
 
 
 # ---- where no single cause stands -----------------------------------------------------------
 
 
 def everywhere(e: HeldOutReadings, name: str) -> Chart:
-    """Chart of the channel with the largest residual over each joint, direction, time and load."""
+    """Chart of the channel with the largest residual, over each joint, direction, time and load."""
     claimed = e.after is not None
     residual = (e.prepared.y - (e.before if e.after is None else e.after)) / e.std
     k = largest(residual)
@@ -213,7 +214,7 @@ def everywhere(e: HeldOutReadings, name: str) -> Chart:
 
 
 def _variables(e: HeldOutReadings, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
-    """Yield axis and values (H,) of each variable that was recorded or is derived."""
+    """Yield axis and values (H,) of each recorded or derived variable, such as a joint or time."""
     scene, held = e.prepared.scene, e.prepared.scene.held
     for k, joint in enumerate(scene.robot.joints if scene.jointed else ()):
         axis, factor = joint_axis(joint, k + 1)
@@ -234,9 +235,9 @@ def _variables(e: HeldOutReadings, channel: int) -> Iterator[tuple[Axis, np.ndar
 
 
 def scatter(e: HeldOutReadings, entry: Mapping[str, Any], name: str) -> Chart:
-    """Chart of rows about their means, of a cause that shows only between rows.
+    """Chart of single rows minus their mean, for a cause that does not show in means.
 
-    Over time; of a motion their spectrum beneath: a vibration is a peak, noise is flat.
+    Over time, and for a motion also as a spectrum: a vibration is a peak, noise is flat.
     """
     rows = e.prepared.excerpt
     stated = np.asarray(rows.metadata.sensor.noise_std or (0.0,) * 6, dtype=float)
@@ -266,7 +267,7 @@ def scatter(e: HeldOutReadings, entry: Mapping[str, Any], name: str) -> Chart:
 
 
 def _spectrum(t: np.ndarray, residual: np.ndarray) -> Panel:
-    """Amplitude of rows (N,) over frequency."""
+    """Panel with the amplitude spectrum of residuals (N,) in units of the stated noise."""
     frequency = np.fft.rfftfreq(len(t), float(np.median(np.diff(t))))
     amplitude = 2.0 * np.abs(np.fft.rfft(residual)) / len(t)
     series, _ = thinned([Series("amplitude", "line", frequency, amplitude)])

@@ -14,13 +14,13 @@ from wrenchbed.effects.base import Effect
 from wrenchbed.pages import numbers
 
 MOST_SIZES = 3
-"""Parameters of a cause in its sentence and on the first screen."""
+"""Most parameters of a cause in its sentence and on the first screen."""
 _WHERE = ("m", "1")
-"""Units of numbers that say where and how a cause acts; others, its size, go first."""
+"""Units of parameters that state where or how a cause acts; those of its size are shown first."""
 _STANDS_OUT = 3.0
-"""Standard uncertainties beyond which a joint's amplitude is one."""
+"""A joint's amplitude beyond so many standard uncertainties counts as different from 0."""
 _NUMBERED = re.compile(r"\.[a-z]*(1?\d)$")
-"""Names as ``offset.q3`` and ``twist.2``, of up to 19 joints, not of MedRUE's length ``d41``."""
+"""Number at the end of ``offset.q3`` or ``twist.2``, up to 19 joints; not of the length ``d41``."""
 _DIFFERENCES = (*STATED, "joint.offset", "link.length")
 """Effects whose sizes are differences from what is stated or nominal, so that they have a sign."""
 
@@ -31,8 +31,8 @@ class Size:
 
     Attributes:
         key: its name in diagnosis.json.
-        name: the same in words.
-        value: ± standard uncertainty with its unit.
+        name: its name in words.
+        value: text of value ± standard uncertainty with unit.
     """
 
     key: str
@@ -42,19 +42,19 @@ class Size:
 
 @dataclass(frozen=True)
 class Claim:
-    """An entry of ``which`` in words: for the headline, cards and tables of every reader.
+    """An entry of ``which`` in diagnosis.json in words, for headline, cards and tables.
 
     Attributes:
-        name: of the effect.
+        name: name of the effect.
         title: what it is, with the joint's number where one joint has it; begins small.
-        choices: which of its forms, in words: name in diagnosis.json and text of each.
-        choice: the same in one text, without what the title says; may be empty.
+        choices: its discrete parameters, such as form or joint: (name in diagnosis.json, text).
+        choice: these as one text, without what the title says; may be empty.
         sizes: all quantities, in the order of diagnosis.json.
-        figures: the best known of them.
+        figures: the most certain quantities, at most `MOST_SIZES`.
         against: whether the figures are differences from what the metadata state.
-        probability: that it is present.
-        closed: share of the gap that it closes; a dash where it shows only between rows.
-        rivals: name and title of the effects that this recording does not distinguish from it.
+        probability: text of the probability that the cause is present.
+        closed: text of the share of the gap that it closes; a dash if it shows in no means.
+        rivals: (name, title) of effects that this recording does not distinguish from it.
     """
 
     name: str
@@ -91,8 +91,8 @@ class Claim:
 def claim(
     entry: Mapping[str, Any], wording: str = "", rivals: Sequence[tuple[str, str]] | None = None
 ) -> Claim:
-    """Put an entry of ``which`` of diagnosis.json into words. Where it is none of the registry's
-    effects, its title with its joint and the names and titles of its rivals are given."""
+    """Put an entry of ``which`` of diagnosis.json into words. ``wording`` (title with joint) and
+    ``rivals`` (name, title) are needed where the cause is none of the registry's effects."""
     name, joint = str(entry["effect"]), _one_of_joints(entry)
     values: Mapping[str, Any] = entry["parameters"]
     size: Mapping[str, Any] = entry.get("size") or {}
@@ -131,7 +131,7 @@ def claim(
 
 
 def _size(key: str, entry: Mapping[str, Any], *, signed: bool) -> Size:
-    """A quantity in words, with the stated one that it is instead of."""
+    """A quantity in words; where the metadata state one, with "instead of" that value."""
     value = numbers.quantity(key, entry, signed=signed)
     if stated := entry.get("stated"):
         value += f" instead of {numbers.rough(key, stated, entry['unit'])}"
@@ -153,7 +153,7 @@ def place(entry: Mapping[str, Any]) -> str:
 
 
 def joints(entry: Mapping[str, Any]) -> list[int]:
-    """Numbers, from 1, of the joints or links that a cause is about: those of which it names one,
+    """Numbers, from 1, of the joints or links of a cause: alternatives if it is one unknown joint,
     else those whose amplitudes exceed three standard uncertainties."""
     if any_of := joints_or(entry):
         return any_of
@@ -166,14 +166,14 @@ def joints(entry: Mapping[str, Any]) -> list[int]:
 
 
 def joints_or(entry: Mapping[str, Any]) -> list[int]:
-    """Numbers of the joints of which one is the cause; empty where it is of no single joint."""
+    """Numbers, from 1, of the joints of which one is the cause; empty for other causes."""
     joint = entry["parameters"].get("joint", {})
     value = joint.get("value")
     return sorted([value, *joint.get("rivals", [])]) if isinstance(value, int) else []
 
 
 def _one_of_joints(entry: Mapping[str, Any]) -> str:
-    """``2, 3 or 4``; empty where a cause is of no single joint."""
+    """Text ``2, 3 or 4`` of the joints of which one is the cause; empty for other causes."""
     numbered = [str(k) for k in joints_or(entry)]
     return listed(numbered, " or ") if numbered else ""
 
@@ -184,19 +184,19 @@ def parameter(name: str) -> str:
 
 
 def effect(name: str) -> Effect:
-    """The effect of a name."""
+    """Load an `Effect` by its name."""
     known = registry.load("effects", name)
     assert isinstance(known, Effect)
     return known
 
 
 def title(name: str) -> str:
-    """Title of an effect in words that begin small."""
+    """Title of an effect by its name, beginning with a small letter."""
     return str(effect(name).title)
 
 
 def capital(text: str) -> str:
-    """A text with a capital first letter."""
+    """The text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 

@@ -22,8 +22,8 @@ from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 
 def recording_facts(recording: Recording, name: str, observed: str = "") -> list[tuple[str, str]]:
-    """Label and text of each fact on a recording, given under a name; ``observed`` is what was made
-    of its rows, before a comma."""
+    """(label, text) of each fact on a recording that is called ``name``; ``observed`` is text on
+    what its rows were made into, such as poses."""
     stated = recording.metadata
     rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
     rows = f"{observed}{len(recording):,} rows{rate}, source: {stated.source or 'not stated'}"
@@ -31,8 +31,8 @@ def recording_facts(recording: Recording, name: str, observed: str = "") -> list
 
 
 def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
-    """The page of a diagnosis of a wrench, made by a command that is stated without options if not
-    given.
+    """The HTML page of a diagnosis of a wrench; ``command`` is the command line that made it, made
+    up without options if empty.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -53,7 +53,7 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
 
 
 def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
-    """The page of a diagnosis of joint efforts; ``command`` as in `diagnosis_page`.
+    """The HTML page of a diagnosis of joint efforts; ``command`` as in `diagnosis_page`.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -70,8 +70,8 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
 def _page(
     words: Answer, command: str, data: Facts, charts: list[Chart], more: Mapping[str, Any]
 ) -> ReportPage:
-    """Page of an answer: charts show the causes, ``more`` is what one kind of page shows besides,
-    figures among it."""
+    """HTML page of an answer: ``charts`` show the causes, ``more`` are template values of one kind
+    of page alone, figures among them."""
     d, comparisons = words.d, [draw(chart) for chart in charts]
     recordings = (d.recording, *d.others)
     context = {
@@ -91,7 +91,7 @@ def _page(
 
 
 def _of_causes(words: WrenchAnswer, e: HeldOutReadings) -> list[Chart]:
-    """Charts of each cause in their order, or of the residual that nothing explains."""
+    """Charts of each cause in their order, or of the residual if no cause is claimed."""
     charts: list[Chart | None] = []
     for k, cause in enumerate(e.causes()):
         charts.append(cause_charts.own_chart(e, cause, f"cause-{k}"))
@@ -106,7 +106,7 @@ def _of_causes(words: WrenchAnswer, e: HeldOutReadings) -> list[Chart]:
 
 
 def _data(findings: Findings) -> list[tuple[str, str]]:
-    """Label and text of each fact: which recordings were diagnosed, and by what."""
+    """(label, text) of each fact on the diagnosed recordings, and of the page's origin."""
     names = (findings.diagnosis.recording, *findings.diagnosis.others)
     every = [findings.analysis.prepared, *(a.prepared for a in findings.analysis.others)]
     facts = [("robot", f"{findings.diagnosis.robot}: {every[0].robot.title}")]

@@ -22,7 +22,7 @@ from wrenchbed.reports.claim import Claim, claim
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]: several reversals of each joint are in view."""
 _BINS = 24
-"""Bins of speed in which friction is averaged."""
+"""Number of bins of speed in which friction is averaged."""
 _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
     ("measured", "points", "measured"), ("stated", "line", "before"),
     ("with the effects", "line", "after"),
@@ -30,7 +30,7 @@ _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
 
 
 class EffortAnswer(Answer):
-    """A diagnosis of joint efforts in words; ``channels`` says what was diagnosed."""
+    """A diagnosis of joint efforts in words; ``channels`` is text on what was diagnosed."""
 
     fitted = "what is not stated fitted; what is stated stays within its ordinary spread"
     observations = "blocks of time"
@@ -69,8 +69,8 @@ class EffortAnswer(Answer):
 
     @cached_property
     def unstated(self) -> str:
-        """Phrase on what was fitted because nobody states it, a load or joints' friction; empty if
-        the gap before that fit does not count."""
+        """Phrase on what was fitted because no metadata state it, a load or joints' friction; empty
+        if the gap before that fit is too small to count."""
         if self.d.gap.configured < LEAST:
             return ""
         names, scene = [str(number["name"]) for number in self.d.fitted], self.findings.d.scene
@@ -131,19 +131,19 @@ class EffortAnswer(Answer):
 
 
 def effort_charts(findings: EffortFindings) -> list[Chart]:
-    """Charts of efforts over time, then of the friction of the joints that matter most."""
+    """Charts of efforts over time, then of the friction of joints that are a cause or fit worst."""
     return [_efforts(findings), *(_friction(findings, j) for j in _joints(findings))]
 
 
 def shown_rows(findings: EffortFindings) -> np.ndarray:
-    """Numbers of the kept rows (K,) in the stretch of time that is shown."""
+    """Indices (K,), among the used rows, of the stretch of time that is drawn."""
     scene = findings.d.scene
     t = scene.signals.t[scene.kept()]
     return np.flatnonzero(np.abs(t - 0.5 * (t[0] + t[-1])) <= 0.5 * _SHOWN_S)
 
 
 def residuals_of(findings: EffortFindings) -> dict[str, np.ndarray]:
-    """Residual of the kept rows (M, C) by simulator [noise of a row], by fits that did not see
+    """Residual (M, C) of the used rows by simulator [noise of a row], from fits that did not see
     them; NaN where a joint hardly moves, which does not count."""
     d, counted = findings.d, np.stack([c.use for c in findings.d.channels], axis=-1)
     fits = {"calibrated": findings.simulators.of().each}
@@ -153,7 +153,7 @@ def residuals_of(findings: EffortFindings) -> dict[str, np.ndarray]:
 
 
 def _joints(findings: EffortFindings) -> list[int]:
-    """Joints whose friction is shown, from 0: named ones, else the one with the largest gap."""
+    """Joints whose friction is drawn, from 0: of claimed causes, else that of the largest gap."""
     keys = (cause.part.key for cause in findings.verdict.causes)
     named = [j - 1 for name, j in keys if j is not None and name.startswith("drive.")]
     if named or findings.diagnosis.verdict == "none":
@@ -197,7 +197,7 @@ def _efforts(findings: EffortFindings) -> Chart:
 
 
 def _friction(findings: EffortFindings, j: int) -> Chart:
-    """Chart of joint j's friction over its speed: measured, stated and with the effects.
+    """Chart of joint j's (from 0) friction over its speed: measured, stated and with the effects.
 
     The fitted effort of links and load is subtracted.
     """

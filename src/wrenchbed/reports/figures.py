@@ -14,8 +14,8 @@ BINS = 8
 
 
 def residual_map(e: HeldOutReadings) -> Chart:
-    """Residual rms of the simulators before and after in units of noise, over poses or time, on the
-    scale of every page."""
+    """Map of residuals' rms [noise of a row] by channel, over poses or time, of the simulators
+    without and with the effects."""
     (over, axis), panels = along(e.prepared), []
     groups = bins(over, BINS)
     names = [numbers.minus(f"{over[g].min():.0f}…\n{over[g].max():.0f}") for g in groups]
@@ -39,11 +39,11 @@ def residual_map(e: HeldOutReadings) -> Chart:
 
 
 def of_cause(e: HeldOutReadings, c: Cause, name: str) -> Chart:
-    """Signature of a cause, against a twin without it: measured and simulated values of the channel
-    that shows it most, with their residual beneath.
+    """Chart of what a cause changes in the channel that shows it most: measured and simulated
+    values, with their residual beneath.
 
-    Both are without what the other effects make; the simulation is by fits that did not see the
-    rows.
+    What the other effects add is subtracted from both; the simulation is by fits that did not see
+    the rows.
     """
     p, title, k = e.prepared, c.name, largest(c.effect / e.std)
     channel, unit, sigma = e.names[k], e.units[k], float(e.std[k])
@@ -76,8 +76,8 @@ def of_cause(e: HeldOutReadings, c: Cause, name: str) -> Chart:
 def _across(
     e: HeldOutReadings, title: str, effect: np.ndarray
 ) -> tuple[np.ndarray, Axis, np.ndarray]:
-    """Places of the observations on the axis (H,), the axis, and their order: by time in a motion,
-    of poses by the size of the effect (H,)."""
+    """Positions of the observations on an axis (H,), the axis, and their order (H,): by time in a
+    motion, else by the size of ``effect`` (H,)."""
     p, known = e.prepared, effects()
     order = np.arange(len(p.y))
     if p.moving or p.averaged or (title in known and known[title].shown == "time"):

@@ -16,12 +16,12 @@ from wrenchbed.pages.draw import draw
 from wrenchbed.physics.wrench import CHANNELS
 
 MOST_PRINTED = 14
-"""Parameters up to which each correlation is printed in its cell."""
+"""Most parameters for which each correlation is printed in its cell."""
 _CORRELATION = Scale("correlation", -1.0, 1.0, (-1.0, 0.0, 1.0), diverging=True)
 
 
 def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
-    """The page of a fit to a recording, made by a command that is left out if empty.
+    """The HTML page of a fit to a recording; ``command``: the command line that made it, if any.
 
     Raises:
         MissingExtraError: matplotlib or jinja2 is not installed.
@@ -62,7 +62,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
 
 
 def _verdict(fit: Fit) -> tuple[str, str]:
-    """Colour and badge of a fit."""
+    """Colour and text of the badge of a fit."""
     if fit.refuted is not None:
         return "unknown", "✗ refuted"
     if not fit.converged:
@@ -82,7 +82,7 @@ def _load(fit: Fit, words: FitWords) -> dict[str, str]:
 
 
 def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, Axis]:
-    """Numbers of poses as the recording has them (M,), or times [s]; and their axis."""
+    """Numbers of the poses in the recording (M,), or times [s]; and the axis for them."""
     if recording.metadata.mode == "dynamic":
         t = data.t - data.t[0]
         return t, Axis("time", "s", low=float(t.min()), high=float(t.max()))
@@ -95,7 +95,7 @@ def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, Axis]:
 
 
 def _each(fit: Fit, white: np.ndarray, order: np.ndarray, axis: Axis) -> Chart:
-    """Residual of every observation, one panel a channel, with the band of noise alone."""
+    """Chart of the residual of every observation, one panel a channel, with the band of noise."""
     panels, note, moving = [], "", axis.label == "time"
     expected = fit.noise.expected / np.maximum(fit.noise.row, 1e-9)
     reach = 1.1 * float((np.abs(white) + expected).max())

@@ -17,20 +17,20 @@ from wrenchbed.reports.simulators import joint_axis
 from wrenchbed.twin.predictions import Simulator, modelled, noise_of, order_of, robot_of, simulators
 
 AGREES, NEAR = 1.25, 3.0
-"""Residuals of a channel [noise of one row, rms] up to which simulator and measurement agree, or
-differ slightly. 1.25 is a gap of 0.56: normal imperfections add up to 0.5 (the contracts)."""
+"""Rms residual of a channel [noise of one row] up to which simulator and measurement agree, or
+differ slightly. 1.25 is a gap of 0.56: normal imperfections add up to 0.5 (docs/contracts.md)."""
 _SIMULATED: tuple[Role, ...] = ("before", "after", "box")
-"""Colours of simulators, in their order."""
+"""Colour roles of the first, second and third simulator."""
 
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """How far one simulator is from a recording.
+    """Residuals of one simulator on a recording, as words and numbers.
 
     Attributes:
-        name: of the simulator.
-        ratios: rms of the residual of each channel (6,) in units of its noise of one row.
-        rms: of the residual of each channel (6,) [N, N·m].
+        name: name of the simulator.
+        ratios: rms of the residual of each channel (6,) over its noise of one row.
+        rms: rms of the residual of each channel (6,) [N, N·m].
     """
 
     name: str
@@ -39,18 +39,18 @@ class Agreement:
 
     @property
     def overall(self) -> float:
-        """Rms over all channels in units of noise."""
+        """Rms of ``ratios``: residual over all channels in units of noise."""
         return float(np.sqrt(np.mean(self.ratios**2)))
 
     @property
     def differing(self) -> list[str]:
-        """Channels that differ, the worst first; none where the simulator agrees."""
+        """Names of the channels with residuals above `AGREES` × noise, the worst first."""
         order = np.argsort(-self.ratios, kind="stable")
         return [CHANNELS[k] for k in order if not self.ratios[k] < AGREES]
 
     @property
     def worst(self) -> str:
-        """Text of the largest residual: ``tz 1.87 × noise``."""
+        """Text of the channel with the largest residual: ``tz 1.87 × noise``."""
         k = int(np.argmax(self.ratios))
         return f"{CHANNELS[k]} {self.ratios[k]:.3g} × noise"
 
@@ -65,7 +65,7 @@ class Agreement:
 
     @property
     def text(self) -> str:
-        """The figures behind an agreement, as text."""
+        """Sentences on the largest residual of a channel and on that of all channels."""
         worst = f"Largest residual of a channel: {self.worst}, rms."
         overall = f"All channels: {self.overall:.3g} × noise."
         return numbers.minus(f"{worst} {overall} A channel agrees below {AGREES:g} × noise.")
@@ -74,7 +74,7 @@ class Agreement:
 def agreements(
     recording: Recording, simulators: Sequence[Simulator], noise: np.ndarray
 ) -> list[Agreement]:
-    """Agreement of each simulator with a recording whose noise of one row is (6,) [N, N·m]."""
+    """Agreement of each simulator with a recording whose rows have noise (6,) [N, N·m]."""
     residuals = [np.nanmean((recording.wrench - s.reading) ** 2, axis=0) for s in simulators]
     return [
         Agreement(s.name, np.sqrt(r) / noise, np.sqrt(r))
@@ -88,13 +88,13 @@ def report(
     out: str | Path = "report.html",
     command: str = "",
 ) -> None:
-    """Write one HTML page about a recording, what simulators say of it, and fits.
+    """Write one HTML page about a recording, what simulators predict for it, and fits.
 
     Args:
         recording: what was measured.
         against: fit.json and twin.json files whose simulators are compared with it.
         out: page to write.
-        command: that made the page, to be printed on it.
+        command: command line that made the page, to be printed on it.
 
     Raises:
         ParameterError: a file is neither, or of another robot.
@@ -137,14 +137,14 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
 
 @dataclass(frozen=True, eq=False)
 class _Over:
-    """Over what readings are drawn: poses by their means, or the rows of a motion.
+    """The x axis of a recording's charts: poses, with the means of their rows, or rows of a motion.
 
     Attributes:
-        axis: of it.
-        x: number of each pose or time of each row (M,) [s].
+        axis: axis with its label and unit.
+        x: number of each pose, or time of each row [s] (M,).
         ids: numbers of the observations (M,).
-        groups: rows of each pose; None where rows stand for themselves.
-        kind: lines of a motion, points at rest.
+        groups: row indices of each pose; None in a motion, where each row is drawn.
+        kind: how values are drawn: lines of a motion, points at rest.
     """
 
     axis: Axis
@@ -155,7 +155,7 @@ class _Over:
 
     @classmethod
     def of(cls, recording: Recording) -> "_Over":
-        """Axis for a recording's readings: poses by their means, or rows of a motion."""
+        """Make the x axis for a recording: poses if it rests, else rows of the motion."""
         order, unit = order_of(recording)
         if unit != "pose":
             t = recording.t - recording.t[0]
@@ -167,7 +167,7 @@ class _Over:
         return cls(Axis("number of the pose"), poses.astype(float), ids, groups, "points")
 
     def means(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """Means (M,) of rows (N,), and how the rows of each scatter (M,); rows are their own."""
+        """Means (M,) of y (N,) over each pose, and std of its rows (M,); y and None in a motion."""
         if self.groups is None:
             return y, None
         each = [y[g] for g in self.groups]
@@ -199,7 +199,7 @@ def _charts(
 
 
 def _panel(over: _Over, axis: Axis, curves: Mapping[str, np.ndarray], height: float) -> Panel:
-    """Rows (N,) by name: points of poses with the scatter of their rows, or lines of a motion."""
+    """Panel of curves, name → rows (N,): points of poses with their rows' std, or lines."""
     simulated = [name for name in curves if name not in ("", "measured")]
     roles = dict(zip(simulated, _SIMULATED, strict=False))
     beside = len(simulated) < len(curves)
@@ -218,7 +218,7 @@ def _panel(over: _Over, axis: Axis, curves: Mapping[str, np.ndarray], height: fl
 def _sentence(
     over: _Over, k: int, rows: np.ndarray, noise: float, nearest: Agreement | None
 ) -> str:
-    """What a channel (N,) says, beside the best simulator if there is one."""
+    """Caption of channel k: range of its readings, noise, residual of the nearest simulator."""
     means, _ = over.means(rows)
     unit, low, high = UNITS[k], float(np.nanmin(means)), float(np.nanmax(means))
     text = f"{low:.3g} … {high:.3g} {unit}; noise of a row {noise:.2g} {unit}."

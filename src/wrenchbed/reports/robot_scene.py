@@ -1,5 +1,5 @@
-"""Who is to blame: shares of the parts of a robot; and the robot of a diagnosis as a page shows it,
-coloured by them, with loads and residuals."""
+"""Probability that each part of a robot is to blame for the gap; and the robot of a diagnosis as a
+page draws it, coloured by these, with loads and residuals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,23 +22,23 @@ from wrenchbed.simulation.shapes import bodies, geoms_of, motion, triangles
 from wrenchbed.simulation.simulation import Simulation
 
 MOST_MOMENTS = 150
-"""Moments of a robot on a page: as many as a plan has poses, ten a second of a short motion."""
+"""Most moments of a robot on a page: as a plan has poses, or ten a second of a short motion."""
 NOISE_M = 0.01
 """Length of an arrow as large as the noise of a row [m]: equal on every page."""
 LONGEST_M = 0.5
-"""Length at which arrows end [m]: what is 50 times the noise is far off, and stays in view."""
+"""Longest arrow [m]: a residual beyond 50 times the noise is cut, to stay in view."""
 FORCE_M = 0.01
 """Length of the arrow of a load of 1 N [m]."""
 _ROLES: tuple[Role, ...] = ("before", "after")
 _TENTHS = 4
-"""Decimals of places on a page [m]."""
+"""Decimals to which positions [m] are rounded on a page: tenths of a millimetre."""
 
 
 def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
-    """Posterior share (0 … 1) of each part, from a diagnosis as the contract has it.
+    """Probability (0 … 1) that each part is a cause, by name, from the JSON of a diagnosis.
 
-    Joints that a cause names have their own part, ``joint 2``, as have their drives. Rivals share
-    what their class has.
+    Joints that a cause names, or whose drives it names, are parts of their own, ``joint 2``.
+    Indistinguishable rivals share the probability of their class.
     """
     shares: dict[str, float] = {}
     known = diagnosis["probabilities"]
@@ -57,8 +57,8 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
 
 
 def part_of(simulation: Simulation, shown_world: bool) -> dict[int, Sequence[str]]:
-    """Names of the parts that each geom of the robot shows, by its number; with ``shown_world``
-    also bench and floor.
+    """Geom's index → names of the parts of the robot that it shows; with ``shown_world`` also bench
+    and floor.
 
     A geom without a name belongs to the named one before it in the same body.
     """
@@ -86,8 +86,8 @@ def part_of(simulation: Simulation, shown_world: bool) -> dict[int, Sequence[str
 
 
 def _carriers(simulation: Simulation) -> dict[int, Sequence[str]]:
-    """For each body the parts that it shows: its joint and link if an actuated joint moves it, else
-    its link."""
+    """Body's index → names of the parts that it shows: its joint and link if an actuated joint
+    moves it, else its link."""
     model, joints = simulation.model, simulation.robot.joints
     number = {int(model.joint(j.name).bodyid[0]): k for k, j in enumerate(joints, start=1)}
     parts: dict[int, Sequence[str]] = {}
@@ -100,7 +100,7 @@ def _carriers(simulation: Simulation) -> dict[int, Sequence[str]]:
 
 
 def wrench_scene(e: HeldOutReadings) -> Scene | None:
-    """The robot at the observations of a wrench; None without joints or without a model."""
+    """Drawing of the robot at the observations of a wrench; None without joints or a model."""
     p, robot = e.prepared, e.prepared.robot
     if not isinstance(robot, SimulatedRobot) or not p.scene.jointed:
         return None
@@ -120,7 +120,7 @@ def wrench_scene(e: HeldOutReadings) -> Scene | None:
 
 
 def effort_scene(f: EffortFindings) -> Scene:
-    """The robot in the stretch of a motion whose efforts are shown."""
+    """Drawing of the robot in the stretch of a motion whose efforts are drawn."""
     scene, shown = f.d.scene, shown_rows(f)
     residual = np.nan_to_num(residuals_of(f)["calibrated"][shown])
     times = [f"{x:.2f} s" for x in scene.signals.t[scene.kept()][shown]]
@@ -130,7 +130,7 @@ def effort_scene(f: EffortFindings) -> Scene:
 
 
 def _limited(residual: np.ndarray) -> np.ndarray:
-    """Arrows (K, 3) [m] of residuals [noise of a row]."""
+    """Arrows (K, 3) [m] of residuals (K, 3) [noise of a row], cut at `LONGEST_M`."""
     length = NOISE_M * np.linalg.norm(residual, axis=1, keepdims=True)
     shorter = np.minimum(1.0, LONGEST_M / np.maximum(length, 1e-9))
     return np.asarray(NOISE_M * residual * shorter)
@@ -140,9 +140,9 @@ def _scene(
     d: Diagnosis, simulation: Simulation, q: np.ndarray, ids: np.ndarray, times: Sequence[str],
     rms: np.ndarray, arrows: Sequence[Arrows] = (),
 ) -> Scene:  # fmt: skip
-    """The robot at some of K moments, evenly spread, and at the one that differs most: joint values
-    (K, J), numbers of the observations (K,), moments in words (K,), rms residual (K,) [noise of a
-    row], arrows at the sensor."""
+    """Drawing of the robot at evenly spread ones of K moments and at that with the largest
+    residual: joint values q (K, J), numbers of observations ``ids`` (K,), moments in words,
+    residual ``rms`` (K,) [noise of a row]."""
     worst = int(np.argmax(rms))
     rows = np.linspace(0, len(q) - 1, min(len(q), MOST_MOMENTS)).astype(int)
     rows = np.union1d(rows, [worst])
@@ -163,7 +163,7 @@ def _scene(
 
 
 def _parts(simulation: Simulation, shares: Mapping[str, float]) -> list[Part]:
-    """Geoms of the robot, those of one body that stand for one part together."""
+    """Drawn parts of the robot: the geoms of one body that show the same part, together."""
     model, merged = simulation.model, dict[tuple[int, str, float], list[np.ndarray]]()
     known = part_of(simulation, "environment" in shares)
     for k, body in enumerate(bodies(model).values()):
@@ -181,7 +181,7 @@ def _parts(simulation: Simulation, shares: Mapping[str, float]) -> list[Part]:
 
 
 def _caption(shares: Mapping[str, float], parts: Sequence[Part], arrows: Sequence[Arrows]) -> str:
-    """What colours and arrows mean."""
+    """Text on what colours and arrows mean."""
     named = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
     text = f"Probability that the cause is there: {named}." if named else "No part is named."
     drawn = {part.name for part in parts}

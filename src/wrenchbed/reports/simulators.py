@@ -19,14 +19,14 @@ from wrenchbed.twin.twin import Twin
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """A claimed cause in numbers, apart from all others.
+    """A claimed cause in numbers, apart from all others, at H observations of C channels.
 
     Attributes:
-        name: of the effect, or of the stated numbers that are wrong.
-        active: the effect as fitted, None for stated numbers.
-        rest: the diagnosed simulator without it.
-        effect: what it adds to the readings (H, C), in the simulator.
-        measured: minus the simulator without it (H, C), by fits that did not see the rows.
+        name: name of the effect, or of the stated numbers that are wrong.
+        active: the effect as fitted; None for stated numbers.
+        rest: the diagnosed simulator without this cause.
+        effect: what the cause adds to the simulated readings (H, C).
+        measured: readings minus the simulator without it (H, C), by fits that did not see them.
     """
 
     name: str
@@ -37,14 +37,14 @@ class Cause:
 
 
 class HeldOutReadings:
-    """Readings of the simulators at the observations (H, C), by fits that did not see them.
+    """Readings of simulators at H observations of C channels, from fits that did not see them.
 
     Attributes:
         names, units: of the channels (C,).
-        ids: numbers of the observations (H,): of poses as in `along`, of samples their order.
+        ids: numbers of the observations (H,): of poses as in `along`, else 0, 1, ….
         std: noise of a row (C,).
-        first: what the simulator is before the effects, ``calibrated`` or ``as configured``.
-        before, after: its readings, and those with the effects; None without a claim.
+        first: name of the simulator without effects, ``calibrated`` or ``as configured``.
+        before, after: its readings, and those with the effects (H, C); None without a claim.
     """
 
     def __init__(self, findings: Findings) -> None:
@@ -63,13 +63,13 @@ class HeldOutReadings:
 
     @property
     def residuals(self) -> dict[str, np.ndarray]:
-        """Measured minus simulated (H, C) [noise of a row], by what the simulator is."""
+        """Name of a simulator → measured minus simulated (H, C) [noise of a row]."""
         readings = {self.first: self.before, "with the effects": self.after}
         y, known = self.prepared.y, readings.items()
         return {name: (y - read) / self.std for name, read in known if read is not None}
 
     def causes(self) -> list[Cause]:
-        """The claimed causes that show in means: active effects, then wrong stated numbers."""
+        """Claimed causes that show in poses' means: active effects, then wrong stated numbers."""
         if self.after is None:
             return []
         rests: list[tuple[str, ActiveEffect | None, Twin]] = []
@@ -92,13 +92,13 @@ class HeldOutReadings:
 
 
 def joint_axis(joint: Joint, number: int) -> tuple[Axis, float]:
-    """Axis of a joint's values for people, and the factor to its unit from SI."""
+    """Axis of joint ``number`` in the unit for people, and the factor to it from SI."""
     unit, factor = HUMAN[joint.unit]
     return Axis(f"joint {number}", unit), factor
 
 
 def along(p: Prepared) -> tuple[np.ndarray, Axis]:
-    """Values (H,) and axis over which observations are drawn: time, or the numbers of the poses.
+    """Values (H,) and axis over which observations are drawn: time [s], or the poses' numbers.
 
     Poses have the numbers that the recording gives them, as in diagnosis.json.
     """
@@ -108,6 +108,6 @@ def along(p: Prepared) -> tuple[np.ndarray, Axis]:
 
 
 def largest(effect: np.ndarray) -> int:
-    """The channel in which an effect (H, C) shows most."""
+    """Index of the channel in which an effect (H, C) is largest."""
     size = ((effect - effect.mean(axis=0)) ** 2).sum(axis=0) + (effect**2).sum(axis=0)
     return int(np.argmax(size))

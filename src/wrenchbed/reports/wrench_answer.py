@@ -1,4 +1,4 @@
-"""The words of a diagnosis of a wrench."""
+"""A diagnosis of a wrench in words."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -16,9 +16,9 @@ from wrenchbed.reports.claim import Claim, capital, claim, listed
 from wrenchbed.reports.claim import place as place_of
 
 LEAST_SHARE = 0.006
-"""Share of the residual below which a variable is not worth a word."""
+"""Share of the residual below which a variable is not mentioned."""
 MOST_SEEN = 3
-"""Variables that are named where what depends on them is too small for a cause."""
+"""Most variables that are named where their part of the residual is too small for a cause."""
 _KERNELS = {
     "orientation": "the sensor's orientation",
     "position": "the sensor's position",
@@ -34,9 +34,9 @@ class WrenchAnswer(Answer):
     """A diagnosis of a wrench in words.
 
     Attributes:
-        row_effects: claimed effects that show between rows only.
-        row_sentences: on all effects that show between rows only.
-        variable: phrase for what an unknown residual depends on most.
+        row_effects: names of claimed effects that show in single rows, not in means.
+        row_sentences: sentences on all effects that show in single rows only.
+        variable: phrase for the variable on which an unexplained residual depends most.
     """
 
     def __init__(self, findings: Findings) -> None:
@@ -53,7 +53,7 @@ class WrenchAnswer(Answer):
 
     @property
     def notes_besides_rows(self) -> list[str]:
-        """Notes of the diagnosis without the sentences on effects between rows."""
+        """Notes of the diagnosis without the sentences on effects in single rows."""
         return [n for n in self.d.notes if n not in self.row_sentences]
 
     @property
@@ -127,13 +127,13 @@ class WrenchAnswer(Answer):
 
     @property
     def _most(self) -> Mapping[str, Any] | None:
-        """Entry of ``where`` with the largest share, None if none has one."""
+        """Entry of ``where`` in diagnosis.json with the largest share; None if none has one."""
         shares = (w for w in self.d.where if float(w["share"]) > 0.0)
         return max(shares, key=lambda w: float(w["share"]), default=None)
 
     @property
     def _agrees(self) -> bool:
-        """Whether no other variable leads ``where`` than the one that the residual follows."""
+        """Whether ``where`` of the diagnosis names no variable but the one the residual follows."""
         leading = "" if self._most is None else str(self._most["detail"])
         others = {f.variable for f in self.findings.places} - {self._kernel}
         return leading not in others or self._kernel.startswith(f"{leading} ")
@@ -213,12 +213,12 @@ class WrenchAnswer(Answer):
 
     @property
     def _seen(self) -> list[str]:
-        """Channels and variables on which the residual depends significantly."""
+        """Names of channels and variables on which the residual depends significantly."""
         return [f.variable for f in self.findings.places if f.seen]
 
     @property
     def _follows(self) -> bool:
-        """Whether the residual depends significantly on the variable of the unknown's kernel."""
+        """Whether the residual depends significantly on the variable of the best-fitting kernel."""
         kernel = self._kernel
         return kernel in self._seen or (
             kernel == "direction" and any(v.startswith("direction") for v in self._seen)
@@ -226,7 +226,7 @@ class WrenchAnswer(Answer):
 
     @property
     def _unexplained(self) -> str:
-        """Phrase for what is unknown: the gap, or what remains where the means have hardly one."""
+        """Phrase for what no effect explains: the gap, or single rows if means have no gap."""
         if self.d.verdict == UNKNOWN and small(self.d.gap):
             if self.findings.scattered:
                 return "how rows scatter"
@@ -242,5 +242,5 @@ class WrenchAnswer(Answer):
 
 
 def _the(place: str) -> str:
-    """Name of a place with its article; a numbered place and a channel have none."""
+    """Name of a place with "the"; numbered places and channels have no article."""
     return place if place[-1].isdigit() or place.startswith(_NAMED) else f"the {place}"
