@@ -4,5 +4,4 @@ Others rely on: columns of history.parquet and exit codes of `check` (docs/contr
 of `steps`: a change moves the rates of false alarms that tests/monitoring/test_check.py measures.
 Never: a diagnosis; this room says what changed, not why.
 Read first: `compare`; then `check` (the monthly one), `history` (its file) and `steps` (its numbers
-and their scatter), `compensation` and `live`.
-"""
+and their scatter), `compensation` and `live`."""

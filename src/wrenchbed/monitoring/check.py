@@ -38,16 +38,16 @@ HEALTHY, CHANGED, CANNOT_TELL = "healthy", "changed", "cannot tell"
 ALARMS_A_YEAR = 0.01
 """Probability of a false alarm in a year of checks of a healthy robot."""
 SINCE = {1: 0.5, 2: 0.25, 4: 0.125, 8: 0.125}
-"""Checks since a change, and the fraction of the budget that is spent on such changes."""
+"""Number of checks since a change → fraction of the false-alarm budget for changes of that age."""
 MISFIT, _OF_MISFIT = "misfit", 0.25
-"""Name of what the numbers do not explain, and the fraction of the budget that is spent on it."""
+"""Name of the fit's residual among the numbers, and fraction of the budget that is spent on it."""
 LEAST = 4
-"""Checks since the last baseline from which a robot may be called healthy: three show the ordinary
-scatter, with the sensor's data."""
+"""Least checks since the last baseline to call a robot healthy: three show the ordinary scatter,
+with the sensor's data."""
 SAMPLES, RATE_HZ = 200, 100.0
-"""Rows a pose and their rate [Hz]: a mean of 2 s is as good as 1/f noise lets it be."""
+"""Rows a pose and their rate [Hz]: a longer mean than 2 s gains little, by 1/f noise."""
 _POSES, _POOL = 12, 2000
-"""Poses of a check, of which the last is the first again, and candidates."""
+"""Poses of a check, of which the last is the first again, and number of candidate poses."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,12 @@ class Judgement:
 
     Attributes:
         verdict: `HEALTHY`, `CHANGED` or `CANNOT_TELL`.
-        comparison: of the checks after a change with those before it; of the last check with all
-            before it where nothing changed. Its first sentence is what a person should know first.
+        comparison: of the checks after a change with those before it; if nothing changed, of the
+            last check with all before it. Its first sentence is the summary.
         history: checks since the last baseline.
         checks: all checks, each with its verdict and its numbers.
-        begin: the first check after the change, or the last check.
-        alarms: names of numbers, or `MISFIT`, that the last check showed to have changed.
+        begin: index of the first check after the change, or of the last check.
+        alarms: names of numbers, or `MISFIT`, that changed according to the last check.
     """
 
     verdict: str
@@ -89,16 +89,16 @@ class Judgement:
         }
 
     def page(self, folder: str | Path, command: str = "") -> ReportPage:
-        """HTML page of the last check of the history in a folder, made by a command."""
+        """HTML page of the last check of the history in ``folder``, with the ``command`` line."""
         latest = Path(folder) / self.checks[-1].recording
         more = {"word": self.verdict, "latest": latest, "data": provenance([latest])}
         return self.comparison.page(command, checks=self.checks, **more)
 
 
 def plan_of(robot: Robot, folder: str | Path) -> Plan:
-    """Read the plan of checks in a history's folder; without one choose poses and write it. Raises
-    a `PlanError` if the robot has no model, or the plan is damaged, a `HistoryError` if the plan is
-    of another robot."""
+    """Read the plan of checks in a history's folder; if there is none, choose poses and write it.
+    Raises a `PlanError` if the robot has no model, or the plan is damaged, a `HistoryError` if the
+    plan is of another robot."""
     path = Path(folder) / PLAN
     if not path.exists():
         choose(robot).write(path)
@@ -114,8 +114,8 @@ def plan_of(robot: Robot, folder: str | Path) -> Plan:
 def choose(robot: Robot) -> Plan:
     """Choose the poses at which a robot is checked: informative, free of contact, near home.
 
-    The information on the typical changes of numbers and joints, beside their sizes as a prior, is
-    largest (Bayesian D-optimality: Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939).
+    They maximise the information on typical changes of numbers and joints, with their sizes as
+    prior (Bayesian D-optimality: Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939).
 
     Raises:
         PlanError: the robot has no model, or too few free poses.
@@ -169,7 +169,7 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
 
 
 def _judged(robot: Robot, checks: Sequence[Check]) -> list[Check]:
-    """Return the checks with numbers and verdicts; a change stays until a new baseline."""
+    """Return the checks with numbers and verdicts; "changed" stays until a new baseline."""
     result, start, changed = list[Check](), 0, False
     for k, check in enumerate(checks):
         if check.baseline:
@@ -185,13 +185,13 @@ def _judged(robot: Robot, checks: Sequence[Check]) -> list[Check]:
 
 
 def _budget(series: History) -> float:
-    """Probability of a false alarm that the last check may spend, by the time since the last."""
+    """Probability of a false alarm allowed in the last check, by the time since the one before."""
     years = series.years
     return 0.0 if len(years) < 2 else ALARMS_A_YEAR * float(min(years[-1] - years[-2], 1.0))
 
 
 def _level(series: History, count: int) -> float:
-    """Fraction of the false-alarm budget for a change that began ``count`` checks ago (`SINCE`)."""
+    """Probability of a false alarm allowed for a change ``count`` checks ago, see `SINCE`."""
     return (1.0 - _OF_MISFIT) * SINCE[count] * _budget(series)
 
 
@@ -239,10 +239,10 @@ def check(
     """Judge a recording of a robot's plan against its history, and add it to the history.
 
     Args:
-        folder: folder of the history; see `plan_of` for the plan in it.
-        time: when the recording was made; what it states if None.
-        temperature: that of sensor or room [°C], where the recording has no column of it.
-        baseline: why the robot differs from here on.
+        folder: folder of the history; `plan_of` reads the plan in it.
+        time: when the recording was made; if None, the time that its metadata state.
+        temperature: of sensor or room [°C], if the recording has no column of it.
+        baseline: reason why history begins anew with this check; None if it does not.
 
     Raises:
         HistoryError: this check does not continue the history.

@@ -1,6 +1,6 @@
 """What changed between two fits, recordings or diagnoses of one robot, and by how many σ.
 
-A number changed if it does at 1 % over all numbers that are compared (Holm 1979, Scandinavian
+A number counts as changed at the level 1 % over all compared numbers (Holm 1979, Scandinavian
 Journal of Statistics 6, 65–70). All together are judged by d' (C_a + C_b)⁻¹ d, which is χ² where
 nothing changed; d are the differences, C the covariances.
 """
@@ -22,10 +22,10 @@ from wrenchbed.pages.document import provenance
 from wrenchbed.pages.numbers import minus, p_value, quantity
 
 LEVEL = 0.01
-"""Probability that anything is called changed where nothing did."""
+"""Probability that any number is called changed where none did."""
 _KINDS = {"a fit": "fits", "a recording": "recordings"}
 _SINGULAR = 1e-10
-"""Relative eigenvalue below which a combination is not determined by both."""
+"""Relative eigenvalue below which a combination of numbers is not determined by both fits."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Change:
         before, after: values [unit].
         std: standard uncertainty of their difference [unit].
         sigmas: difference / std.
-        changed: whether it changed, all numbers considered.
+        changed: whether the change is significant, with all compared numbers considered.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Change:
 
     @property
     def size(self) -> float:
-        """Difference in standard uncertainties, without its sign."""
+        """Absolute difference in standard uncertainties."""
         return abs(self.sigmas)
 
     @property
@@ -76,9 +76,9 @@ class Comparison:
         a, b: names of the two.
         changes: every number that both determine.
         together: χ², degrees of freedom and p of all numbers at once; None of diagnoses.
-        left: what could not be compared, and why.
+        left: sentences on what could not be compared, and why.
         sentences: summary for people, the most important first.
-        changed: whether anything did.
+        changed: whether anything changed.
     """
 
     kind: str
@@ -95,7 +95,7 @@ class Comparison:
         return asdict(self)
 
     def page(self, command: str = "", **more: Any) -> ReportPage:
-        """HTML page of it, made by a command; ``more`` replaces values of its template."""
+        """HTML page with the ``command`` line; ``more`` replaces values of its template."""
         values = {
             "c": self, "word": "changed" if self.changed else "no change", "latest": self.b,
             "together": p_value(self.together["p"]) if self.together else "", "command": command,
@@ -110,7 +110,7 @@ def compare(a: str | Path, b: str | Path) -> Comparison:
     Recordings are calibrated first, with the robot's default parameters.
 
     Raises:
-        ParameterError: the two are of different kinds or robots, or one is neither; names it.
+        ParameterError: they are of different kinds or robots, or one is of none of these kinds.
         CalibrationError: a recording cannot be calibrated.
     """
     (kind, first), (other, second) = _read(Path(a)), _read(Path(b))
@@ -125,7 +125,7 @@ def compare(a: str | Path, b: str | Path) -> Comparison:
 
 
 def _read(path: Path) -> tuple[str, checked.Fields]:
-    """Read a file; return its kind and its fields, of a recording those of a calibration to it."""
+    """Read a file to compare: its kind, and its JSON fields (of a recording, those of its fit)."""
     path = _file(path)
     if not path.is_file():
         raise ParameterError(f"{path}: there is no such file")
@@ -143,7 +143,7 @@ def _read(path: Path) -> tuple[str, checked.Fields]:
 
 
 def _file(path: Path) -> Path:
-    """The file that is meant by its name or by the folder of a diagnosis."""
+    """Path of the file to compare; for the folder of a diagnosis, that of its diagnosis.json."""
     return path / "diagnosis.json" if (path / "diagnosis.json").is_file() else path
 
 
@@ -212,7 +212,7 @@ def _covariance(fields: checked.Fields, names: Sequence[str]) -> np.ndarray:
 
 
 def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
-    """χ², degrees of freedom and p of a difference (K,), over what both fits determine."""
+    """χ², degrees of freedom and p of differences (K,) with a covariance (K, K), in JSON form."""
     scale = np.sqrt(np.diagonal(covariance))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -223,7 +223,7 @@ def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float
 
 
 def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
-    """Booleans (K,): which of K p values are significant at a level over all of them (Holm)."""
+    """Booleans (K,): which of K p values are significant if all together may err at ``level``."""
     order = np.argsort(p)
     steps = p[order] <= level / np.arange(len(p), 0, -1)
     passed = np.zeros(len(p), dtype=bool)

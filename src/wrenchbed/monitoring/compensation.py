@@ -1,4 +1,4 @@
-"""The wrench of the surroundings: a reading less the tool's weight, the sensor's zero and effects.
+"""The external wrench on a tool: a reading minus the tool's weight, sensor's zero and effects.
 
 At rest the reading is y = A x + y_0(q), with x the external wrench, y_0 what the calibrated
 simulator reads without one, and A how the sensor mixes channels. So x = A⁻¹ (y − y_0(q)) − z. The
@@ -19,38 +19,38 @@ from wrenchbed.robots.chain import SerialChain
 from wrenchbed.twin.twin import Twin
 
 FOLLOW_S = 20.0
-"""Time in which the zero follows what remains at rest [s]: a drift of 1 N/h then lags 6 mN."""
+"""Time constant with which the zero follows the mean at rest [s]: 1 N/h of drift lags 6 mN."""
 FOLLOW_RATE = 2.0 / 3600.0
-"""Fastest drift of force that is followed [N/s], 2 N/h; torque by `LEVER`. What changes faster is
-a load, a push or a fault. Twice the drift of a sensor that warms up."""
+"""Fastest drift of force that the zero follows [N/s], 2 N/h; of torque this times `LEVER`. Faster
+changes are a load, a push or a fault. Twice the drift of a sensor that warms up."""
 LEVER = 0.05
 """Torque per force of drifts and bands [m]: a Gamma's noise has 0.03 to 0.05 m."""
 WINDOW_S = 1.0
 """Length of the mean at rest that is judged [s]: shorter means scatter more, longer ones raise an
 alarm later than a person reacts."""
 BAND = 3.0
-"""Largest mean at rest, in standard deviations of a row: a mean of 1 s scatters by a
-third of that where noise is slow."""
+"""Largest mean at rest without an alarm, in standard deviations of a row: a mean of 1 s scatters by
+a third of that where noise is slow."""
 _TRIED, _TRIED_S = 8, 600.0
-"""Poses, and their time [s], by which memory of an effect is seen: too short a time hides
-slow creep."""
+"""Number of poses, and their duration [s], by which it is tested whether an effect has memory: too
+short a time hides slow creep."""
 _SAME = 1e-9
-"""Wrenches that are alike [N, N·m]: what rounding leaves."""
+"""Largest difference of equal wrenches [N, N·m], by rounding."""
 _CAUSES = "a push, another load or a shifted zero"
-"""What one mean at rest cannot tell apart; `check` and `diagnose` do."""
+"""What an alarm may mean; one mean at rest cannot say which, `check` and `diagnose` do."""
 
 
 @dataclass(frozen=True, eq=False)
 class External:
-    """Wrench of the surroundings on the tool, from one compensated reading.
+    """External wrench on the tool, from one compensated reading.
 
     Attributes:
         t: time of the reading [s].
-        wrench: wrench of the surroundings (6,) [N, N·m], in the axes that were asked for.
+        wrench: external wrench (6,) [N, N·m], in the axes that the compensator was asked for.
         std: standard deviation of its noise (6,) [N, N·m].
         at_rest: whether no joint moves.
-        zero: drift of the sensor's zero since the calibration (6,), sensor axes.
-        alarm: why the mean at rest is no noise; empty where it is.
+        zero: drift of the sensor's zero since the calibration (6,) [N, N·m], sensor axes.
+        alarm: text on channels whose mean at rest exceeds noise; else empty.
     """
 
     t: float
@@ -61,7 +61,7 @@ class External:
     alarm: str
 
     def to_json(self) -> dict[str, object]:
-        """Convert to a JSON object, one line of what `live` publishes."""
+        """Convert to a JSON object: a line that `live` publishes."""
         return {
             "t": self.t, "wrench": self.wrench.tolist(), "std": self.std.tolist(),
             "at_rest": self.at_rest, "zero": self.zero.tolist(), "alarm": self.alarm,
@@ -69,17 +69,17 @@ class External:
 
 
 class Compensator:
-    """Computes the wrench of the surroundings from each reading.
+    """Computes the external wrench on the tool from each reading.
 
     Args:
         twin: the calibrated robot, with effects of a diagnosis if there are any.
         noise: standard deviation of a row (6,) [N, N·m].
         frame: axes of the result: ``sensor``, ``flange`` or ``base``; torques about their origin,
-            in the base about the sensor's.
+            for the base about the sensor's.
         follow: whether the zero follows drift at rest.
 
     Attributes:
-        not_undone: effects of the twin that depend on more than the present pose and load.
+        not_undone: names of effects that depend on more than present pose and load; these stay.
         q: joint values of the last reading (J,); at first home.
 
     Raises:
@@ -107,7 +107,7 @@ class Compensator:
         self._expected, self._turn = self._evaluated(self.q)
 
     def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray, at_rest: bool) -> External:
-        """Compensate a reading wrench (6,) [N, N·m] at joint values q (J,), at a time t [s]."""
+        """Compensate a reading ``wrench`` (6,) [N, N·m] at joint values q (J,), at a time t [s]."""
         if not np.array_equal(q, self.q):  # sensors are faster than joints
             self.q, (self._expected, self._turn) = q.copy(), self._evaluated(q)
         residual = self._mixing @ (wrench - self._expected)
@@ -122,7 +122,7 @@ class Compensator:
 
     def _evaluated(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Reading (6,) of the calibrated sensor at q (J,) without external wrench, and the matrix
-        (6, 6) that transforms a wrench from its axes to those of the result."""
+        (6, 6) from a wrench in sensor axes to the axes of the result."""
         twin, row = self._twin, q[None]
         if self._plain:
             expected = np.asarray(twin.model.predict(row, twin.theta)[0])
@@ -178,7 +178,7 @@ def _undone(a: ActiveEffect, twin: Twin) -> bool:
 
 
 def _scene(twin: Twin, q: np.ndarray, t: np.ndarray) -> Scene:
-    """Input of effects for a robot at rest at joint values q (N, J) at times t (N,) [s]."""
+    """Input (`Scene`) of effects for a robot at rest at joint values q (N, J), times t (N,) [s]."""
     gravity, held = np.asarray(twin.model.gravity), np.ones(len(q), dtype=bool)
     return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held)
 
@@ -191,5 +191,5 @@ def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
 
 
 def _slope(twin: Twin) -> np.ndarray:
-    """Matrix (6, 6) whose row k is the change of the readings by a unit load in channel k."""
+    """Matrix (6, 6): row k is the change of the reading by a unit load [N, N·m] in channel k."""
     return _read(twin, np.eye(6)) - _read(twin, np.zeros((6, 6)))

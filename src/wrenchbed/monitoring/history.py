@@ -1,8 +1,8 @@
 """The history of a robot's checks: the recordings in its folder, and a table of their results.
 
-Every check is read from its recording, so that a later version judges all of them alike, and a
-check that went wrong goes with its recording. The table is one Parquet file, written as a whole:
-one row a check, with the mean of each hold and the numbers that were fitted to it.
+Checks are read from their recordings each time, so that a later version judges all of them alike;
+without its recording a check is gone. The table is one Parquet file, written as a whole: one row a
+check, with the mean of each hold and the numbers fitted to these.
 """
 
 import hashlib
@@ -29,17 +29,17 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 FILE, RECORDINGS = "history.parquet", "recordings"
-"""Names in the folder of a history."""
+"""Names of the table and of the folder of recordings in the folder of a history."""
 _KIND = "history of checks"
 _TEXTS = ("time", "robot", "robot_digest", "sensor", "recording", "recording_digest", "baseline",
           "verdict")  # fmt: skip
 _PAIRS = tuple(combinations_with_replacement(range(6), 2))
-"""Entries of the upper triangle of a row's covariance."""
+"""Indices (row, column) of the upper triangle of a row's covariance (6, 6), as stored."""
 _STATED = "check"
-"""Field of a recording's metadata with what a check states: time, temperature, baseline."""
+"""Metadata field of a recording with a user's statements: time, temperature, baseline."""
 _FAR = 0.02
-"""Largest distance of a pose from the plan's [rad or m]: a readings' change by 0.02 rad of another
-orientation is corrected at the joint values that were measured."""
+"""Largest distance of a pose from the plan's [rad or m]: the effect of 0.02 rad on readings is
+corrected with the joint values that were measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +52,14 @@ class Check:
         robot_digest: 16 digits of the SHA-256 of what is known of robot and sensor.
         recording, recording_digest: file in `RECORDINGS`, SHA-256 of what was measured.
         temperature: temperature of the sensor, else of the room [°C]; NaN if not known.
-        t: mean times of the holds (P,) [s].
+        t: mean times of the P holds (rests at poses) (P,) [s].
         q: joint values of the holds (P, J) [rad or m].
-        wrench: mean readings (P, 6) [N, N·m].
+        wrench: mean readings of the holds (P, 6) [N, N·m].
         count: rows of each hold (P,).
         covariance: covariance of one row (6, 6).
         baseline: why history begins anew with this check; empty if it does not.
         verdict: verdict that was given at the time.
-        values: numbers fitted to it, with ``.std`` [SI]; ``misfit``.
+        values: name → number fitted to the check, ``NAME.std`` → its std [SI]; ``misfit``.
     """
 
     time: datetime
@@ -109,7 +109,7 @@ def _left_out(path: Path, error: WrenchbedError) -> None:
 
 
 def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
-    """Add a check's statements (time, temperature, baseline) to its recording's metadata."""
+    """Add what a user states of a check (time, temperature, baseline) to a recording's metadata."""
     known = dict(recording.metadata.extra.get(_STATED) or {})
     extra = {**recording.metadata.extra, _STATED: {**known, **given}}
     return replace(recording, metadata=replace(recording.metadata, extra=extra))
@@ -144,7 +144,7 @@ def file_of(time: datetime) -> str:
 
 
 def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
-    """Make a check (its hold means and their covariance) from a recording that states its time.
+    """Make a check (mean readings of holds, row covariance) from a recording that states its time.
 
     Raises:
         HistoryError: it states no time.
@@ -191,8 +191,8 @@ def _digest(*parts: bytes) -> str:
 
 
 def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
-    """Check that a new check is later than the last and not in the future; a `HistoryError` names
-    the recording and the remedy."""
+    """Raise a `HistoryError` if a new check is not later than the last one or lies in the future;
+    it names the recording and the remedy."""
     clock, last = f"this machine's clock shows {_day(now)}", checks[-1] if checks else None
     if last is not None and last.time > now:
         remedy = "it was set back. Set it right and check again"
@@ -204,7 +204,7 @@ def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
 
 
 def continues(before: Sequence[Check], check: Check) -> None:
-    """Raise `HistoryError` for a check with the last one's readings or another sensor."""
+    """Raise `HistoryError` for a check with the same readings as the last one or another sensor."""
     for old in before:
         if old.recording_digest == check.recording_digest:
             raise HistoryError(f"holds the readings of {old.recording}: it was checked already")
@@ -221,7 +221,7 @@ def _day(time: datetime) -> str:
 
 
 def write(folder: Path, checks: Sequence[Check]) -> None:
-    """Write the table of all checks; one that names other recordings is kept as NAME~."""
+    """Write the table of all checks; an existing one of other recordings is kept as NAME~."""
     rows, path = [_columns(c) for c in checks], folder / FILE
     if path.exists() and not _recordings(path) <= {c.recording for c in checks}:
         kept = set_aside(path)
@@ -233,7 +233,7 @@ def write(folder: Path, checks: Sequence[Check]) -> None:
 
 
 def _recordings(path: Path) -> set[str]:
-    """Paths of the recordings that a table names; a set of its own path if it cannot be read."""
+    """Paths of the recordings in a table of checks; the table's own path if it cannot be read."""
     try:
         columns, raw = parquet.read(path, HistoryError)
     except HistoryError:

@@ -20,9 +20,9 @@ from wrenchbed.hardware.drivers.live import CALM_SPEED, LiveDriver
 from wrenchbed.monitoring.compensation import Compensator, External
 
 POLL_S = 2e-4
-"""Time between two looks for a new reading [s]: a tenth of a period at 500 Hz."""
+"""Interval at which a new reading is looked for [s]: a tenth of a period at 500 Hz."""
 _KEPT = 1 << 20
-"""Number of latencies that are kept for the summary."""
+"""Most latencies that are kept for the summary."""
 Sink = Callable[[External], None]
 
 
@@ -34,9 +34,9 @@ class LiveSummary:
         readings, seconds: number of readings, and duration [s].
         lost: readings that the sensor or the link lost.
         skipped: readings that came between two published ones and were left out.
-        p50, p99: time from a reading's arrival to its publication [s].
+        p50, p99: median and 99th percentile of the time from arrival to publication [s].
         rms: rms of the wrench at rest, per channel (6,) [N, N·m]; NaN where the robot never rested.
-        alarms: how often one was raised.
+        alarms: number of alarms raised.
     """
 
     readings: int
@@ -60,8 +60,8 @@ def live(
 ) -> LiveSummary:
     """Publish the compensated readings of a driver that is only read, and return a summary.
 
-    At most ``rate`` readings a second are published, for ``seconds`` or until ``stopped``. Sinks
-    are called with each result in this thread; they must not block.
+    At most ``rate`` readings a second are published, for ``seconds`` or until ``stopped``.
+    ``sinks`` are called with each result in this thread; they must not block.
 
     Raises:
         DriverError: the controller subtracts a payload from the wrench, which would be subtracted
@@ -107,7 +107,7 @@ def _received(driver: LiveDriver) -> int:
 
 
 def _check_whole(driver: LiveDriver) -> None:
-    """Raise `DriverError` if a driver's wrench lacks the weight of a payload."""
+    """Raise `DriverError` if the controller has subtracted a payload from a driver's wrench."""
     stated = driver.metadata("static", 1.0).extra.get("wrench") or {}
     payload = (stated.get("payload") or {}).get("mass")
     if stated.get("compensated") and payload != 0.0:
@@ -119,8 +119,8 @@ def _check_whole(driver: LiveDriver) -> None:
 
 
 class Datagrams(AbstractContextManager["Datagrams"]):
-    """Receiver of `live`'s readings that sends each as JSON in a UDP datagram to HOST:PORT; a
-    context manager. Raises a `ParameterError` if that is no HOST:PORT or there is no such host."""
+    """Sink of `live` that sends each reading as JSON in a UDP datagram to HOST:PORT; a context
+    manager. Raises a `ParameterError` if that is no HOST:PORT or there is no such host."""
 
     def __init__(self, address: str) -> None:
         self._target = _address(address)

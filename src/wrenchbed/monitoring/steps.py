@@ -1,8 +1,8 @@
 """Numbers of each check, and steps in them against the scatter from check to check.
 
-The numbers are a linear fit to the difference from the first check of a history. Tangents are those
-of the library's effects at the load and the zero that the first check shows. With one tool a span
-of all channels is the tool's mass; so mass stands for both, and the spans of fx and fy are those
+The numbers are a linear fit to the difference from the first check of a history, by derivatives of
+the library's effects at the load and the zero of that check. With one tool an equal span (gain) of
+all channels is like the tool's mass; so mass stands for both, and the spans of fx and fy are those
 relative to fz. A zero that moves during a check (warm-up) is fitted beside, with a prior.
 
 Each number is a + b·[from check k on] + n(t) + w(t) + ε. The nuisance n follows the recorded
@@ -42,7 +42,7 @@ FITTED = {
     "mount.rotation": tuple(f"rotation.{a}" for a in "xyz"),
     "sensor.gain": ("gain.fx", "gain.fy"),
 }
-"""Effects and their parameters that are fitted to every check."""
+"""Effect → its parameters that are fitted to every check."""
 NUMBERS: Mapping[str, str] = {
     **{f"sensor.bias.{c}": u for c, u in zip(CHANNELS, UNITS, strict=True)},
     "tool.mass": "kg",
@@ -52,40 +52,40 @@ NUMBERS: Mapping[str, str] = {
     "span.fx": "1",
     "span.fy": "1",
 }
-"""Names of a check's quantities, as `compare` gives them, with units."""
+"""Names of the fitted numbers of a check, as `compare` shows them, with units."""
 YEAR_S = 365.25 * 86400.0
 """Length of a year [s]."""
 _ZERO_PER_K, _SPAN_PER_K = 1e-4, 2e-4
-"""Typical shift of a zero [of full scale, 1/K] and of a span [1/K]: 0.1 % of full scale per
-10 K and 0.02 %/K, see `effects.sensor_temperature`."""
+"""Typical shift of a zero [share of full scale per K] and of a gain [1/K] with temperature: 0.1 %
+of full scale per 10 K and 0.02 %/K, see `effects.sensor_temperature`."""
 _UNSEEN_K, _SEEN_K, _SEASON_K = 2.0, 0.5, 5.0
-"""Scatter of the sensor's temperature from check to check that no column shows [K], without and
+"""Scatter of the sensor's temperature from check to check beyond what is modelled [K], without and
 with a recorded temperature, and amplitude of a year's wave of a temperature that nobody recorded.
 Larger values hide shifts of the zero in the first checks; smaller ones raise false alarms there."""
 _SLOW = 3.0
-"""Slow 1/f noise from check to check in units of its root density at 1 Hz: √(ln(f_high/f_low)) of a
-band from 1 mHz to 10 Hz."""
+"""Std of slow 1/f noise from check to check, over its root density at 1 Hz: √(ln(f_high/f_low)) of
+a band from 1 mHz to 10 Hz."""
 _LEFT_OF_WARM_UP = 0.05
-"""Fraction of a warm-up that is missing after three time constants, exp(−3)."""
+"""Fraction of a warm-up drift that remains after three time constants, exp(−3)."""
 _OTHER = 1.5
-"""Scatter of the other numbers from check to check in their noise within a check; joints that
-repeat within 0.05 mrad add about as much as that noise. The history corrects it."""
+"""Prior scatter of numbers other than zeros from check to check, over their noise within a check;
+joints that repeat within 0.05 mrad add about as much as that noise. The history corrects it."""
 _PRIOR = 6.0
-"""Checks that the expected scatter is worth. With fewer, chance agreement of the first checks
+"""Weight of the prior on the scatter, in checks. With fewer, chance agreement of the first checks
 raises false alarms; with more, the history is learnt late."""
 _WALK = 0.3
-"""Variance that a slow walk of a number gains in a month, in that of its scatter from check to
-check. With 0.1 a zero that walks by 0.3 noises of a row a month raised two alarms in 8 robot-years,
-with 0.2 to 0.5 none."""
+"""Variance by which a number walks in a month, over the variance of its scatter from check to
+check. With 0.1 a zero that walks by 0.3 std of a row's noise a month raised two alarms in 8
+robot-years, with 0.2 to 0.5 none."""
 _EFFECTIVE, _WORTH, _GROWN = 6.0, 24.0, 1.5
-"""Effective degrees of freedom of a check's misfit, those of its prior, and its expected variance
-in that of the noise within a check. Joints' repeatability acts in as many directions as there are
+"""Degrees of freedom of a check's misfit; of its prior; and the misfit's expected variance, over
+that of the noise within a check. Joints' repeatability acts in as many directions as there are
 joints."""
 
 
 class Step(NamedTuple):
-    """A change of K numbers at some check: sizes and standard errors (K,), degrees of freedom, p
-    value of the residual, and the log odds that readings give the change."""
+    """A change of K numbers from some check on: sizes and standard errors (K,), degrees of freedom,
+    p value of the residual, and the log evidence for a change at this check, to compare checks."""
 
     size: np.ndarray
     std: np.ndarray
@@ -95,9 +95,9 @@ class Step(NamedTuple):
 
 
 class _Reference(NamedTuple):
-    """First check of a history, to which later ones are compared: parameters (P,), scene, readings
-    (P, 6, K) per unit of each number, and the numbers (K,), of which spans, tilt and mount count
-    from 0."""
+    """First check of a history, to which others are compared: parameters (P,), scene, derivatives
+    (P, 6, K) of P readings by K numbers, and the numbers' values there (K,), of which gains, tilt
+    and mount count from 0."""
 
     theta: np.ndarray
     scene: Scene
@@ -128,7 +128,7 @@ def _reference(robot: Robot, first: Check) -> _Reference:
 
 
 def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (P, 6, K) of readings by K parameters, per typical size, and these sizes (K,)."""
+    """Derivatives (P, 6, K) of readings by K parameters, each over its typical size; sizes (K,)."""
     response, known, columns, typical = Response(scene, (WRENCH,)), effects(), [], []
     for name, wanted in fitted.items():
         parameters = known[name].parameters(scene.robot)
@@ -159,7 +159,7 @@ class History:
 
     @cached_property
     def _slow(self) -> np.ndarray:
-        """Standard deviation (6,) [N, N·m] of a zero's drift by 1/f noise and warm-up."""
+        """Std (6,) [N, N·m] of the zeros' drift between checks by 1/f noise and warm-up."""
         noise = self._sensor.noise
         return np.hypot(_SLOW * noise.flicker, _LEFT_OF_WARM_UP * np.abs(noise.warmup_drift))
 
@@ -179,9 +179,9 @@ class History:
 
     @cached_property
     def _fit(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Numbers and drifts of zeros in all checks (n, K + 6), as differences from the first
-        check's model, their covariance in one check (K + 6, K + 6), and the whitened residual (n, 6
-        P)."""
+        """Numbers and drifts of zeros in n checks (n, K + 6), as differences from the model at the
+        first check, their covariance in one check (K + 6, K + 6), and the whitened residual (n, 6
+        P) at P holds."""
         scene, tangents = self._first.scene, self._first.tangents
         moving = (scene.age / scene.span - 0.5)[:, None, None] * np.eye(6)
         both = np.concatenate([tangents, moving], axis=-1)
@@ -207,7 +207,7 @@ class History:
 
     @property
     def misfit(self) -> np.ndarray:
-        """Mean squared residual of each check in units of a row's noise variance (n,)."""
+        """Mean squared residual (n,) of each check, over the variance of a row's noise."""
         residual = np.linalg.solve(self._turn, self._fit[2].T).T.reshape(len(self.checks), -1, 6)
         return np.asarray(((residual / self._row_std) ** 2).mean(axis=(1, 2)))
 
@@ -219,7 +219,7 @@ class History:
 
     @cached_property
     def _nuisance(self) -> np.ndarray:
-        """Columns (n, k) by which numbers vary harmlessly: temperature or season [K]."""
+        """Temperatures (n, 1), or yearly sine and cosine (n, 2) [K], by which numbers may vary."""
         degrees = np.array([c.temperature for c in self.checks])
         if np.isfinite(degrees).all():
             return (degrees - degrees[0])[:, None]
@@ -228,7 +228,7 @@ class History:
 
     @cached_property
     def _expected(self) -> tuple[np.ndarray, np.ndarray]:
-        """Prior scatter (K,) of the numbers between checks; change by a kelvin relative to it."""
+        """Prior scatter (K,) [SI] of K numbers between checks; change per kelvin over that (K,)."""
         full, mass = self._sensor.calibration().range, self._first.origin[6]
         spans = [_SPAN_PER_K] * 2
         by_kelvin = np.concatenate([_ZERO_PER_K * full, [_SPAN_PER_K * mass], np.zeros(8), spans])
@@ -264,7 +264,7 @@ class History:
         return Step(expected * beta[0], expected * std, freedom, misfit, evidence)
 
     def _misfit_of(self, x: np.ndarray) -> tuple[float, float]:
-        """p value and log evidence of a step in the residual, for columns x (n, 2)."""
+        """p value and log evidence of a step in the residual; x (n, 2): columns step and mean."""
         residual = self._fit[2]
         each, inverse = residual.shape[1] - len(self._fit[1]), np.linalg.inv(x.T @ x)
         beta = inverse @ (x.T @ residual)

@@ -3,5 +3,4 @@ Read first: `twin`, then `mechanics` (what is compliant) and `replay` (what its 
 Free: the inside of each file (how balance is found); tests/twin compares MuJoCo with the closed
 form of every effect.
 Others rely on: twin.json, effects.json and the exported MJCF (docs/contracts.md).
-Never: weigh evidence or state a verdict; a twin simulates what was decided.
-"""
+Never: weigh evidence or state a verdict; a twin simulates what was decided."""

@@ -15,7 +15,7 @@ from wrenchbed.twin.mechanics import edited, in_mujoco, marked
 from wrenchbed.twin.twin import Twin
 
 STIFFER = 100.0
-"""How much stiffer the servos are where weights act in full: they droop by 2e-5 rad, not 2e-3."""
+"""Factor on the servos' stiffness where weights act in full: they droop by 2e-5, not 2e-3 rad."""
 README = """# {robot}: twin as plain MJCF
 
 `{robot}.xml` loads with `mujoco.MjModel.from_xml_path`; `effects.json` says what is not in it.
@@ -55,7 +55,7 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
 
 
 def exact(xml: str, model: mujoco.MjModel) -> str:
-    """XML of a compiled model with all digits of the numbers in wrenches; MuJoCo writes six."""
+    """XML of a compiled model with all digits of numbers that wrenches need; MuJoCo writes six."""
     root = ElementTree.fromstring(xml)
     option = root.find("option")
     option = ElementTree.SubElement(root, "option") if option is None else option
@@ -110,7 +110,7 @@ def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
 
 
 def _stand(spec: mujoco.MjSpec) -> None:
-    """Extend each keyframe of a spec, in place, by zeros for the joints that effects added."""
+    """Extend each keyframe of a spec, in place, by zeros for joints that effects added."""
     bare = spec.copy()
     for key in bare.keys:
         bare.delete(key)

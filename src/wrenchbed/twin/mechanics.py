@@ -1,9 +1,9 @@
-"""Compliance and backlash in MuJoCo: added joints of arm, base and tool, at their balance.
+"""Compliance and backlash in MuJoCo: joints added to arm, base and tool, at static balance.
 
-What effects add to the MJCF bears the mark of `springs`. An added joint stands where the weight and
-the inertia of what it carries put it; its own dynamics, above 10 Hz, are left out. Weights act in
-full here; the servos' compensation of gravity (``gravcomp``) would hide them. A robot known only by
-its sensor's orientation is three hinges and the tool.
+Names of added elements contain `springs.MARK`. An added joint stands where the weight and the
+inertia of what it carries put it; its own dynamics, above 10 Hz, are left out. Weights act in full
+here; the servos' compensation of gravity (``gravcomp``) would hide them. A robot known only by its
+sensor's orientation is three hinges and the tool.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ _MJCF = """
 </mujoco>
 """
 _UPDATES, _BALANCED = 60, 1e-13
-"""Most updates of the fixed point, and a change [rad or m] that ends it."""
+"""Most iterations of the fixed point for balance, and the change [rad or m] that ends them."""
 
 
 class SensorOnly:
@@ -64,7 +64,7 @@ class SensorOnly:
         return self._robot.tool(theta)
 
     def qpos(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Hinge angles (N, 3) about x, y, z in turn that give a sensor orientations q (N, 4)."""
+        """Hinge angles (N, 3) about x, y, z in turn of sensor orientations q (N, 4)."""
         from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
         rotation, _ = self._robot.sensor_pose(q, theta)
@@ -85,7 +85,7 @@ def in_mujoco(robot: Robot) -> SimulatedRobot | SensorOnly:
 def edited(
     robot: Robot, theta: np.ndarray, gravity: Sequence[float], active: Sequence[ActiveEffect]
 ) -> mujoco.MjSpec:
-    """The robot's MJCF with its parameters (P,) and with the effects that MuJoCo can carry."""
+    """The robot's MJCF with parameters theta (P,) and with those effects that MuJoCo can carry."""
     spec = in_mujoco(robot).spec(theta)
     spec.option.gravity = gravity
     for a in active:
@@ -102,8 +102,8 @@ def marked(spec: mujoco.MjSpec) -> list[str]:
 def set_weights(
     model: mujoco.MjModel, robot: SimulatedRobot | SensorOnly, theta: np.ndarray
 ) -> None:
-    """Let gravity act on all bodies but the base, and write the tool inertia of parameters theta
-    (P,), which no body may have (in place)."""
+    """In place, let gravity act on all bodies but the base, and set the tool's inertia from
+    parameters theta (P,), which may be one that no real body has."""
     names = [model.body(b).name for b in range(model.nbody)]
     model.body_gravcomp[:] = [float(name == "base") for name in names]
     p = robot.values(theta)
@@ -117,7 +117,7 @@ def set_weights(
 
 
 def with_some_inertia(robot: Robot, theta: np.ndarray) -> np.ndarray:
-    """Parameters (P,) that MuJoCo compiles: a fitted inertia that no body has is replaced."""
+    """Parameters (P,) that MuJoCo compiles: a fitted inertia that no real body has is replaced."""
     at = [robot.parameters.index(f"tool.inertia.{a}") for a in INERTIA_AXES]
     if _compiles(theta[at]):
         return theta
@@ -158,7 +158,7 @@ class Mechanism:
     """One robot with the joints that effects add, compiled in MuJoCo.
 
     Args:
-        theta: parameters of the robot (P,), with the effects on them.
+        theta: parameters of the robot (P,), changed by the effects that act on them.
         gravity: in world axes (3,) [m/s²].
         active: effects; those that MuJoCo can carry are written into the model.
     """
@@ -193,7 +193,7 @@ class Mechanism:
 
     @property
     def smooth(self) -> np.ndarray:
-        """Whether each added joint (E,) moves without jumps (backlash), so that it has speeds."""
+        """Whether each of E added joints moves without jumps (boolean), so that it has a speed."""
         return np.array(
             [not a.in_tool and (a.half is None or a.name.endswith(ROUND)) for a in self._added]
         )
@@ -220,7 +220,7 @@ class Mechanism:
         return give
 
     def load(self, q: Value, give: Value) -> np.ndarray:
-        """Load on the sensor (M, 6) [N, N·m] at q (M, J) and added-joint positions (M, E)."""
+        """Load on the sensor (M, 6) [N, N·m] at q (M, J) and positions of added joints (M, E)."""
         rows = _moving(self._place(q, give))
         result = np.empty((len(rows.v), 6))
         for i in range(len(result)):
@@ -255,8 +255,8 @@ class Mechanism:
         )
 
     def _settle_play(self, give: np.ndarray, force: np.ndarray, coming: np.ndarray) -> None:
-        """Write into ``give`` (M, E) [rad or m] where each added joint with backlash is pushed by
-        the force (M, E) [N·m or N] in its middle; ``coming`` (M, J): joints' last directions."""
+        """Write into ``give`` (M, E) [rad or m] the side to which each added joint with backlash is
+        pushed by the force (M, E) in its middle; ``coming`` (M, J): joints' last directions."""
         for k, a in enumerate(self._added):
             if a.half is not None:
                 give[:, k] = a.side(force[:, k], coming)
@@ -267,8 +267,8 @@ class Mechanism:
             give[:, disc] = force[:, disc] / size * soft / self._added[disc[0]].stiffness
 
     def _place(self, q: Value, give: Value) -> Value:
-        """All MuJoCo coordinates (M, nq), jets in motion, from joint values and added-joint
-        positions; loops are kept closed."""
+        """MuJoCo coordinates (M, nq), jets in motion, from joint values q (M, J) and added-joint
+        positions give (M, E); loops are kept closed."""
         moved = q + give @ self._series if self._series.size else q
         inner = self.robot.qpos(moved, self.theta)
         if not isinstance(inner, Jet):
@@ -302,7 +302,7 @@ class Mechanism:
         return result
 
     def _turns(self, columns: list[int]) -> np.ndarray:
-        """Derivative of the loops' passive joints by the joints at ``columns``: −J_p⁺ J, now."""
+        """Derivative of the loops' passive joints by the joints ``columns``, −J_p⁺ J, now."""
         data = self.data
         loops = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         jacobian = np.asarray(data.efc_J).reshape(data.nefc, self.model.nv)[loops]
@@ -311,12 +311,12 @@ class Mechanism:
 
 
 def _moving(values: Value) -> Jet:
-    """Values as jets: jets unchanged, arrays with zero speed and acceleration."""
+    """The values as a jet; a plain array gets zero speed and acceleration."""
     if isinstance(values, Jet):
         return values
     return Jet(values, np.zeros_like(values), np.zeros_like(values))
 
 
 def _put(data: mujoco.MjData, rows: Jet, i: int) -> None:
-    """Write row i of coordinates (M, nq) into MuJoCo's position, velocity and acceleration."""
+    """Write row i of coordinates (M, nq), a jet, into MuJoCo's position, speed and acceleration."""
     data.qpos[:], data.qvel[:], data.qacc[:] = rows.v[i], rows.d[i], rows.dd[i]

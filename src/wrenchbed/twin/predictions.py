@@ -1,5 +1,5 @@
-"""What several simulators predict for a recording (as configured, of fits, of twins), and groups of
-its rows and their rms to show it."""
+"""What several simulators predict for a recording (as configured, of fits, of twins), and how rows
+are grouped and their rms is taken to show it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from wrenchbed.twin.replay import simulate
 from wrenchbed.twin.twin import Twin
 
 MOST = 4
-"""Simulators that one picture can show apart."""
+"""Most simulators in one picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +70,8 @@ def robot_of(recording: Recording) -> SimulatedRobot:
 
 
 def noise_of(recording: Recording) -> np.ndarray:
-    """Noise of one row (6,) [N, N·m]: as stated, else the scatter of rows about their neighbours
-    (also of a simulation without noise)."""
+    """Noise of one row (6,) [N, N·m]: as the metadata state, else the scatter of rows about their
+    neighbours (also of a simulation without noise)."""
     stated = np.asarray(recording.metadata.sensor.noise_std or (0.0,) * 6, dtype=float)
     steps = np.abs(np.diff(recording.wrench, axis=0))
     middle = np.median(steps, axis=0) if len(steps) else np.zeros(6)
@@ -79,19 +79,19 @@ def noise_of(recording: Recording) -> np.ndarray:
 
 
 def order_of(recording: Recording) -> tuple[np.ndarray, str]:
-    """Variable (N,) to sort rows by, with its unit: ``pose`` at rest if known, else time, ``s``."""
+    """Variable (N,) to order rows by, and its unit: ``pose`` at rest if known, else time, ``s``."""
     if recording.metadata.mode == "static" and "segment" in recording.columns:
         return recording.columns["segment"], "pose"
     return recording.t, "s"
 
 
 def bins(order: np.ndarray, count: int) -> list[np.ndarray]:
-    """Indices of the rows, sorted by a variable (N,), in at most ``count`` groups of like size."""
+    """Indices of the rows, ordered by a variable (N,), in at most ``count`` groups of like size."""
     return [g for g in np.array_split(np.argsort(order, kind="stable"), count) if len(g)]
 
 
 def binned_rms(residual: np.ndarray, groups: Sequence[np.ndarray]) -> np.ndarray:
-    """Rms (6, B) of residuals (N, 6) in each of B groups of rows; gaps (NaN) are left out."""
+    """Rms (6, B) of residuals (N, 6) in each of B groups of row indices; NaN rows are left out."""
     with np.errstate(invalid="ignore"):
         return np.sqrt(np.stack([np.nanmean(residual[g] ** 2, axis=0) for g in groups], axis=1))
 

@@ -1,4 +1,4 @@
-"""Readings of a twin for a whole recording, or pose by pose while a campaign goes on."""
+"""Readings of a twin for a whole recording, or pose by pose while a recording run goes on."""
 
 from dataclasses import replace
 
@@ -16,14 +16,14 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
 
 _BACK = 40
-"""Rows before a hold that are gone through again for what sticks."""
+"""Rows before a rest that are simulated again for effects with memory, such as friction."""
 _ORDER = 5
-"""Savitzky–Golay order that turns joint values into acceleration."""
+"""Polynomial order of the Savitzky–Golay filter that gives acceleration from joint values."""
 _TAKEN = ("t", "segment", "temperature")
 
 
 def simulate(twin: Twin, recording: Recording, *, noise: str = "off", seed: int = 0) -> Recording:
-    """Recording with the same motion and the readings of a twin.
+    """Return a recording with the same motion and the readings of a twin.
 
     Args:
         noise: ``real``, ``white`` or ``off``, of the robot's sensor.
@@ -57,7 +57,7 @@ def readings(twin: Twin, recording: Recording) -> np.ndarray:
 
 
 def holds(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (H, J) at which a recording rests, and the pose of each row (N,)."""
+    """Poses (H, J) at which a recording rests, and the index of the pose of each row (N,)."""
     q = recording.q.astype(float)
     new = np.r_[True, np.abs(np.diff(q, axis=0)).max(axis=1) > MOVING]
     first = np.flatnonzero(new)
@@ -91,7 +91,7 @@ def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
 def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
     """Readings (N, 6) of poses at rest; each pose is computed once.
 
-    Ways between poses are passed through where an effect might have memory.
+    Moves between poses are simulated too where an effect might have memory.
     """
     t, warmth = recording.t.astype(float), _warmth(recording)
     poses, hold = holds(recording)
@@ -154,7 +154,7 @@ class Playback:
         return self.twin.reading(scene, load)[last : last + n]
 
     def leave(self, t: float) -> None:
-        """Set the time [s] at which the last rest ended, later than its last reading."""
+        """Set the time [s] at which the last rest ended, after its last reading."""
         if len(self._t) > 1:
             self._t[-1] = max(t, float(np.nextafter(self._t[-2], np.inf)))
 
@@ -164,15 +164,15 @@ class Playback:
             self._q, self._t, self._load = self._q[-rows:], self._t[-rows:], self._load[-rows:]
 
     def motion(self, t: np.ndarray, q: np.ndarray, qd: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Readings (N, 6) of a motion at times (N,), q and speeds qd (N, J): ``load`` (N, 6) is
-        the load on the sensor without effects."""
+        """Readings (N, 6) of a motion at times (N,), q and speeds qd (N, J); ``load`` (N, 6) is
+        that on the sensor without effects."""
         h = float(np.mean(np.diff(t)))
         jets = Jet(q, qd, np.gradient(qd, h, axis=0))
         scene = self.twin.scene(jets, t)
         return self.twin.reading(scene, load + self.twin.load(scene) - self._plain.load(scene))
 
     def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Add the effects' random parts to rows (n, 6) at t (n,), going on from earlier calls."""
+        """Add the effects' random parts to rows (n, 6) at t (n,) [s], continuing earlier calls."""
         self._rows, self._times = np.concatenate([self._rows, rows]), np.append(self._times, t)
         return self.twin.corrupt(self._rows, self._times, self.seed)[-len(rows) :]
 

@@ -15,9 +15,9 @@ from wrenchbed.robots.mjcf import compiled
 from wrenchbed.twin.export import exact
 
 STEP = 1e-3
-"""Time step of the written model [s]: a tenth of how fast hobby servos answer."""
+"""Time step of the written model [s]: a tenth of the response time of hobby servos."""
 _FINEST = 4.0
-"""How many times shorter a step may be made until a delay no longer fits its buffer."""
+"""Factor by which a user may shorten the time step before a delay no longer fits its buffer."""
 _README = """# {robot}: position servos as fitted to {recording}
 
 `{robot}.xml` loads with `mujoco.MjModel.from_xml_path`. **Controls** are joint targets as the robot
@@ -41,10 +41,10 @@ def is_of_servos(path: str | Path) -> bool:
 
 
 def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
-    """Write ``<robot>.xml`` and ``README.md`` from a fit of commands; returns the two paths.
+    """Write ``<robot>.xml`` and ``README.md`` from a fit of commands; return the two paths.
 
     Raises:
-        ExportError: no such fit, its data refute it, or a servo comes out without stiffness.
+        ExportError: no such fit, its data refute it, or a servo's fitted stiffness is not above 0.
     """
     fields = checked.Fields(checked.load(path, ExportError), f"{path}: ", ExportError)
     if refuted := fields.raw.get("refuted"):
@@ -79,7 +79,7 @@ def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
 
 
 def _numbers(value: Mapping[str, float], joints: int, path: str) -> np.ndarray:
-    """Values (J, 5) of a fit's five servo parameters (`_KINDS`) a joint, negative ones as 0."""
+    """Values (J, 5) of five servo parameters (`_KINDS`) of each joint; negative ones become 0."""
     each = [[f"{kind}.{j + 1}" for kind in _KINDS] for j in range(joints)]
     if missing := [name for names in each for name in names if name not in value]:
         raise ExportError(f"{path}: parameters: {missing[0]} is missing: give a fit of commands")

@@ -1,4 +1,4 @@
-"""A robot's twin: the robot in MuJoCo with the effects that a diagnosis identified."""
+"""The twin of a robot: the robot in MuJoCo with the effects that a diagnosis identified."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,8 +29,8 @@ class Twin:
     """A robot in MuJoCo with effects.
 
     Mechanical effects are MuJoCo's physics on the robot's MJCF; effects of the sensor are the
-    arithmetic of `effects`. In motion, added joints stand where they would at rest under the weight
-    they carry, and their displacement is differentiated in time.
+    arithmetic of `effects`. In motion, joints that effects add stand where they would at rest under
+    the weight they carry, and their displacement is differentiated in time.
 
     Attributes:
         model: robot and gravity.
@@ -123,15 +123,15 @@ class Twin:
         self, q: Value, t: np.ndarray, held: np.ndarray | None = None,
         warmth: np.ndarray | None = None,
     ) -> Scene:  # fmt: skip
-        """Scene of joint values (N, J), jets in motion, at times (N,) [s]; all rows are measured
-        unless ``held`` (N,) says which."""
+        """Input of effects: joint values (N, J), jets in motion, at times (N,) [s]; all rows are
+        measured unless ``held`` (N,) says which; ``warmth`` (N,): rise of temperature [K]."""
         held = np.ones(len(t), dtype=bool) if held is None else held
         gravity = np.asarray(self.model.gravity)
         return Scene(self.model.robot, self.robot_theta, gravity, q, t, held, warmth)
 
     @cached_property
     def robot_theta(self) -> np.ndarray:
-        """Parameters of the robot alone: ``theta`` without the sensor's."""
+        """Parameters of the robot alone: the first ones of ``theta``, without the sensor's."""
         return self.model.robot.robot_theta(self.theta)
 
     @cached_property
@@ -162,7 +162,7 @@ class Twin:
         return load + np.broadcast_to(pull, padded.shape)[first:]
 
     def place(self, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-        """Orientation (M, 3, 3) and place (M, 3) [m] of the sensor in the world, at rest."""
+        """Orientation (M, 3, 3) and position (M, 3) [m] of the sensor in the world, at rest."""
         scene = self._own_scene(scene)
         q = value(scene.q) + value(self._outside.displacement(scene))
         return self.mechanism.place(q, self.mechanism.balance(q, scene.coming))
@@ -173,8 +173,8 @@ class Twin:
         return self.model.read(shown, self.theta)
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, seed: int) -> np.ndarray:
-        """Add the effects' random parts to rows (N, 6) at t (N,) [s]; each row's part depends on
-        the seed and earlier rows alone."""
+        """Add the effects' random parts to rows (N, 6) at t (N,) [s]; those of a row depend on the
+        seed and earlier rows alone."""
         for k, a in enumerate(self.active):
             rows = a.effect.corrupt(rows, t, a.values, np.random.default_rng([seed, 2, k]))
         return rows
@@ -187,6 +187,6 @@ class Twin:
 
 
 def nominal(robot: Robot, active: Sequence[ActiveEffect] = ()) -> Twin:
-    """Twin of the robot as designed, with effects."""
+    """Twin of the robot with nominal parameters and with the effects ``active``."""
     model = Model.of(robot)
     return Twin(model, model.parameters.nominal, tuple(active))
