@@ -1,8 +1,8 @@
 """Moves of a run and limits of a live robot: all is checked before the first move.
 
-Limits that nobody gave follow from plan, sensor and tool. Workspace: the box around the sensor's
-way through the plan, from where the robot is, and `MARGIN_M` more. Force and torque: half way from
-what the tool and the present zero of the sensor add up to, to the end of the sensor's range.
+Limits that nobody gave are derived from plan, sensor and tool. Workspace: the box around the path
+of the sensor through the plan, from where the robot is, plus `MARGIN_M`. Force and torque: half way
+between what tool and present zero of the sensor add up to, and the end of the sensor's range.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,11 +28,11 @@ _HALVES = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Straight joint-space moves that lead from the pose before to a pose of a plan.
+    """Straight joint-space moves from one pose of a plan to the next one visited.
 
     Attributes:
-        row: number of the pose's row in the plan.
-        via: joint values (J,) to go through in straight lines; the last are the pose's own.
+        row: number of the target pose's row in the plan.
+        via: joint values (J,) to go through in straight lines; the last are the target pose's.
         seconds: duration of all its moves at the driver's speed.
     """
 
@@ -119,8 +119,8 @@ class LiveLimits:
 
 
 def live_limits(driver: Driver, plan: Plan, *, clear: bool = True) -> LiveLimits:
-    """Derive the limits that a connected driver, which does not move, lacks for a plan; with
-    ``clear`` its moves lead around obstacles.
+    """Return the limits of a connected driver; those not given are derived for a plan, without
+    motion. If ``clear``, moves lead around obstacles.
 
     Raises:
         PlanError: the robot cannot run the plan.

@@ -20,11 +20,11 @@ from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.physics.wrench import CHANNELS
 
 POSE, STARTED = "pose", "started"
-"""Column with the plan's row, and metadata with the time of t = 0, by which a run is resumed."""
+"""Column with the plan's row, and metadata with the time of t = 0; both are needed to resume."""
 Hold = tuple[float, np.ndarray]
-"""Time of a pose's last row [s] and its readings (n, 6)."""
+"""Recorded rest at a pose: time of its last row [s] and its readings (n, 6) [N, N·m]."""
 _HARMLESS = ("normal", "reduced", "quick stop")
-"""Safety states after which a robot may be moved unseen; a quick stop is the driver's own."""
+"""Safety states after which a robot may move again unseen; the driver itself sends a quick stop."""
 _NEAR = 0.05
 """Farthest from its pose that a recorded row may be [rad or m]: more than any compliance or
 tracking error, less than the distance of two poses of a plan."""
@@ -32,22 +32,22 @@ _SAME = {
     "rate_hz": "give --rate", "sensor": "give --sensor", "sensor_box": "set the box",
     "wrench": "set the payload and give --sensor",
 }  # fmt: skip
-"""What must not change within a recording, and what sets it."""
+"""Metadata field that must not change within a recording → what a user can do to keep it."""
 
 
 class Retries(IntEnum):
-    """Largest number of repeated attempts in a row without a person, by the cause of failure."""
+    """Most repeated attempts in a row without a person, by the cause of failure."""
 
     NEVER = 0
     """The robot protects itself or people, is in fault or off, or the load was too large."""
     STOPPED = 2
-    """The robot is well: its program, its watchdog or a deadline ended the move."""
+    """The robot is in order: its program, its watchdog or a deadline ended the move."""
     LINK = 11
     """Failure of the link or the reading."""
 
 
 def retries(driver: Driver, error: DriverError) -> Retries:
-    """Number of repetitions allowed after an error, by the robot's present state."""
+    """Number of repetitions allowed after a driver's error, by the robot's present state."""
     if not driver.live or isinstance(error, LimitError | SafetyStopError):
         return Retries.NEVER
     arm = driver._arm_health() if isinstance(driver, LiveDriver) else driver.health()
@@ -68,7 +68,7 @@ def retries(driver: Driver, error: DriverError) -> Retries:
 
 
 def bare(error: DriverError) -> str:
-    """Message of a driver's error, without the advice that is for programs."""
+    """Message of a driver's error without its advice to programs (``call recover()``)."""
     return re.sub(r"(,? then|[:;,]) call recover\((unlock=True)?\)( again)?$", "", str(error))
 
 
@@ -77,10 +77,10 @@ class Before:
     """Content of the recording of an interrupted run, which a resumed run continues.
 
     Attributes:
-        columns: columns (N,) by name, of rows of complete poses; empty if there are none.
+        columns: name → column (N,), rows of complete poses only; empty if there are none.
         poses: numbers of the plan's rows that are done.
         elapsed: time since t = 0 [s].
-        metadata: the recording's.
+        metadata: metadata of the recording.
         revisited: whether the second visit of the first pose is complete.
     """
 
@@ -91,7 +91,7 @@ class Before:
     revisited: bool
 
     def first(self, segment: int) -> Hold | None:
-        """End [s] and wrenches (n, 6) of a segment; None if it is not at the plan's first pose."""
+        """`Hold` of a segment's rows at the plan's first pose; None if it has none there."""
         if not self.columns:
             return None
         rows = np.flatnonzero((self.columns[POSE] == 0) & (self.columns["segment"] == segment))
@@ -102,14 +102,14 @@ class Before:
 
 
 def second_visit(plan: Plan) -> int:
-    """Number of the segment that the second visit of a plan's first pose has."""
+    """Segment number of the second visit of a plan's first pose, at the end of a run."""
     return int(plan.segment.max()) + 1
 
 
 def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Before:
-    """Read the recording of a plan's stopped run; an incomplete visit is dropped.
+    """Read the recording of a plan's stopped run; an incomplete visit of a pose is dropped.
 
-    ``needed`` (P,) are the rows of each pose, ``metadata`` what the run would state now.
+    ``needed`` (P,) are the rows that each pose needs, ``metadata`` those of the run to come.
 
     Raises:
         PlanError: it is not of this plan, was recorded otherwise, or cannot be resumed.
@@ -151,8 +151,8 @@ def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Be
 
 
 def check_same(path: Path, old: Metadata, new: Metadata, kept: bool = True) -> None:
-    """Raise a `PlanError` if metadata ``old`` of a recording and ``new`` of the run differ; zeros
-    may, as they are watched. ``kept``: the recording has rows."""
+    """Raise a `PlanError` if metadata ``old`` of a recording and ``new`` of the run differ; sensor
+    zeros may, as the run watches them. ``kept``: the recording has rows."""
     was, asked = (json.loads(json.dumps(m.to_json())) for m in (old, new))
     for field, remedy in _SAME.items():
         a, b = was.get(field), asked.get(field)
@@ -167,7 +167,7 @@ def check_same(path: Path, old: Metadata, new: Metadata, kept: bool = True) -> N
 
 
 def _check_samples(path: Path, plan: Plan, pose: np.ndarray, needed: np.ndarray) -> None:
-    """Check that every visit but the last, which may be cut, has as many rows as needed."""
+    """Raise a `PlanError` unless each visit has the rows needed; the last one may have fewer."""
     count = np.bincount(pose, minlength=len(plan))
     bad = (count > 0) & (count != needed)
     if len(pose):

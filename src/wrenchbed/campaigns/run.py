@@ -35,13 +35,13 @@ TRIES = 12
 MOTIONS = 3
 """Number of attempts at a motion on a live driver."""
 LIMITS = "limits"
-"""Metadata with the limits that a live driver moved within."""
+"""Metadata field with the limits that a live driver moved within."""
 CUT = ".cut~"
-"""Suffix of the file that keeps the run's own earlier rows when it begins anew."""
+"""Suffix of the file to which a run that starts anew moves its own earlier rows."""
 _BLOCK_S = 0.5
-"""Longest part of a hold that stays unwritten [s]."""
+"""Longest part of a rest that is recorded but not yet written [s]."""
 _PAUSE_S = 0.2
-"""Pause before the third attempt [s]; each further one waits longer by so much."""
+"""Pause before the third attempt [s]; each further pause is longer by as much."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ class RunSettings:
     """Settings of a run of a plan.
 
     Attributes:
-        samples: rows a pose, where the plan gives no dwell.
-        rate: of sampling [Hz]; if None the plan's, or 100 at rest and 125 in motion.
+        samples: rows a pose, where the plan states no duration of its rest (dwell).
+        rate: sampling rate [Hz]; if None the plan's, or 100 at rest and 125 in motion.
         revisit: visit the first pose again at the end; if None, on live drivers.
         clear: let no move touch the robot or its surroundings; if None, on live drivers.
         resume: continue the stopped run that wrote the recording, at the pose where it stopped.
-        limits: of a live driver; if None, those that it has, completed by `live_limits`.
+        limits: of a live driver; if None, the driver's own, completed by `live_limits`.
     """
 
     samples: int = 100
@@ -81,7 +81,7 @@ class RunSettings:
 
 @dataclass(frozen=True)
 class Drift:
-    """Change (6,) of the first pose's reading at a second visit, its std, time between [s]."""
+    """Change (6,) of the first pose's reading until its second visit, std (6,), time [s]."""
 
     change: np.ndarray
     std: np.ndarray
@@ -196,7 +196,7 @@ class _Run:
         return RunProgress(self.path, len(rows), writer.rows, self.t, self.tried_again, drift)
 
     def motion(self) -> RunProgress:
-        """Move to the start and follow the trajectory; on a live driver again if it was cut."""
+        """Move to the start and follow the trajectory; a live driver tries again if it was cut."""
         driver = self.driver
         driver.expect(self.plan.q, "dynamic")
         legs = self._legs([0], driver.position())
@@ -240,8 +240,8 @@ class _Run:
     def _failed(
         self, what: str, error: DriverError, failed: Counter[Retries], most: int, remedy: str
     ) -> None:
-        """Count a failed attempt and wait; raise the error where a person must look, or at the last
-        attempt."""
+        """Count a failed attempt and wait; raise the error if it was the last attempt, or a person
+        must look at the robot."""
         if not self.driver.live:
             raise error
         kind = resume.retries(self.driver, error)
@@ -261,7 +261,7 @@ class _Run:
         return itinerary(self.driver.robot, self.plan, start, limits, rows, clear=clear)
 
     def _visit(self, leg: Leg, segment: int, writer: RecordingWriter) -> Hold:
-        """Go to a pose and record; on a live driver, recover from a failed link and try again."""
+        """Go to a pose and record; on a live driver, try again after its link or read failed."""
         taken: list[np.ndarray] = []
         failed: Counter[Retries] = Counter()
         while True:
@@ -284,7 +284,7 @@ class _Run:
     def _hold(
         self, row: int, segment: int, writer: RecordingWriter, taken: list[np.ndarray]
     ) -> Hold:
-        """Record the rows that a pose lacks; return end time [s] and readings (n, 6) of it."""
+        """Record the rows that a pose still needs; return its end time [s] and readings (n, 6)."""
         at_once = max(1, int(_BLOCK_S * self.rate))
         while (missing := int(self.needed[row]) - sum(map(len, taken))) > 0:
             block = dict(self.driver.sample(min(at_once, missing), self.rate))

@@ -41,20 +41,20 @@ RATE_HZ = 100.0
 SETTLE_S = 0.5
 """Time from the end of a move to the first row [s]."""
 _JUDGED, _SEED = 100, 20_160_798
-"""Poses at which all robots are judged, and what they are drawn from."""
+"""Number of test poses at which all robots are judged, and the seed that draws them."""
 ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"
-"""Files of a campaign's folder: all rows, what they follow from, and rows while it works."""
+"""In a campaign's folder: file of all rows, file of the settings, folder of rows while it works."""
 SECONDS = ("seconds.record", "seconds.calibrate")
-"""Columns of durations, which differ between equal runs."""
+"""Columns of durations: the only ones that differ between equal runs."""
 _INTEGER = ("rows", "rank")
 _NUMBER = ("inside95", "residual.force", "residual.torque")
 _ERRORS = tuple(f"{x}.{w}" for x in ("force", "torque", "position") for w in ("before", "after"))
 VARIED = ("noise", "parameters", "poses")
 """Properties that may differ from robot to robot."""
 _STREAMS = {"noise": 0, "parameters": 1, "poses": 3}
-"""Streams of random numbers by what is drawn from them; another one would make other robots."""
+"""Stream of random numbers by what is drawn from it; another number would make other robots."""
 _TRIES = 50
-"""Draws until a robot reaches all poses."""
+"""Most random draws to find a robot that reaches all poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +63,9 @@ class Fleet:
 
     Attributes:
         robot: registry name.
-        robots: how many.
-        vary: names of `VARIED`; others are the same for all robots: noise, nominal parameters,
-            poses.
+        robots: number of robots.
+        vary: names of `VARIED` that are drawn for each robot; the others (noise, nominal
+            parameters, poses) are the same for all.
         poses: number of poses of each robot, where no plan is given.
         samples: rows a pose.
         seed: not negative.
@@ -102,19 +102,19 @@ class Fleet:
         self.model_robot()
 
     def model_robot(self) -> SimulatedRobot:
-        """Robot of the fleet as its nominal model; a `ParameterError` if it cannot be simulated."""
+        """The campaign's robot, nominal; a `ParameterError` if it cannot be simulated."""
         robot = registry.load("robots", self.robot)
         if not isinstance(robot, SimulatedRobot):
             raise ParameterError(f"robot {self.robot!r} has no model to simulate")
         return robot
 
     def rng(self, k: int, what: str) -> np.random.Generator:
-        """Random generator of robot k for one of `VARIED`; the same for all if it does not vary."""
+        """Random generator of robot k for one of `VARIED`; the same for all if it is fixed."""
         robot = k + 1 if what in self.vary else 0
         return np.random.default_rng([self.seed, robot, _STREAMS[what]])
 
     def to_json(self) -> dict[str, Any]:
-        """Settings that determine the rows, as JSON; the number of robots may grow later."""
+        """Settings that determine the rows, as JSON; without the number of robots."""
         plan = None
         if self.plan is not None:
             plan = hashlib.sha256(np.ascontiguousarray(self.plan.q).tobytes()).hexdigest()
@@ -130,8 +130,8 @@ def varied(model: Model) -> tuple[int, ...]:
 
 
 def draw(fleet: Fleet, k: int, model: Model, q: np.ndarray) -> np.ndarray:
-    """Draw true parameters (P,) of robot k, uniform within tolerances, that reach q (N, J); a
-    `ParameterError` if no robot within tolerance reaches them all."""
+    """Draw true parameters (P,) of robot k, uniform within tolerances, with which it reaches q (N,
+    J); a `ParameterError` if no robot within tolerance reaches them all."""
     if "parameters" not in fleet.vary:
         return np.array(model.parameters.nominal)
     rng, robot = fleet.rng(k, "parameters"), fleet.model_robot()
@@ -160,7 +160,7 @@ def schema(fleet: Fleet) -> pa.Schema:
 
 @lru_cache(1)  # robots that share their poses share it
 def course(fleet: Fleet, k: int) -> Recording:
-    """Recording of robot k with its times and poses, before simulation: readings are 0."""
+    """Recording of robot k before simulation: its times and joint values, with readings 0."""
     robot = fleet.model_robot()
     plan = fleet.plan
     if plan is None:
@@ -195,7 +195,7 @@ def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray,
 
 
 def robot_row(fleet: Fleet, k: int) -> Row:
-    """Simulate and calibrate robot k: its row of the table; an error stands in column ``error``."""
+    """Simulate and calibrate robot k: its row of the table, with an error's text in ``error``."""
     row, begun = Row(robot=k, seed=fleet.seed, error=""), time.perf_counter()
     try:
         recording, theta = recorded(fleet, k)
@@ -238,8 +238,8 @@ def _of_fit(fleet: Fleet, theta: np.ndarray, fit: Fit) -> Row:
 
 
 def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
-    """Columns of a robot's row: rms errors of readings [N, N·m], and of tool positions [m] if it
-    has a tip, over test poses, before calibration and after it."""
+    """Columns of a robot's row, before and after calibration: rms errors over test poses of
+    readings [N, N·m], and of tool positions [m] if it has a tip; ``true``: true parameters (P,)."""
     model, row = Model.of(fleet.model_robot()), Row()
     q, target = judged(fleet.robot)
     fitted = model.parameters.vector(dict(fit.theta))
@@ -257,7 +257,7 @@ def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
 
 @cache
 def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Test poses of a robot for readings (100, J), and for positions in its target (G, J)."""
+    """Test poses of a robot: for readings (100, J), for positions in its target (G, J) or None."""
     robot: SimulatedRobot = Fleet(name, 1).model_robot()
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
 
@@ -271,12 +271,12 @@ def campaign(
 
     Args:
         folder: gets ``robots.parquet`` and, while it works, ``parts/``.
-        progress: called with how many more robots are done.
+        progress: called with the number of robots finished since its last call.
 
     Raises:
         FleetError: the folder holds another campaign, files of something else, or broken rows.
         WorkerError: a worker died. Finished rows are kept; the same call continues.
-        OSError: the disk is full; likewise.
+        OSError: the disk is full; finished rows are kept, too.
     """
     place, settings = Path(folder), fleet.to_json()
     check_folders(place / SETTING, settings, [place], FleetError)

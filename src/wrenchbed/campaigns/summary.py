@@ -16,12 +16,12 @@ _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm
 _WHEN = ("before", "after")
 _QUANTILES = (5, 25, 50, 75, 95)
 MOST_FAILED = 200
-"""Largest number of failed robots that are listed: more make the page longer than anyone reads, and
-all stand in the table of rows."""
+"""Most failed robots that are listed: more make the page longer than anyone reads, and all stand in
+the table of rows."""
 
 
 def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Document:
-    """Summary page of the rows of a fleet's campaign in a folder; ``command`` made them.
+    """Summary page of the rows of a fleet's campaign in a folder, with the ``command`` line.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -45,7 +45,7 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
 
 
 def figures(table: pa.Table) -> dict[str, float | None]:
-    """Key results of a campaign's rows as JSON: shares, medians, coverage."""
+    """Key results of a campaign's rows, for JSON: shares, medians, coverage of 95 % intervals."""
     failed = int((text(table, "error") != "").sum())
     results: dict[str, float | None] = {"robots": table.num_rows, "failed": failed}
     for what, scale, unit in _ERRORS:
@@ -59,7 +59,7 @@ def figures(table: pa.Table) -> dict[str, float | None]:
 
 
 def numbers(table: pa.Table, name: str) -> np.ndarray:
-    """Column of numbers (N,) of a table, by its name; NaN where there is none."""
+    """Column of numbers (N,) of a table, by its name; NaN for empty cells."""
     return np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=float)
 
 
@@ -77,7 +77,7 @@ def _finite(values: np.ndarray) -> np.ndarray:
 
 
 def _cards(table: pa.Table) -> tuple[Card, ...]:
-    """Cards with the accuracy of calibration over the robots, if there is any."""
+    """Cards with the accuracy of calibration over the robots; none if no robot was calibrated."""
     before, after = (_finite(1e3 * numbers(table, f"force.{w}")) for w in _WHEN)
     if not len(after):
         return ()

@@ -1,10 +1,9 @@
 """Published studies run again: their tables and figures on MuJoCo data, beside what they print.
 Free: the inside of each file (layout of pages); tests/studies/test_studies.py speaks.
 Others rely on: docs/studies and docs/explanation/studies.md print these numbers (`scripts/studies`
-makes them anew after a change).
+makes them anew after a change, also of a seed).
 Never: a number of a paper in the place of a measured one; they stand side by side.
-Read first: `medrue`, then `ur5`.
-"""
+Read first: `medrue`, then `ur5`."""
 
 import math
 from dataclasses import replace
@@ -33,7 +32,7 @@ def run(
     report: Progress = silent,
     command: str = "",
 ) -> Document:
-    """Run a study, and write its page; a stopped run continues where it stopped.
+    """Run a study and write its page to ``folder``; a stopped run continues where it stopped.
 
     Raises:
         MissingExtraError: the extra ``report`` is not installed.
@@ -55,7 +54,7 @@ def _module(paper: str) -> Any:
 
 
 def _finite(value: Any) -> Any:
-    """Value prepared for JSON: null in the place of numbers that are not finite."""
+    """The value with null for each number that is not finite, as JSON needs."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, list):

@@ -1,5 +1,5 @@
-"""The study of MedRUE, from the pool of configurations to the page: what the paper prints, and what
-comes out here."""
+"""The study of MedRUE, from the pool of configurations to the page: results of the paper, and of
+this program."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -28,23 +28,23 @@ POOL = 40_000
 ROBOTS = {False: 200, True: 8}
 """Number of random robots, in full (False) and with --quick (True)."""
 STARTS = {False: 3, True: 1}
-"""Number of starting points of each exchange, by --quick."""
+"""Number of random starts of each pose selection, in full (False) and with --quick (True)."""
 _FIXED = 1 + 6 + 2
 """Steps of progress before the random robots: the pool, six searches for poses (O1 … O5 and the
 target's error), and the ranks and the paper's robot. Another number ends the bar early or late."""
 _RANKED = 1000
-"""Configurations from which the rank is stated, beside the chosen ones and the whole pool."""
+"""Number of configurations at which the Jacobian's rank is stated, beside the chosen and all."""
 _ACTIVE = 1e-13
-"""Norm of a column in that of the largest, below which it is rounding of doubles."""
+"""Norm of a Jacobian column, over the largest, below which it counts as 0 (rounding of doubles)."""
 _POSSIBLE = 1.1
-"""Bound over published error up to which the published error is called possible."""
+"""Cramér–Rao bound over published error up to which that error is called possible."""
 TITLE = "MedRUE calibrated by its own force sensor: Sensors 2016, 16, 798, reproduced"
 _THREE = ("mean", "max", "std")
 _DESIGNS = (*INDICES, "target", "random")
 _SCALE = {"position": 1e3, "force": 1.0, "torque": 1.0}
-"""Factor to the units of Table 4: mm, N, N·m."""
+"""Factors from SI to the units of the paper's Table 4: mm, N, N·m."""
 _DRAWN = 2500
-"""Configurations of the pool that Figure 6 draws."""
+"""Number of configurations of the pool that Figure 6 draws."""
 
 
 def steps(quick: bool, robots: int | None) -> int:
@@ -147,7 +147,7 @@ def _lead(summary: dict[str, Any]) -> str:
 def column(
     table: pa.Table, name: str, *, quantity: str = "position", place: str = "target", **where: str
 ) -> np.ndarray:
-    """Values (robots,) of a column of the rows with these labels, in the order of the robots."""
+    """Values (robots,) of column ``name`` in the rows with these labels, ordered by robot."""
     labels = {"quantity": quantity, "workspace": place, **where}
     keep = np.logical_and.reduce([table[k].to_numpy() == v for k, v in labels.items()])
     rows = table.filter(pa.array(keep)).sort_by("robot")
@@ -163,7 +163,7 @@ def identifiable_section(
     ranks: Mapping[str, int],
     designs: Mapping[str, PoseDesign],
 ) -> Section:
-    """Section on rank, redundancies, and the choice of configurations."""
+    """Page section on rank, redundant parameters, and the choice of configurations."""
     silent = observed.no_effect
     return Section(
         "What the wrench can determine",
@@ -218,7 +218,7 @@ def _choice(setting: StudySetting, designs: Mapping[str, PoseDesign]) -> tuple[T
 def paper_robot_section(
     setting: StudySetting, designs: Mapping[str, PoseDesign], one: PaperRobot
 ) -> Section:
-    """Section on the paper's robot identified by each design: Table 1 and Figures 6 to 8."""
+    """Page section on the paper's robot identified with each design: Table 1, Figures 6 to 8."""
     target, whole = (1e3 * one.errors["exact"][k].max() for k in ("target", "whole"))
     robot, theta = setting.robot, setting.robot.robot_theta(setting.theta)
     some = np.linspace(0, len(setting.q) - 1, _DRAWN).astype(int)
@@ -281,7 +281,7 @@ def _table1(setting: StudySetting, designs: Mapping[str, PoseDesign], one: Paper
 
 
 def population_section(table: pa.Table, one: PaperRobot) -> Section:
-    """Section on errors of many random robots: Tables 2 to 6."""
+    """Page section on errors of many random robots: Tables 2 to 6 of the paper."""
     robots = len(np.unique(table["robot"].to_numpy()))
     return Section(
         f"{robots} random robots",
@@ -392,7 +392,7 @@ def _p(p: float) -> str:
 
 
 def limit_section(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Section:
-    """Section on the Cramér–Rao bound of O1's poses for two noises, and on attained errors."""
+    """Page section on the Cramér–Rao bound at the poses of index O1, for two noises, and errors."""
     rows: list[tuple[object, ...]] = [("published", *published.AFTER.values())]
     means = []
     for noise in (MINI40, PAPER):

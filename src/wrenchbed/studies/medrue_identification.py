@@ -1,8 +1,8 @@
-"""Identification as in the paper and weighted by the noise, of many random robots.
+"""Identification of many random robots, by the paper's method and weighted by the noise.
 
 Each robot's 27 identified parameters but the mass are drawn uniformly within ±2 mm and ±1°, as in
-Section 5 of the paper. Its wrenches, and its wrenches and positions in the target, come from
-MuJoCo; over the whole pool they come from the closed form, which agrees with MuJoCo to 1e-12.
+Section 5 of the paper. MuJoCo gives its wrenches, and in the target its wrenches and positions;
+over the whole pool they come from the closed form, which agrees with MuJoCo to 1e-12.
 """
 
 from collections.abc import Mapping
@@ -19,16 +19,16 @@ from wrenchbed.studies import medrue_setting as published
 from wrenchbed.studies.medrue_setting import LOWER, MINI40, PAPER, PoseDesign, StudySetting
 
 _STOP = 1e-12
-"""RMS change of the parameters in the paper's units; its 1e-16 lies below rounding (1e-13)."""
+"""Rms change of parameters that ends a search [mm, °, kg]; the paper's 1e-16 is below rounding."""
 _MOST = 30
 """Largest number of Newton steps."""
 _NOISY_STOP = 1e-6
-"""Step that ends a search on noisy readings [mm and degrees]: far below what noise leaves; the
-steps converge quadratically."""
+"""Rms change that ends a search on noisy readings [mm, °]: far below the error by noise; the steps
+converge quadratically."""
 STATISTICS = ("mean", "max", "std", "rms")
 INDICES = ("O1", "O2", "O3", "O4", "O5")
 AGAIN = "O1 again"
-"""Name of the case with the same poses and another draw of noise."""
+"""Name of the case with the poses of index O1 and another draw of noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +45,8 @@ def as_the_paper(
     """Identify from measured means (n, 6) [N, N·m] at configurations (n, 6), by unweighted normal
     equations with scaled columns: Section 4.2, Eqs. 24–30.
 
-    It ends at an RMS change ``stop`` of the parameters. NaN where it left the region in which the
-    five-bars close.
+    It ends at an rms change ``stop`` of the parameters in the paper's units. NaN where it left the
+    region in which the five-bar linkages close.
     """
     model, columns, units = setting.model, list(setting.columns), setting.units
     theta, change = setting.theta.copy(), np.inf
@@ -72,8 +72,8 @@ def weighted(
     std: np.ndarray,
     start: np.ndarray | None = None,
 ) -> IdentifiedRobot:
-    """Identify with channels weighted by their standard deviation (6,) of a mean: efficient for
-    normal noise.
+    """Identify with each channel weighted by ``std`` (6,), its standard deviation of a mean;
+    efficient for normal noise.
 
     Begins at nominal, or at ``start`` (P,).
     """
@@ -94,7 +94,7 @@ def weighted(
 
 
 def of_table_1(setting: StudySetting, values: Mapping[str, float]) -> np.ndarray:
-    """Robot parameters (P,) with the values of a column of Table 1, `ACTUAL` or `NOISY`."""
+    """Robot parameters (P,) in SI, from a column of Table 1 of the paper, `ACTUAL` or `NOISY`."""
     theta = setting.theta.copy()
     for c, unit in zip(setting.columns, setting.units, strict=True):
         theta[c] = values[setting.model.parameters.names[c]] * unit
@@ -109,8 +109,8 @@ class PaperRobot:
         theta: true parameters (P,).
         exact: identified without noise, by the paper's method.
         real: identified with the certificate's noise, by weighted least squares.
-        errors: by case (``before``, ``exact``, ``real``, and each design with ±1 N as 3σ, the
-            paper's way) and workspace.
+        errors: (case, workspace) → errors; cases are ``before``, ``exact``, ``real``, and each
+            pose design with noise of ±1 N as 3σ, identified the paper's way.
         printed: rows of `Judge` for Table 1's column with measurement errors, and before.
     """
 
@@ -122,7 +122,7 @@ class PaperRobot:
 
 
 def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: int) -> PaperRobot:
-    """Identify Table 1's robot by each design: with no noise, the certificate's, and ±1 N."""
+    """Identify Table 1's robot with each pose design: no noise, the certificate's, and ±1 N."""
     theta = of_table_1(setting, published.ACTUAL)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}
@@ -155,8 +155,8 @@ def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: 
 def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number: int) -> list[Row]:
     """Draw and identify a robot: rows of its errors before, without noise, by design and noise.
 
-    The number and the shared seed give its parameters and noise; shared are also the study's
-    setting and the indices (n,) of each design's configurations in its pool.
+    ``number`` and the seed in ``shared`` give its parameters and noise; ``shared`` is (setting,
+    design → indices (n,) of its configurations in the pool, seed).
     """
     setting, designs, seed = shared
     rng = np.random.default_rng([seed, number])

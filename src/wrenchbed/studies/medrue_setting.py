@@ -1,4 +1,4 @@
-"""The setting of the study of MedRUE: published figures, noise, pool, target, designs.
+"""Common data of the study of MedRUE: published figures, noise, pool, target, pose designs.
 
 The paper is Joubair et al. 2016, doi 10.3390/s16060798.
 """
@@ -25,7 +25,7 @@ NOISY = {
     "alphaS": -67.430, "betaS": -0.528, "gammaS": 0.196, "xG": 0.571, "yG": 0.042,
     "zG": 153.136, "mTool": 0.365,
 }  # fmt: skip
-"""Table 1, identified with measurement errors [mm, °, kg]."""
+"""Parameters in the paper's Table 1, identified with measurement errors [mm, °, kg]."""
 ACTUAL = {
     "A1z": 178.612, "C1y": -84.005, "A2y": -232.267, "A2z": 177.325, "C2z": 438.112,
     "L11": 400.730, "L12": 520.221, "L13": 398.485, "L14": 520.332, "L21": 399.799,
@@ -36,9 +36,9 @@ ACTUAL = {
 }  # fmt: skip
 """True parameters of the simulated robot in Table 1 [mm, °, kg]."""
 AFTER = {"mean": 0.2771, "max": 0.320, "std": 0.0157}
-"""Target workspace after calibration [mm]: abstract and Section 5."""
+"""Position errors in the target after calibration [mm], as the abstract and Section 5 print."""
 RMS_AFTER = float(np.hypot(AFTER["mean"], AFTER["std"]))
-"""Root mean square of these [mm]."""
+"""Root mean square position error [mm] that mean and std of `AFTER` imply."""
 IMPROVEMENT = {
     ("force", "whole"): (99.43, 99.29, 99.34), ("torque", "whole"): (100.0, 99.43, 100.0),
     ("force", "target"): (98.31, 98.73, 99.24), ("torque", "target"): (96.36, 96.70, 100.0),
@@ -50,23 +50,23 @@ T_STATISTIC = {("O1", "O2"): -655.874, ("O1", "O5"): -304.773, ("O2", "O5"): 421
 ITERATIONS = 5
 """Number of the paper's Newton steps without noise."""
 SAMPLES = 100
-"""Measurements a configuration, which the paper may or may not average."""
+"""Measurements per configuration, which the paper may or may not average."""
 STATED = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
-"""Stated noise of the paper, ±1 N, ±0.2 N·m: Section 5."""
+"""Noise that the paper states [N, N·m]: ±1 N, ±0.2 N·m, Section 5."""
 CERTIFICATE: np.ndarray = registry.load("sensors", "ati-mini40").accuracy
 """±0.25, 0.2, 0.45 N, ±0.0125, 0.0125, 0.02 N·m: the Mini40's certificate, Section 5."""
 DRAWS = 4000
-"""Random estimates that expected errors are computed from."""
+"""Number of random estimates from which expected errors are computed."""
 CONFIGURATIONS = 100
 """Number of configurations for identification in the paper."""
 UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
-"""The paper's table: mm, degrees, and kg (its g is a slip)."""
+"""SI unit → the paper's unit in SI: mm, degrees, and kg (its g is a slip)."""
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """One reading of what the paper's noise is: its name for people, and the standard deviation
-    (6,) [N, N·m] of one of the `SAMPLES` measurements that are averaged."""
+    """One interpretation of the paper's noise: its name for people, and the standard deviation (6,)
+    [N, N·m] of one of the `SAMPLES` measurements that are averaged."""
 
     name: str
     row: np.ndarray
@@ -83,8 +83,8 @@ LOWER = tuple(
     NoiseModel(f"±{level:g} N as 3σ, 100 averaged", STATED * level / 3)
     for level in (0.5, 0.25, 0.1)
 )
-"""Lower noise levels for Table 6, torque in proportion; the paper's levels are not in the text that
-we have."""
+"""Lower noise levels for Table 6, torque in proportion; the paper's own levels are not in the text
+that we have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +93,11 @@ class StudySetting:
 
     Attributes:
         columns: indices of the 27 identified parameters among all.
-        units: the paper's unit of each (27,) in SI.
-        q: pool (N, 6).
-        jacobian: of the wrench at the pool (N, 6, 27), SI.
-        target: joint values (336, 6).
-        goal: derivatives of the position in the target by the 27.
+        units: the paper's unit of each of the 27 parameters (27,), in SI.
+        q: joint values of the pool (N, 6).
+        jacobian: derivative of the wrench at the pool by the 27 parameters (N, 6, 27), SI.
+        target: joint values in the target workspace (336, 6).
+        goal: derivatives of the position in the target by the 27 parameters.
     """
 
     robot: MedRUE
@@ -126,11 +126,11 @@ class StudySetting:
         return (triangle @ triangle.T) * np.outer(self.units, self.units)
 
     def bound(self, chosen: np.ndarray, std: np.ndarray) -> float:
-        """Cramér–Rao bound of the rms position error in the target [m], of chosen poses."""
+        """Cramér–Rao bound of the rms position error in the target [m], for poses ``chosen``."""
         return self.goal.rms(self.covariance(chosen, std))
 
     def expected(self, chosen: np.ndarray, noise: NoiseModel) -> np.ndarray:
-        """Mean, maximum, std, rms (4,) [m] over the target of an efficient estimate's error."""
+        """Mean, maximum, std, rms (4,) [m] over the target of an efficient estimator's error."""
         covariance = self.covariance(chosen, noise.std) / np.outer(self.units, self.units)
         draws = np.random.default_rng(0).standard_normal((DRAWS, len(covariance)))
         draws = draws @ np.linalg.cholesky(covariance).T * self.units
@@ -153,7 +153,7 @@ def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> St
 
 @dataclass(frozen=True, eq=False)
 class PoseDesign:
-    """100 chosen configurations, and how near they are certified to be to the best possible."""
+    """100 chosen configurations, and a certificate of how near they are to the best possible."""
 
     name: str
     chosen: np.ndarray
@@ -165,8 +165,8 @@ class PoseDesign:
 def designs(
     setting: StudySetting, seed: int, starts: int, report: Callable[[str], None]
 ) -> dict[str, PoseDesign]:
-    """Pose designs by O1 … O5 in the paper's units, by the target's position error, and at
-    random."""
+    """Pose designs by indices O1 … O5 in the paper's units, by the position error in the target,
+    and at random."""
     table = Pool(setting.in_table_units)
     result = {}
     for criterion in INDICES.values():

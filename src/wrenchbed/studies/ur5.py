@@ -49,13 +49,13 @@ FORCE = {
     "backward": (0.1808, 9.5964, 6.1964), "down": (0.0060, 11.5635, 10.3358),
     "left": (0.0085, 8.6540, 5.6913),
 }  # fmt: skip
-"""Geometric mean of the force's magnitude by method [N]."""
+"""Geometric mean of the force's magnitude that Methods 1, 2, 3 leave, by direction [N]."""
 TORQUE = {
     "right": (0.0122, 0.4353, 0.1034), "up": (0.0038, 0.4464, 0.0507),
     "backward": (0.0077, 0.3589, 0.1234), "down": (0.0082, 0.6394, 0.2247),
     "left": (0.0051, 0.4811, 0.0789),
 }  # fmt: skip
-"""Geometric mean of the torque's magnitude by method [N·m]."""
+"""Geometric mean of the torque's magnitude that Methods 1, 2, 3 leave, by direction [N·m]."""
 TABLE = {"right": 2, "up": 3, "backward": 4, "down": 5, "left": 6}
 RATE_HZ, SAMPLES, MOVE_S = 100.0, 100, 3.0
 """Rows per second and per pose, and the time between poses [s]."""
@@ -63,7 +63,7 @@ INSTALLATION = {
     "sensor.bias.fx": 2.1, "sensor.bias.fy": -3.4, "sensor.bias.fz": 6.2,
     "sensor.bias.tx": 0.21, "sensor.bias.ty": -0.36, "sensor.bias.tz": 0.14,
 }  # fmt: skip
-"""Installation error [N, N·m], of the size that the article's Method 2 leaves."""
+"""Installation error [N, N·m]: sensor bias, of the size that the article's Method 2 leaves."""
 SENSOR_MASS = 0.12
 """Part of the sensor's own mass that loads its gauges [kg], stated and true: about
 half of the Gamma's 0.255 kg."""
@@ -72,17 +72,17 @@ _AXES = {
     "right": (0.0, -1.0, 0.0), "up": (0.0, 0.0, 1.0), "backward": (-1.0, 0.0, 0.0),
     "down": (0.0, 0.0, -1.0), "left": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0),
 }  # fmt: skip
-"""Where the tool's z points in the robot's base, whose x looks forward."""
+"""Direction of the tool's z axis in the robot's base, whose x looks forward, by tool direction."""
 _LOW, _HIGH = np.array([-0.6, -0.6, 0.25]), np.array([0.6, 0.6, 0.8])
-"""Limits of the box of the tool's positions [m]."""
+"""Lower and upper corner of the box of the tool's positions [m]."""
 _TRIES = 5000
-"""Largest number of random positions."""
+"""Most random positions that are tried."""
 FREE = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation", "base.tilt")
 ORDER = ("Method 1", "Method 2", "Method 3", "joint fit", "exact model")
 POSITIONS = 20
 """Positions in each direction, the article's number, at which residuals are compared."""
 CALIBRATION = 8
-"""Other positions in each direction, with the tool also turned about its axis; these fit."""
+"""Number of other positions in each direction, tool also turned about its axis, to fit with."""
 _HALVES = (slice(0, 3), slice(3, 6))
 TITLE = "Installation error of a force sensor on a UR5: four methods compared"
 REPEATS = {False: 20, True: 3}
@@ -102,9 +102,9 @@ class Scenario:
     """Deviations of the simulated robot from the article's assumptions.
 
     Attributes:
-        true: parameters that are not as stated, by name.
-        stated_mass: factor of the tool's true mass that the user states.
-        cold: whether the sensor was switched on only when the campaign begins.
+        true: parameters that are not as stated, name → true value.
+        stated_mass: stated mass of the tool over its true mass.
+        cold: whether the sensor was switched on only when the recording begins.
     """
 
     name: str
@@ -157,7 +157,7 @@ class StudyScene:
         return cls(scenario, model, theta, metadata, noise, seed)
 
     def measure(self, q: np.ndarray) -> tuple[Recording, np.ndarray]:
-        """Simulate holds at q (N, 6): the recording, and exact load and bias at each (N, 6)."""
+        """Simulate rests at q (N, 6): the recording, and exact load plus bias at each (N, 6)."""
         count = len(self.model.robot.parameters)
         simulation = Simulation(self.model.robot, self.theta[:count], self.model.gravity)  # type: ignore[arg-type]
         exact = self.model.read(simulation.wrench(q), self.theta)
@@ -179,8 +179,8 @@ class StudyScene:
 def poses(
     robot: URArm, direction: str, n: int, rng: np.random.Generator, *, roll: float | None
 ) -> np.ndarray:
-    """Draw joint values (n, 6) at random positions of the tool, turned by ``roll`` about its own
-    axis [rad]; at random for each if None.
+    """Draw joint values (n, 6) with the tool in a direction, at random positions, turned by
+    ``roll`` about its own axis [rad]; at random for each if None.
 
     Raises:
         PlanError: too few positions are reachable.
@@ -203,11 +203,11 @@ def poses(
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Residual (6,) [N, N·m] of each method at each judging pose.
+    """Residual (6,) [N, N·m] of each method at each test pose.
 
     Attributes:
-        residual: by method, (5 · POSITIONS, 6), in the order of the directions.
-        direction: tool direction of each judging pose.
+        residual: method → residuals (5 · POSITIONS, 6), in the order of the directions.
+        direction: tool direction of each test pose.
         fit: the joint fit.
         calibrating: joint values of the poses that were fitted (5 · CALIBRATION, 6).
     """
@@ -242,7 +242,7 @@ def geometric_mean(values: np.ndarray) -> float:
 
 
 def trial(scenario: Scenario, seed: int) -> Trial:
-    """Simulate reference, calibrating and judging poses in a scenario; fit all methods."""
+    """Simulate reference, calibration and test poses in a scenario; fit all methods."""
     scene = StudyScene.of(scenario, seed)
     robot = cast(URArm, scene.model.robot)
     rng = np.random.default_rng([seed, 1])
@@ -337,7 +337,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
 
 
 def repetition(seed: int, number: int) -> list[Row]:
-    """Rows of the results table of one scenario with its own poses and noise."""
+    """Rows of the results table of task ``number``: a scenario with its own poses and noise."""
     k, which = divmod(number, len(SCENARIOS))
     return [row | {"repetition": k} for row in trial(SCENARIOS[which], 1000 * seed + k).rows()]
 
@@ -416,7 +416,7 @@ def _summary(first: Trial, table: pa.Table) -> dict[str, Any]:
 
 
 def _bound(one: Trial) -> float:
-    """Cramér–Rao bound [m] of the CoG's error in a trial, for averaged white noise alone."""
+    """Cramér–Rao bound [m] of the CoG's error in a trial, if noise were white and averaged."""
     scene, q = one.scene, one.calibrating
     columns = scene.model.parameters.select(FREE)
     std = scene.noise.white / np.sqrt(SAMPLES)
@@ -430,7 +430,7 @@ def _bound(one: Trial) -> float:
 
 
 def _lead(summary: dict[str, Any]) -> str:
-    """Sentences on the largest force that each method leaves, also with a wrong stated mass."""
+    """Text on the largest force that each method leaves, also with a wrong stated mass."""
     worst = {m: max(summary["force"][d][m] for d in DIRECTIONS) for m in ORDER}
     wrong = summary["scenarios"][SCENARIOS[2].name]
     return (
