@@ -1,7 +1,7 @@
 """The chain from joint values to readings with effects, in closed form.
 
 `EffectChain` is the one place that walks the stages; diagnosis, twin and export use it. Effects are
-named here as on the command line: ``joint.compliance:joint=2,stiffness=1.4e4``.
+named as by ``--effect`` (public): ``joint.compliance:joint=2,stiffness=1.4e4``.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The truth of each case, and what each method claimed about it: all that is scored."""
+"""Truth of each case and claims about it: all that is scored; sealed files hold an `Answer`."""
 
 import json
 import math

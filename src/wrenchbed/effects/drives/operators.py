@@ -1,6 +1,6 @@
-"""Operators with memory on the motion or the torque of a joint, for friction and drives.
+"""Operators with memory on rows (N,) of the motion or torque of a joint, for friction and drives.
 
-Each maps rows of one joint (N,) to rows (N,); `stop` and `play` also those of a sensor's channels.
+`effects.sensor_…`, `drives.signals` and `diagnosis.efforts` use some too (`stop`, `REST` …).
 """
 
 from functools import lru_cache
