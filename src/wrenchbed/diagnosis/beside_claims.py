@@ -28,12 +28,12 @@ from wrenchbed.diagnosis.result import cause, rival
 def minor(
     a: Analysis, verdict: Verdict[Explanation], spread: float, right: float = 1.0
 ) -> list[dict[str, Any]]:
-    """Entries of ``minor``: effects that are detected, but too small to be claimed.
+    """Entries of ``minor`` of diagnosis.json: detected effects that are too small to be claimed.
 
     Args:
         a: explanations of the recording, with probabilities.
-        verdict: its claims are not listed again. With `unknown` only explanations without a large
-            part speak for an effect: the others were refuted.
+        verdict: its claims are not listed again. Under ``unknown`` explanations with a claimable
+            cause do not count for an effect: they were refuted.
         spread: factor on standard uncertainties, see `Reliability`.
         right: share of claims that are right, an upper limit of each probability.
     """
@@ -105,7 +105,7 @@ def _numbers(a: Analysis, f: Finalist, name: str, spread: float) -> dict[str, An
 
 
 def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[dict[str, Any]]:
-    """Entries of ``fitted``: bias, mass and CoG fitted together with the explanation."""
+    """Entries of ``fitted`` of diagnosis.json: bias, mass and CoG beside the explanation."""
     d, configuration = a.dictionary, a.prepared.configuration
     estimate = stated(a.refitter, verdict.explanation.finalist)
     size = d.size[d.stated]

@@ -60,8 +60,8 @@ MOST_ROUNDS = 3
 LEFT = 1.0
 """Gap on held-out rows from which outliers are looked for although causes are named."""
 MOST_SPELLS = 3
-"""Times at which something may disagree with all the rest where there is no cause: more often it is
-a fault that comes and goes, which has a name."""
+"""Most separate times at which rows disagree with all others under the verdict ``none``: more often
+it is a fault that comes and goes."""
 OFTEN = "the rows set aside disagree at many times, each differently: an intermittent fault"
 """Note on a recording in which rows disagree at more times than a cause explains."""
 AGAIN = "the rows set aside show the jump of the zero again: a fault that comes and goes"
@@ -72,12 +72,12 @@ PROBABLE = 0.8
 """Probability that another cause needs beside a contact, which leaves few rows to separate them;
 below the 0.85 that is believed of recordings unlike those that taught."""
 CLEARER = 0.3
-"""Rows are set aside where the answer without them leaves less than this part of the gap."""
+"""Largest share of the remaining gap that an answer without outliers leaves; else they stay."""
 UNLIKE = (
     ", which this recording is unlike: claims are believed to "
     f"{100.0 * RIGHT_ELSEWHERE:.0f} % at most, as on real robots"
 )
-"""What is said of a recording unlike those that taught the probabilities."""
+"""Text on a recording unlike the cases from which the probabilities were learnt."""
 Progress = Callable[[str], None]
 """Called with the name of each step as it begins."""
 
@@ -89,12 +89,12 @@ class Findings:
     Attributes:
         diagnosis: the answers.
         analysis: linear and nonlinear analysis behind them.
-        verdict: on the means of readings.
+        verdict: decision on the means of readings.
         rows: effects that show between rows only.
-        places: where the calibrated residual lies.
-        plans: of the proposed experiments, by file name.
+        places: what the calibrated residual varies with.
+        plans: plans of the proposed experiments, by file name.
         scattered: sentence on row scatter beyond all that is named; empty if it is little.
-        seed: of the split into folds and of all permutations.
+        seed: random seed of the split into folds and of all permutations.
     """
 
     diagnosis: Diagnosis
@@ -143,7 +143,7 @@ class Examined(NamedTuple):
     """Decision on one recording, outliers set aside, and effects that the row scatter shows.
 
     Attributes:
-        known: shares of claims that are right.
+        known: learnt shares of claims that are right.
         between: effects that show between rows only.
         scattered: sentence on unexplained scatter between rows; empty without any.
     """
@@ -320,7 +320,7 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
 
 
 def least_beside(touch: Touch | None) -> float:
-    """Smallest probability of a cause: 0 without a contact, infinite with an unknown one."""
+    """Least probability of a cause beside a contact: 0 without one, infinite if it is unknown."""
     if touch is None:
         return 0.0
     return PROBABLE if touch.parameters is not None else np.inf
@@ -398,7 +398,7 @@ def _next(
     a: Analysis, verdict: Verdict[Explanation], places: Sequence[varies_with.Finding], seed: int
 ) -> tuple[dict[str, Plan], list[dict[str, Any]]]:
     """Plans of the proposed experiments by file name, and the entries of ``next``: for an unknown
-    cause about the first of ``places``, or what its free form follows."""
+    cause about the first of ``places``, or what a smooth function of the residual follows."""
     unknown = verdict.word == UNKNOWN
     rivals = [n for c in verdict.causes if len(c.names) > 1 for n in c.names]
     several = [c.elements[c.names[0]] for c in verdict.causes if c.open_elements]

@@ -24,15 +24,15 @@ from wrenchbed.effects.scene import Scene
 Place = tuple[str, str, float, float]
 """Effect, detail, share and p-value of an entry of ``where``."""
 _HALVINGS = 5
-"""Halvings of the last step when the edge of a range within which nothing changes is searched."""
+"""Bisections for the edge of a variable's range within which no reading changes."""
 _FINEST = 2.0**-14
-"""Smallest step, in typical sizes, in a search for that edge."""
+"""Smallest step, in typical sizes, for the edge of a range within which no reading changes."""
 _SLOPE = 1e-3
-"""Step, in standard uncertainties, along which a slope is taken: far below what bends."""
+"""Finite-difference step of a derivative, in standard uncertainties: small beside curvature."""
 UNEXPLAINED = 0.2
-"""Share of the calibrated gap that causes may leave without a note."""
+"""Largest share of the calibrated gap that causes leave without a note."""
 WRONG_SIGMAS = 3.0
-"""Standard uncertainties by which a stated number of several is off to be listed as wrong."""
+"""Standard uncertainties by which one of several numbers (bias, CoG) is off to be listed."""
 
 
 def causes(
@@ -42,7 +42,7 @@ def causes(
     spread: float,
     between: Iterable[RowFinding],
 ) -> list[dict[str, Any]]:
-    """Entries of ``which``, one a claimed cause; ``spread`` multiplies standard uncertainties."""
+    """Entries of ``which`` of diagnosis.json: claimed causes; ``spread`` multiplies each std."""
     result = []
     for c in verdict.causes:
         name, rivals = c.names[0], _rivals(a, verdict, c, spread)
@@ -93,7 +93,7 @@ def _of_elements(entry: Mapping[str, Any]) -> str:
 
 
 def with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Copy that lists, beside a joint's or link's number, those that the data cannot rule out."""
+    """Add to a joint's or link's number, in place, those that the data cannot rule out."""
     for key in ("joint", "link"):
         if key in parameters and len(names) > 1:
             others = [int(n.split()[1]) for n in names[1:]]
@@ -162,7 +162,7 @@ def numbers_of(a: Analysis, of: Elements, spread: float) -> dict[str, Any]:
 
 
 def _covariance(a: Analysis, f: Finalist, part: int, spread: float) -> np.ndarray:
-    """Covariance (k, k) [SI] of a part's variables, amplitudes before shapes."""
+    """Covariance (k, k) [SI] of a cause's k variables, amplitudes before shapes."""
     at = f.variables.of_parts([part])
     size = {p.name: p.tolerance for p in f.parts[part].effect.parameters(a.prepared.robot)}
     scale = spread * np.array([size[f.variables.name[i]] for i in at])
@@ -172,7 +172,7 @@ def _covariance(a: Analysis, f: Finalist, part: int, spread: float) -> np.ndarra
 def _size(
     scene: Scene, f: Finalist, k: int, values: Values, covariance: np.ndarray
 ) -> dict[str, dict[str, Any]]:
-    """Quantities of `Effect.size` of part k, with ± by their slopes along its variables."""
+    """Quantities of `Effect.size` of cause k, with std by derivatives and its ``covariance``."""
     part, v = f.parts[k], f.variables
     names = [v.name[i] for i in v.of_parts([k])]
     steps = _SLOPE * np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
@@ -389,7 +389,7 @@ def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> D
 
 
 def _touched(touch: Touch, text: str) -> dict[str, Any]:
-    """Entry of ``where`` for a contact."""
+    """Entry of ``where`` of diagnosis.json for a contact; ``text`` ends its sentence."""
     much = f"{100 * touch.share:.0f} % of the squared force that weight and inertia leave"
     return {
         "subsystem": "environment", "detail": touch.detail, "share": touch.share,

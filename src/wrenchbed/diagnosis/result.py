@@ -22,7 +22,7 @@ class Scale(NamedTuple):
     Attributes:
         noise: standard deviation of a row's noise.
         material: residual that counts as a gap of 1.
-        unit: of both.
+        unit: unit of both.
     """
 
     noise: float
@@ -31,7 +31,7 @@ class Scale(NamedTuple):
 
 
 def named_by(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names of an entry of ``which``, effect first, then rivals; of format 2 or 1."""
+    """Names in an entry of ``which`` of diagnosis.json (format 1 or 2): effect, then rivals."""
     rivals = (r["effect"] if isinstance(r, Mapping) else r for r in entry.get("rivals", ()))
     return (str(entry["effect"]), *map(str, rivals))
 
@@ -41,7 +41,7 @@ def cause(
     rivals: Sequence[Mapping[str, Any]] = (), closed_share: float | None = None,
     elements: Sequence[str] = (),
 ) -> dict[str, Any]:  # fmt: skip
-    """Make an entry of ``which``."""
+    """Make an entry of ``which`` of diagnosis.json; ``closed_share`` of the gap, 0…1."""
     return {
         "effect": effect,
         "elements": list(elements),
@@ -56,7 +56,7 @@ def cause(
 
 
 def rival(effect: str, probability: float, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Make an entry of ``rivals``, with the elements and parameters in ``numbers``, if any."""
+    """Make an entry of ``rivals`` of a cause, with elements and parameters of ``numbers``."""
     return {
         "effect": effect,
         "elements": numbers.get("elements", []),
@@ -90,24 +90,24 @@ class Diagnosis:
         robot: registry name.
         verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
         gap: gaps on held-out rows, which no fit used.
-        where: subsystems with their share of the gap, as the contract has them.
-        which: claimed causes, as the contract has them.
-        probabilities: over the leading cause.
-        cannot_tell: sentences on what these data do not separate.
-        blind: what these data could not have shown.
-        next: experiments that would separate it.
+        where: subsystems with their share of the gap, as in docs/contracts.md.
+        which: claimed causes, as in docs/contracts.md.
+        probabilities: of each leading cause, ``none`` and ``unknown``; they sum to 1.
+        cannot_tell: sentences on causes that these data do not separate.
+        blind: effects that these data could not have shown.
+        next: experiments that would separate the causes, as in docs/contracts.md.
         twin: simulator corrected by the causes of the means.
-        seconds: that the diagnosis took.
+        seconds: duration of the diagnosis [s].
         notes: what a reader should know of the data: its noise, what was left out.
         between: effects that show between rows only, which the written twin has besides.
         set90: names, `none` and `unknown` possible, that contain the truth in 90 % of cases.
         others: names of further recordings of the robot that took part.
-        minor: detected effects with less gap than a cause, as the contract has them.
-        fitted: numbers that every fit takes up, as the contract has them.
-        scale: of each channel.
+        minor: detected effects with less gap than a cause, as in docs/contracts.md.
+        fitted: numbers that every fit frees, as in docs/contracts.md.
+        scale: noise and material residual by channel.
         familiar: sentence on the learning cases, and whether this recording is like them.
         familiar_p: conformal p-value that it is like them; None if not tested.
-        outliers: poses or stretches that were set aside, as the contract has them.
+        outliers: poses or stretches that were set aside, as in docs/contracts.md.
     """
 
     recording: str
@@ -176,8 +176,7 @@ class Diagnosis:
 
     @property
     def rms(self) -> dict[str, dict[str, Any]]:
-        """Rms residual of each channel beyond noise, ``before`` and ``after`` the claimed
-        effects."""
+        """Rms residual beyond noise, by channel, ``before`` and ``after`` the effects; and unit."""
         return {
             c: {k: s.material * float(np.sqrt(max(v, 0.0))) for k, v in gaps.items()}
             | {"unit": s.unit}
@@ -203,7 +202,7 @@ def _ends(x: Interval | None) -> list[float] | None:
 
 
 def plain(x: Any) -> Any:
-    """Copy in which numpy's numbers are Python's, and those that are not finite null."""
+    """Copy in which numbers of numpy are Python's, and those that are not finite None."""
     if isinstance(x, Mapping):
         return {str(k): plain(v) for k, v in x.items()}
     if isinstance(x, list | tuple):

@@ -1,8 +1,8 @@
 """Diagnose several recordings of one robot together: what belongs to the robot is in all of them.
 
-Every recording is analysed by itself. Each structure that explains one of them is then fitted to
-all (`explain.refit`), and the joint evidence is treated as a single recording's: verdict, held-out
-rows, reliability. Held-out rows of all recordings weigh alike.
+Every recording is analysed by itself. Each set of causes that explains one of them is then fitted
+to all (`explain.refit`), and the joint evidence is treated as a single recording's: verdict,
+held-out rows, reliability. Held-out rows of all recordings weigh alike.
 """
 
 import time
@@ -39,11 +39,11 @@ from wrenchbed.errors import CalibrationError, DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 
 MOST = 10
-"""Explanations of each recording that are fitted to all: further ones have no probability."""
+"""Most explanations of each recording that are fitted to all: further ones are improbable."""
 LEADING = 2
-"""Explanations of each recording whose effects are also combined with another recording's."""
+"""Number of each recording's explanations that are also combined with another recording's."""
 MUST_AGREE = ("robot", "sensor.model", "sensor.pose_flange", "gravity")
-"""Metadata that are the same in all recordings of a robot, where they are stated."""
+"""Metadata fields that must be the same in all recordings of a robot, where they are stated."""
 _Key = frozenset[tuple[object, ...]]
 
 
@@ -178,7 +178,7 @@ def together(analyses: Sequence[Analysis]) -> Analysis:
 
 
 def rank(refitters: Sequence[Refitter], analyses: Sequence[Analysis]) -> Ranking:
-    """Rank all structures that explain one recording, after a fit to all recordings."""
+    """Rank all sets of causes that explain one recording, after a fit to all recordings."""
     nothing = refitters[0].nothing()
     drafts = _drafts(refitters, [a.ranking for a in analyses])
     fitted = [d.refitter.fit(d.parts, d.rung, d.x).each[0] for d in drafts]
@@ -199,7 +199,7 @@ def rank(refitters: Sequence[Refitter], analyses: Sequence[Analysis]) -> Ranking
 
 
 def _mixed(refitters: Sequence[Refitter], best: Finalist) -> float:
-    """Log posterior of an unknown cause beside a finalist, in recordings that it makes likelier."""
+    """Log posterior of an unknown cause beside a fitted set, in recordings that it explains."""
     base = best.log_posterior + float(np.log(MORE / PRIOR["one"]))
     more = [
         float(logsumexp([s.log_posterior for s in r.added(f) if s.index < 0])) - base
@@ -209,7 +209,7 @@ def _mixed(refitters: Sequence[Refitter], best: Finalist) -> float:
 
 
 class _Draft(NamedTuple):
-    """Set of causes to fit to all recordings: one recording's form and start values (k,)."""
+    """Set of causes to fit to all recordings: variants and start values (k,) of one of them."""
 
     refitter: Refitter
     parts: tuple[Hypothesis, ...]
@@ -260,7 +260,7 @@ def _mean(refitters: Sequence[Refitter], gaps: Sequence[float]) -> float:
 
 
 def _explained(refitters: Sequence[Refitter], f: Finalist) -> Explanation:
-    """Explanation by the parts that count over all recordings' rows, and what remains."""
+    """Explanation by the causes that count over all recordings' rows, and the remaining gap."""
     each = [explained(r, g) for r, g in zip(refitters, f.each, strict=True)]
     parts = list[Part]()
     for k in sorted({p.index for e in each for p in e.parts if p.index is not None}):
@@ -285,7 +285,7 @@ def _explained(refitters: Sequence[Refitter], f: Finalist) -> Explanation:
 
 
 def _same(refitters: Sequence[Refitter], f: Finalist, k: int, name: str, share: float) -> bool:
-    """Whether an effect makes a part's readings with the same parameters in all recordings."""
+    """Whether an effect makes the readings of cause k with equal parameters in all recordings."""
     both = zip(refitters, f.each, strict=True)
     target = np.concatenate([r.d.without_stated(made_by(r, g, [k])) for r, g in both])
     first = refitters[0]

@@ -23,9 +23,9 @@ TURNS_S = 3.0
 """Time of a turn between orientations of a robot without a model [s]."""
 _SWEPT = 16
 _SWEEP = 2.6
-"""Sweep of a rotary joint to either side [rad]."""
+"""Largest sweep of a rotary joint to either side [rad]."""
 _FAST_S, _SLOWER, _RATE, _LOOK = 10.0, 3, 125.0, 5
-"""A motion [s], how much slower it is done again, its rate [Hz]; one row in five is looked at."""
+"""Length of a motion [s], factor by which it is repeated slower, rate [Hz]; 1 row in 5 is used."""
 _HOLDS, _HOLD_S = 20, 30.0
 _HOLD_ROWS = 60
 
@@ -103,7 +103,7 @@ class Action:
         session: its rows, with those of the recording if it continues that.
         minutes: duration [min].
         plan: plan to run; None where there is nothing to plan.
-        variables: names of the kernels on which the residual's dependence would show.
+        variables: variables on which a dependence of the residual would show.
     """
 
     text: str
@@ -114,7 +114,7 @@ class Action:
 
 
 def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Iterator[Action]:
-    """Recordings that this robot can make next, after one whose scene is at the baseline."""
+    """Recordings that this robot can make after ``prepared``, whose scene is calibrated."""
     at_rest = () if prepared.moving else (_revisit, _hold)
     for make in (_poses, _payload, *at_rest, _motion):
         yield from filter(None, [make(prepared, seed)])

@@ -36,24 +36,24 @@ LEAST_MINOR = 0.1
 MISSED = 0.05
 """Share of recordings in which a fault of the size s95 may stay unreported."""
 ORDINARY = 0.5 * MOST
-"""Standard deviation of what a healthy robot has of an effect, in typical sizes: a fault adds to
-it, or takes from it."""
+"""Standard deviation of an effect's size in healthy robots, in typical sizes: a fault adds to it,
+or takes from it."""
 PLAUSIBLE = 8.0
-"""Largest plausible over typical size of an effect, as `LARGEST_SCALE` of the search."""
+"""Largest plausible size of an effect, in typical sizes, as `LARGEST_SCALE` of the search."""
 ALIKE = 0.05
-"""Share of a signature's square, over noise and background, that an effect which makes the same
-readings leaves at most: of 60 poses such effects leave 0.04, others 0.3 or more."""
+"""Largest share of the squared readings of an effect, over noise and background, that a rival
+leaves: at 60 poses effects that make the same readings leave 0.04, others 0.3 or more."""
 UNSEEN = 1e-6
-"""Share of a signature below which a fit of bias, mass and CoG leaves rounding alone."""
+"""Share of an effect's gap below which a fit of bias, mass and CoG leaves rounding alone."""
 SQUARES = (1e-2, 1e6)
-"""Squares, over noise and background, between which evidence becomes enough: beyond the larger one
-a fault makes a gap of hundreds."""
+"""Interval of squared readings, over noise and background, in which the least detected one is
+searched: beyond it a fault makes a gap of hundreds."""
 HALVINGS = 40
-"""Halvings of that interval's logarithm: to a part in 10⁹."""
+"""Bisections of the logarithm of `SQUARES`: to a part in 10⁹."""
 FIRST = ("joint.offset", "link.length")
 """Effects that are named first among those that a recording cannot show."""
 MOST_NAMED = 4
-"""Elements of an effect that a headline names; of more it names the effect."""
+"""Most elements of an effect that a headline names; for more it names the effect alone."""
 NOTHING = "no effect on these readings"
 HIDDEN = "hidden by the fit of {usual}"
 FAINT = "shows at no size that may occur"
@@ -69,7 +69,7 @@ class BlindSpot:
         effect: its name.
         element: the joint, link, axis or channel; empty for the whole effect.
         smallest: size that 95 % of recordings would report; None if no size shows.
-        unit: of that size.
+        unit: unit of that size.
         why: why no size shows, in words.
     """
 
@@ -136,7 +136,7 @@ class Design:
         return tuple(replace(w, typical_gap=self._gap(w)) for w in result)
 
     def _gap(self, w: Hypothesis) -> float:
-        """Gap of a signature at its typical size; 0 if the usual fit takes it."""
+        """Gap of a variant at its typical size; 0 if a fit of bias, mass and CoG takes it up."""
         before = self.d.configured_gap[w.columns]
         after = before if w.name in STATED else self.d.column_gap[w.columns]
         gap = float(after[after > UNSEEN * before].sum())
@@ -144,8 +144,8 @@ class Design:
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """s95 of each signature (W,), common to its numbers, in typical sizes; infinite if nothing
-        shows."""
+        """Size (W,), in typical sizes, from which 95 % of such recordings report each of the W
+        `signatures`; infinite if nothing shows."""
         every, known = self.signatures, {h.name for h in self.searcher.hypotheses}
         result, gaps = np.full(len(every), np.inf), np.array([w.typical_gap for w in every])
         shown = ((k, w) for k, w in enumerate(every) if w.name in known and w.typical_gap > 0.0)
@@ -158,7 +158,7 @@ class Design:
         return result
 
     def rivals(self, w: Hypothesis) -> tuple[str, ...]:
-        """Names of other effects that can make a signature's readings at sizes that may occur."""
+        """Names of other effects that can make the readings of ``w`` at sizes that may occur."""
         columns = self.d.E[:, w.columns]
         level, nothing = self.searcher.rungs[self.rung].level, np.zeros((0, len(self.d.label)))
         scores, nulls = level.scored(columns)
@@ -205,8 +205,8 @@ class Showing:
 
     Attributes:
         effect, variant: names; the variant is empty if no size shows.
-        smallest: s95 of its numbers, in typical sizes; None if no size shows.
-        size: value and unit of each parameter at that multiple.
+        smallest: size that 95 % of recordings report, in typical sizes; None if no size shows.
+        size: value and unit of each parameter at the size ``smallest``.
         detectable: whether that size may occur.
         rivals: effects that can make the same readings.
     """
@@ -313,8 +313,8 @@ def _spot(
 def _without_variant(
     d: EffectDictionary, effect: Effect, ways: Sequence[Hypothesis]
 ) -> list[BlindSpot]:
-    """Blind spots of elements for which the design has no variant: they change nothing, or only the
-    weight on the joints, in which they are not searched."""
+    """Blind spots of elements for which the design has no variant: they change nothing, or only
+    joint torques at rest, in which they are not searched."""
     why = NOT_SOUGHT if any(c.by_pose for c in d.prepared.channels) else NOTHING
     known = {n for w in ways for n in (*w.variant.free, *w.variant.at)}
     names = [p.name for p in effect.parameters(d.prepared.scene.robot) if p.name not in known]

@@ -31,7 +31,7 @@ from wrenchbed.simulation.closed_form import Model
 SAMPLES, RATE, SEED = 60, 100.0, 0
 """Rows at a pose, their rate [Hz], and the seed of their noise."""
 RUNG = 1
-"""Background of ordinary imperfections that is assumed: the middle one of the normal ones."""
+"""Index of the assumed background level (size of imperfections): middle one of healthy robots."""
 
 
 def of_plan(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> Prepared:

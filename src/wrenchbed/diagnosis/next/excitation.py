@@ -85,7 +85,7 @@ def excite(
 
 
 class _Search:
-    """Motions of one robot, given by coefficients (1 + 2 H, J): middle pose, sines and cosines."""
+    """Motions of one robot by coefficients (1 + 2 H, J): middle pose, H sines and cosines."""
 
     def __init__(self, robot: SerialChain, seconds: float) -> None:
         self._robot, self._seconds = robot, seconds
@@ -126,7 +126,7 @@ class _Search:
         return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s) * wave
 
     def value(self, coefficients: np.ndarray, beaten: float) -> float:
-        """log det of the information; −∞ if not above ``beaten`` or if something is touched."""
+        """log det of the information; −∞ if not above ``beaten`` or if the arm collides."""
         q = self.motion(coefficients, np.linspace(0.0, self._seconds, _ROWS))
         gravity = np.asarray(self._robot.gravity)
         y = torque_regressor(self._robot, self._theta, q, gravity)[..., self._base]

@@ -33,11 +33,11 @@ Candidate = tuple[Hypothesis, np.ndarray]
 """An explanation: a variant and its amplitudes (k,) in typical sizes."""
 
 GAP = 0.3
-"""Gap of the background that every robot has."""
+"""Gap that the small imperfections of any robot are assumed to make."""
 EFFECTS, ROWS = 0.5, 0.5
 """Shares of the background `GAP`: small effects of the library, and what no effect makes."""
 FREE = 8.0
-"""Standard deviation of a rival's amplitudes, in typical sizes."""
+"""Prior standard deviation of a rival's amplitudes, in typical sizes."""
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
 LEAST = 0.05
 """Divergence [nat] that an experiment must add to be worth proposing: of two explanations with
@@ -45,7 +45,7 @@ equal priors, the right one is then selected in 63 % of cases."""
 SEPARATED = 0.1
 """Divergence [nat] that an experiment must add to two explanations to be said to separate them."""
 MOST_PROPOSED = 4
-"""Explanations that are compared, experiments that are proposed."""
+"""Largest number of explanations that are compared, and of experiments that are proposed."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Comparison:
         return result
 
     def columns(self, session: ExperimentRun) -> np.ndarray:
-        """Columns (C R, n) of a session at the recording's baseline, in its rows' noise."""
+        """Change of an experiment's readings by each chosen column, over their noise (C R, n)."""
         base, at = session.prepared, _with_payload(session)
         mode = "dynamic" if base.moving else "static"
         response, v0 = Response(at.scene, at.channels), row_variance(base, ROWS * GAP)
@@ -128,8 +128,8 @@ class Comparison:
         return np.asarray(result / np.sqrt(v0)[:, None])
 
     def information(self, session: ExperimentRun) -> np.ndarray:
-        """Information (n, n) on the columns' sizes from a session, and from the recording if it
-        continues that. Numbers of the session alone, such as its zero, are unknown."""
+        """Information (n, n) on the columns' sizes from an experiment, and from the recording if it
+        continues that. Numbers of the experiment alone, such as its zero, are unknown."""
         columns, at = self.columns(session), _with_payload(session)
         free, more = nuisance(session.prepared), list[np.ndarray]()
         if not session.again:
@@ -140,7 +140,7 @@ class Comparison:
         return _beyond(np.concatenate([free, *more], axis=1) / noise, np.concatenate(wide), columns)
 
     def after(self, session: ExperimentRun) -> np.ndarray:
-        """Information (n, n) from everything recorded, after a session."""
+        """Information (n, n) on the columns' sizes from all recordings and the experiment."""
         known = self._beside if session.again else self.known
         return np.asarray(known + self.information(session))
 
@@ -230,7 +230,7 @@ def _beyond(own: np.ndarray, variance: np.ndarray, columns: np.ndarray) -> np.nd
 
 
 def _with_payload(session: ExperimentRun) -> Prepared:
-    """Rows of a session, its scene with the payload."""
+    """Rows of an experiment, with its payload added to the tool."""
     base = session.prepared
     return base if session.payload is None else base.at(loaded(base, session.payload))
 
@@ -267,13 +267,13 @@ class Experiment:
     sentence: str
 
     def entry(self, plan: str | None) -> dict[str, Any]:
-        """Entry of ``next``, with the file name of the plan."""
+        """Entry of ``next`` of diagnosis.json, with the file name of the plan."""
         stated = {f.name: getattr(self, f.name) for f in fields(self)}
         return stated | {"separates": list(self.separates), "plan": plan}
 
 
 def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate, ...]:
-    """Best explanation with each named effect as a part, and its fitted amplitudes."""
+    """Variant of each named effect in the best explanation that has it, and its amplitudes."""
     chosen: dict[str, Candidate] = {}
     refitter, d = analysis.refitter, analysis.dictionary
     shown = {effect for effect, parameter in d.label if parameter}

@@ -1,4 +1,4 @@
-"""The usual fit of bias, tool mass and CoG, and the tolerances of the stated ones."""
+"""Calibration before any diagnosis: fit of bias, tool mass and CoG; tolerances of stated values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from wrenchbed.errors import DiagnosisError, ParameterError
 _DIFFERENCES = (1e-4, 1e-5, 1e-5, 1e-5)
 """Steps of finite differences in mass [kg] and CoG (3,) [m]."""
 _STEPS, _DONE = 5, 1e-9
-"""Gauss–Newton steps at most, and the change [kg, m] below which they end."""
+"""Largest number of Gauss–Newton steps, and the change [kg, m] below which they end."""
 MASS_SHARE, COG_M, BIAS_SIGMAS = 0.005, 5e-4, 3.0
-"""Default tolerances: share of the stated mass, CoG [m], bias in units of what counts."""
+"""Default tolerances: ratio to the stated mass, CoG [m], bias in units of a gap of 1."""
 MOST_ROUNDED = (0.05, 5e-3)
-"""Rounding of a stated mass (share of it) and CoG [m] that is granted at most: one digit of "0.1
-kg", and whole centimetres."""
+"""Largest tolerance by rounding of a stated mass (ratio) and CoG [m]: one digit of "0.1 kg", and
+whole centimetres."""
 
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """Simulator calibrated by the usual fit.
+    """Simulator calibrated by a fit of bias, tool mass and CoG.
 
     Attributes:
         configuration: simulator with the fitted mass, CoG and bias.
@@ -42,7 +42,7 @@ class Baseline:
         return self.configuration.robot_theta
 
     def with_configuration(self, stated: Configuration, beside: Configuration) -> "Baseline":
-        """Copy with the tool's mass and CoG as fitted beside a cause."""
+        """Copy with the tool's mass and CoG of ``beside``, as fitted together with a cause."""
         mass = np.array([beside.mass - stated.mass])
         moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}
         return Baseline(beside, {k: moved[k] for k in self.moved}, self.tolerance)
@@ -92,7 +92,7 @@ def load_slopes(prepared: Prepared, x: np.ndarray) -> np.ndarray:
 
 
 def _weighed(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Expected whitened rows (C R,) with a mass and CoG (4,)."""
+    """Expected whitened readings (C R,), C columns at R rows, with a mass and CoG (4,)."""
     at = _with_load(prepared, x).robot_theta
     return prepared.rows(prepared.at(at).expected).ravel()
 

@@ -1,7 +1,7 @@
 """Checks before a diagnosis: `enough` refuses what no method could diagnose.
 
-The checks are those of a calibration. A diagnosis refuses only what nothing can be learnt from;
-contacts, another tool or a jump of the zero in between it may set aside or name.
+The checks are those of a calibration. A diagnosis refuses only recordings that nothing can be
+learnt from; it may set aside or name contacts, another tool or a jump of the zero.
 """
 
 from wrenchbed.calibration.checks.examine import examine
@@ -12,8 +12,8 @@ from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.errors import DiagnosisError
 
 LEAST_POSES = 12
-"""Fewest poses of a diagnosis: their 72 readings must hold bias, mass and CoG, and leave blocks
-that are held out."""
+"""Fewest poses of a diagnosis: their 72 readings must determine bias, mass and CoG, and leave
+blocks that are held out."""
 LEAST_SECONDS = 5.0
 """Shortest motion of a diagnosis [s]: a shorter one leaves held-out blocks without motion."""
 

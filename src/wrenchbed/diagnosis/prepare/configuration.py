@@ -34,7 +34,7 @@ class Configuration:
 
     @cached_property
     def tool(self) -> Tool:
-        """What the sensor carries."""
+        """Tool that the sensor carries: mass, CoG and inertia."""
         return self.model.robot.tool(self.robot_theta)
 
     @property

@@ -28,30 +28,30 @@ CONTACT = EFFECT.name
 SURE = 0.99
 """Probability of a contact that is detected: no test of one recording can be surer."""
 BEYOND = 0.2
-"""Force that no imperfection of a robot in free space leaves, over the tool's weight: the largest
-gains, tilts and cables of the library are a tenth."""
+"""Least force of a contact over the tool's weight, more than imperfections in free space make: the
+largest gains, tilts and cables of the library are a tenth."""
 LEAST_S, LEAST_ROWS = 0.2, 20
-"""Length of a touch [s]; rows that must stay untouched."""
+"""Shortest touch [s], and fewest rows that must stay untouched."""
 ONE_POINT = 0.9
-"""Share of the torque's variance that one point explains, at least."""
+"""Least share of the torque's variance that a force at one point explains."""
 MARGIN = 3
 """Averaged rows on either side of a touch that are left out with it."""
 CLEAR = 10.0
-"""Force over the other poses' residual from which its direction is used: it is then known to 6°."""
+"""Least force, over other poses' rms residual, whose direction is used: it is known to 6°."""
 FORM = 0.05
-"""Error of a torque about the point over its lever, for what slides and rolls in contact."""
+"""Error of a contact's torque, over force times the tip's lever: contacts slide and roll."""
 REACH_M, REACH = 0.01, 0.2
-"""Distance of a contact from the tip (1 σ): a length [m] and a fraction of the tip's lever arm; a
-fingertip's size, and a tool touched along its last fifth."""
+"""Prior std of a contact's distance from the tip: a length [m] plus a fraction of the tip's lever
+arm; a fingertip's size, and a tool touched along its last fifth."""
 ONE_WAY = float(np.cos(np.radians(45.0)))
-"""Cosine between each push and their mean: friction of up to 0.5 (27°) leans both sides."""
+"""Least cosine between each push and their mean: friction of up to 0.5 (27°) leans both sides."""
 LEAN = float(np.cos(np.radians(35.0)))
-"""Cosine between a push and a surface's normal: friction of 0.5 (27°), direction's error."""
+"""Least cosine between a push and a surface's normal: friction of 0.5 (27°), direction's error."""
 PROBABLE, ONE_POSE = 0.97, 0.8
-"""Probability of a contact where all three hold, and where but one pose shows them: of pushes and
-wrong rows at one random pose up to 9 % pass, at two 0.3 %."""
+"""Probability of a contact that passes the three tests of `contact_of`, at several poses and at
+one: of pushes and wrong rows at one random pose up to 9 % pass, at two 0.3 %."""
 REFUTED = 1e-3
-"""Tail probability of the torques about one point below which they act at no one point."""
+"""Tail probability of the misfit below which the forces do not act at one point."""
 
 
 def find_contact(prepared: Prepared) -> Touch | None:
@@ -146,8 +146,8 @@ def _levers(force: np.ndarray) -> np.ndarray:
 
 
 def contact_of(p: Prepared, outliers: Sequence[np.ndarray], reading: np.ndarray) -> Touch | None:
-    """Contact that outliers (masks of observations (H,)) show by the three facts; None if one of
-    them fails. ``reading`` (M, 6) [N, N·m] is of a simulator of all other rows."""
+    """Contact shown by outliers (masks of observations (H,)): forces at the tip, one way, and the
+    tip deepest there; None if one fails. ``reading`` (M, 6) [N, N·m]: simulated by all others."""
     p = p.leading
     if not outliers or not p.scene.jointed:
         return None
@@ -172,7 +172,7 @@ def contact_of(p: Prepared, outliers: Sequence[np.ndarray], reading: np.ndarray)
 def _point_near(
     error: np.ndarray, usual: np.ndarray, tip: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Point r (3,) of T = r × F near the tip, by rows (H, 6); its std; tail probability of both.
+    """Point r (3,) of T = r × F near the tip; its std (3,); tail probability of the misfit.
 
     Args:
         error: measured minus expected force and torque (H, 6) [N, N·m].
@@ -195,7 +195,7 @@ def _point_near(
 
 
 def _deepest(at: np.ndarray, touched: np.ndarray, aside: np.ndarray, way: np.ndarray) -> bool:
-    """Whether a plane, about across ``way``, separates touched tips from those not set aside."""
+    """Whether a plane nearly normal to ``way`` separates touched tips from those not set aside."""
     normals = np.vstack([way, sphere(WAYS)])
     normals = normals[normals @ way >= LEAN]
     height = at @ normals.T

@@ -1,9 +1,9 @@
 """Channels beside the wrench, or instead of it, join the observations at rest.
 
 The unit of such a channel, a gap of 1, is the noise of one observation: the largest of its rows'
-scatter, of what neither nuisance nor effects explain, and of its sensor's floor; where joints are
-stuck in friction, ordinary errors of sensors and links are added. Of a single channel with repeated
-rows the unexplained part is no noise: it remains a gap, of unknown cause.
+scatter, of the residual that no effect explains, and of its sensor's floor; where joints are stuck
+in friction, ordinary errors of sensors and links are added. If it is the only channel and has
+repeated rows, the unexplained residual is no noise: it remains a gap, of unknown cause.
 """
 
 from dataclasses import replace
@@ -85,7 +85,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
 def _unexplained(
     channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
 ) -> float:
-    """Standard deviation of what neither nuisance nor effects explain of a residual (H k,)."""
+    """Standard deviation of a residual (H k,) that no effect or unknown of the sensor explains."""
     nuisance = flat(channel.nuisance(scene)[scene.held])
     imperfect = flat(channel.imperfections(scene)[scene.held])
     of_effects = _of_effects(channel, scene)
@@ -95,8 +95,8 @@ def _unexplained(
 def _by_pose(
     channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
 ) -> tuple[Channel, np.ndarray, np.ndarray]:
-    """Channel with the fitted sizes of its imperfections (the usual ones at most), standard
-    deviation (k,) of what nothing explains of a residual (H k,), and rms (k,) of the
+    """Channel with imperfections at fitted sizes (at most the usual ones), std (k,) of what nothing
+    explains of the residual (H k,), of H observations of k columns, and rms (k,) of its
     imperfections."""
     width, held = expected.shape[1], scene.held
     sensors, others = ([flat(kind[held]) for kind in kinds] for kinds in channel.kinds(scene))

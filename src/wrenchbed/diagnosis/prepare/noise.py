@@ -19,28 +19,28 @@ EDGE, ABOVE = 0.3, 4.0
 """Noise is taken from frequencies above ``EDGE`` times the rate of the averages, where no gap lies,
 up to ``ABOVE`` times that edge."""
 STRETCH_S, LEAST = 1.0, 32
-"""Length of a stretch [s], and its least number of rows."""
+"""Length [s] of the stretches of a motion that are compared, and their least number of rows."""
 QUIET = 0.2, 0.5
-"""Shares of stretches that are quieter; the smaller of both estimates counts."""
+"""Quantiles of the stretches' power that give the noise; the smaller of both estimates counts."""
 HANN = (4 / 9, 1 / 36)
 """Correlation of a periodogram's neighbours under a Hann window (Welch 1967)."""
 OVER, CHANCE = 1.5, 1e-3
-"""Scatter within poses over the stated noise from which it is another one, more than data sheets
-vary by, beyond what random scatter exceeds with this probability: once in a thousand recordings."""
+"""Ratio of the scatter within poses to the stated noise above which the latter is wrong, more than
+data sheets vary by, and the probability that chance exceeds it: once in a thousand recordings."""
 MOVE_S, TOGETHER = 0.1, 0.7
-"""A sensor forgets its noise within this time [s], a motion does not: rows that far apart share
-more than half of their variance, with this correlation or more."""
+"""Lag [s] after which a sensor's noise is forgotten and a motion is not, and the correlation of
+rows at that lag from which they move: they share more than half of their variance."""
 AT_ONE, NEIGHBOURS, LEAST_IN_POSE = 0.6, 3, 32
-"""Share of the scatter at one frequency, within so many bins (the window's main lobe), from which
-it is periodic, and rows that a pose needs for that: twice what white noise has of so many, 0.3 at
-most."""
+"""Share of the scatter within this number of frequency bins (the window's main lobe) from which it
+is periodic, and rows that a pose needs for the test: twice the share that white noise has in them,
+0.3 at most."""
 
 
 def noise_in_motion(
     residual: np.ndarray, period: float, stride: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Noise variance (6,) of a row, and of the average of ``stride`` rows times ``stride``, from
-    the residual of rows (N, 6), in its unit squared, at a period [s]."""
+    """Noise variance (6,) of a row, and that of averages of ``stride`` rows times ``stride``, from
+    the residual of rows (N, 6), in its unit squared, sampled each ``period`` [s]."""
     from scipy.signal import spectrogram  # slow to load: only when it is used
 
     length = min(len(residual), max(LEAST, round(STRETCH_S / period)))

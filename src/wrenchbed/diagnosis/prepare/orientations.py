@@ -25,22 +25,22 @@ from wrenchbed.physics.wrench import Tool
 RATE_HZ = 25.0
 """Rate of the averages [Hz]: slower ones smooth the hand's motion, faster ones only cost time."""
 EVEN = 0.2
-"""Largest departure of a step from the mean one, relative."""
+"""Largest relative departure of a time step from the mean one."""
 STILL = 0.02
 """Rate of turn [rad/s] below which the tool counts as at rest."""
 LEAST_STILL = 5
 """Fewest averaged rows at rest from which an accelerometer's gain and zero are fitted, one more
 than the four unknowns of an axis; with fewer all rows are used, although motion disturbs them."""
 SCALE, ZERO = 0.01, 1.0
-"""Standard deviations of an accelerometer's gain, relative, and zero [m/s²], before it is seen."""
+"""Prior standard deviations of an accelerometer's gain (ratio) and zero [m/s²]."""
 
 
 class Averages(NamedTuple):
-    """Averages of N rows under a Hann window of two strides, one a stride.
+    """Averages of N rows under a Hann window two strides long, one average per stride.
 
     Attributes:
         stride: number of rows from one average to the next.
-        weight: of the rows in the window (2 stride,), sum 1.
+        weight: weights of the rows in the window (2 stride,), sum 1.
     """
 
     stride: int
@@ -125,8 +125,8 @@ def averaged(
 def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndarray) -> np.ndarray:
     """Noise variance of an average (6,) [N², (N·m)²]: of the reading, and of its inertial load.
 
-    Faster motion that passes the averaging is measured; a row at rest is white. The accelerometer
-    samples at other times, and less often, so each average has a random share of it.
+    The part of fast motion that passes the averaging is measured; noise of rows at rest is white.
+    The accelerometer samples at other times, less often, so an average has a random share of it.
 
     Args:
         tool: the load on the sensor.
@@ -174,7 +174,8 @@ def accelerations(
 
 
 def _own_reading(read: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Gain and zero (4, 3) of an accelerometer, fitted near 1 and 0 to readings at rest."""
+    """Gain and zero (4, 3) of an accelerometer, fitted near 1 and 0 to readings ``read`` (M, 3) at
+    rest, where it should read ``weight`` (M, 3) [m/s²]."""
     design = np.column_stack([weight, np.ones(len(weight))])
     noise = max(float((read - weight).std(axis=0).mean()) / 3.0, 1e-3)
     trust = np.diag(noise**2 / np.array([SCALE, SCALE, SCALE, ZERO]) ** 2)

@@ -25,15 +25,15 @@ from wrenchbed.physics.time_derivatives import value
 from wrenchbed.robots.base import Robot
 
 FINE = 10.0
-"""Rows kept per period of the wrench's fastest part, below which ``COUNTS`` of its power lies."""
+"""Rows kept per period of the frequency below which `COUNTS` of the wrench's power lies."""
 COUNTS = 0.999
 """Share of the expected wrench's power below the frequency that sets the rate of rows."""
 
 
 def prepare(recording: Recording, seed: int = 0, material: Material | None = None) -> Prepared:
-    """Check, whiten and split a recording, without rows in which something touches a bare tool.
+    """Check, whiten and split a recording; in motion without joints rows of a contact are left out.
 
-    The middle of a long motion is taken. ``material`` is a gap of 1, else one row's noise.
+    Of a long motion the middle is taken. ``material``: residual of a gap of 1, else a row's noise.
 
     Raises:
         DiagnosisError: these data allow no answer, and why.
@@ -64,7 +64,7 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
 def _without_wrench(
     recording: Recording, configuration: Configuration, data: Observations, seed: int
 ) -> Prepared:
-    """Prepared poses without any channel yet."""
+    """Prepared poses of a recording without a wrench, as yet without any channel."""
     block, fold = split(len(data), False, seed, 1, value(data.q))
     return Prepared(
         recording, configuration, scenes.of_recording(recording, configuration, data),
@@ -136,8 +136,7 @@ def _noise_at_rest(recording: Recording, data: Observations) -> np.ndarray:
 
 
 def _noise_of_averages(residual: np.ndarray, period: float, stride: int) -> np.ndarray:
-    """Scatter of averages over that of white noise, from rows (N, 6) in units of noise; at least 1
-    (6,)."""
+    """Variance (6,) of averages over that for white noise, ≥ 1, from rows (N, 6) over noise."""
     return np.maximum(1.0, noise_in_motion(residual, period, stride)[1])
 
 

@@ -25,16 +25,16 @@ from wrenchbed.sensors.base import Sensor
 from wrenchbed.simulation.closed_form import Model
 
 FOLDS = 4
-"""Parts of the blocks: each is held out once, from fits on all the others."""
+"""Number of folds (sets of blocks): each is held out once, from fits on all the others."""
 BLOCKS_IN_MOTION = 24
-"""Blocks of time that a motion is split into: each must outlast the noise's memory, and be one of
-many that are held out."""
+"""Number of blocks of time that a motion is split into: each must outlast the noise's memory, and
+be one of many that are held out."""
 SAME_POSE = 4
 """Decimals [rad, m] to which joint values of two visits of one pose agree."""
 RATES_HZ = (10.0, 25.0)
 """Range of rates to which a motion's rows are averaged before the linear analysis [Hz]."""
 PIECES = 4
-"""Parts of an average at least: what happens within them is simulated."""
+"""Fewest pieces that make an average; effects are simulated on the pieces."""
 
 
 class Material(NamedTuple):
@@ -46,8 +46,8 @@ class Material(NamedTuple):
     place: float | None = None
 
     def counts(self, units: Sequence[str], noise: np.ndarray) -> np.ndarray:
-        """Material residual (C,) of channels, by their units; their ``noise`` (C,) where the unit
-        has none."""
+        """Residual (C,) that counts as a gap of 1, by unit of each channel; its ``noise`` (C,) if
+        none is stated for the unit."""
         stated = {"N": self.force, "N·m": self.torque, "m": self.place}
         pairs = zip(map(stated.get, units), noise, strict=True)
         return np.array([n if size is None else size for size, n in pairs])
@@ -59,11 +59,11 @@ class Touch:
 
     Attributes:
         rows: whether each observation takes part in it (H,), boolean.
-        share: of the squared force that stated weight and inertia leave, within these rows.
+        share: share of the squared force, left by stated weight and inertia, within these rows.
         parameters: of the contact as a cause; None if its force acts at no one point (unknown).
         detail: when and how strong, in words.
         sentence: on the contact, for people.
-        probability: that it is one.
+        probability: probability that it is a contact.
         what: word for the observations: samples or poses.
     """
 
@@ -89,9 +89,9 @@ class Prepared:
         count: number of rows behind each (H,), 0 where it repeats.
         covariance: of one row's noise (C, C), or of the material residual if the user states one.
             Its diagonal's roots are the units of whitened readings: a gap of 1.
-        noise: variance of an observation over that (C,): of one row's noise below 1 where rows were
-            averaged at rest; in motion of the averages of ``stride`` rows, times that, as they
-            scatter.
+        noise: variance (C,) of an observation over that of ``covariance``: below 1 where rows were
+            averaged at rest; in motion ``stride`` times the variance of averages of ``stride``
+            rows.
         source: where the noise of a row comes from, ``repeats``, ``stated``, or of another sensor
             than the wrench's ``residual``.
         block: number of the block of each observation (H,).
@@ -162,7 +162,7 @@ class Prepared:
 
     @property
     def usual(self) -> str:
-        """Words for what the usual fit has free, such as ``bias, mass and CoG``."""
+        """Text for the numbers that every fit frees, such as ``bias, mass and CoG``."""
         return "bias, mass and CoG" if self.has_wrench else self.channels[0].usual
 
     @property
@@ -207,7 +207,7 @@ class Prepared:
         return np.asarray((self.row_sigma / self.sigma) ** 2)
 
     def counting(self, material: Material) -> "Prepared":
-        """Copy with gaps in units of a user's material residual."""
+        """Copy in which the residual ``material`` counts as a gap of 1."""
         units = [unit for channel in self.channels for unit in channel.columns.values()]
         unit = material.counts(units, self.sigma)
         return replace(
@@ -257,7 +257,7 @@ class Prepared:
 
     @cached_property
     def excerpt(self) -> Recording:
-        """Recording to search for effects between rows: of a motion without rows set aside."""
+        """Rows in which effects between rows are searched; of a motion without those set aside."""
         if self.judged.all() or self.recording.metadata.mode != "dynamic":
             return scenes.excerpt(self.recording)
         t = self.scene.t[self.scene.held]
@@ -304,7 +304,7 @@ class Prepared:
         return replace(self, fold=np.where(rows, -1, self.fold))
 
     def rows(self, x: np.ndarray) -> np.ndarray:
-        """Whitened rows (R, C) of the fit, from all or the measured rows of the scene (M, C)."""
+        """Whitened rows (R, C) of the fit from readings of the scene (M, C) or measured (H, C)."""
         held = x[self.scene.held] if len(x) == len(self.scene) else x
         return self.averages(held / self.sigma)
 
@@ -343,7 +343,7 @@ class Prepared:
     def coarse(self) -> "Prepared":
         """Copy on averages of fewer rows, several of which make one of ``rows``.
 
-        They are short beside what moves, so that delays and filters act as on the rows themselves.
+        They are short beside the motion, so that delays and filters act as on the rows themselves.
         """
         inner = inner_stride(self.stride)
         if inner == 1:

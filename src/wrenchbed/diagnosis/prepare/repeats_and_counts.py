@@ -1,4 +1,4 @@
-"""Values that rows share: a channel's step, its limits, and rows that were sent again."""
+"""Values that repeat: a channel's quantisation step, its limits, and rows that were sent again."""
 
 from dataclasses import dataclass
 
@@ -7,28 +7,28 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 
 ON = 0.1
-"""A value is on a lattice if it is off by less than this part of its step."""
+"""Largest error, in steps, of a value that counts as a multiple of a quantisation step."""
 ALL = 0.97
-"""Least share of steps between rows that must be on the lattice."""
+"""Least share of changes between rows that are multiples of a quantisation step."""
 LEAST_STEPS = 20
-"""Fewest steps between rows from which a fraction of repeated rows is estimated."""
+"""Fewest changes between rows from which a quantisation step is estimated."""
 EXACT = 1e-9
-"""Values closer than this part of the range are the same number."""
+"""Difference over the channel's range below which two values are the same number."""
 FAR, FAR_TO_NEAR = 11, 1.5
-"""Distance [rows] at which only coarse counts show the same row again, and how much oftener they
-may do so next to each other."""
+"""Distance [rows] at which only coarse quantisation repeats a row, and factor by which neighbours
+may repeat more often."""
 FEW = 0.015
-"""Share of rows beyond what counts may make, below which no row is taken for a repeat."""
+"""Least share of repeats, beyond that of coarse quantisation, from which rows are stale."""
 DEVICES = (0, 1, 2), (3, 4, 5)
-"""Channels that a device of its own may deliver: a clipped channel repeats alone."""
+"""Groups of channels that a device may deliver alone: a single clipped channel is not one."""
 WINDOW = 64
-"""Rows over which a channel's own chance of repeating is taken."""
+"""Number of rows over which a channel's own share of repeats is averaged."""
 
 
 LEAST_PILE, PILE = 3, 5.0
-"""Rows that stand at exactly a channel's least or largest value, at least, and in multiples of
-those that come back to any value between, for that to be a limit: noise comes back to no number so
-often, and coarse counts to all."""
+"""Fewest readings at exactly a channel's least or largest value for it to be a limit, and least
+ratio of their number to that at any value between: noise repeats no value that often, coarse
+quantisation all of them."""
 
 
 def at_limits(wrench: np.ndarray) -> np.ndarray:
@@ -99,8 +99,8 @@ class Repeats:
     """Rows that repeat the row before.
 
     Attributes:
-        stale: whether each row does (N,), boolean.
-        share: of such rows.
+        stale: whether each row repeats the one before (N,), boolean.
+        share: share of repeated rows.
         std: standard uncertainty of the share.
         expected: share to expect from coarse quantisation alone.
         length: mean length of a run of repeats [rows].
@@ -154,8 +154,8 @@ def _repeats(again: np.ndarray, expected: float, channels: tuple[int, ...]) -> R
 def _chance(same: np.ndarray) -> float:
     """Share of repeats in all channels to expect from quantisation, for repeats by channel (M, 6).
 
-    The root of the product of the channels' own shares, window by window: six independent channels
-    would repeat together as often as the product says, fully correlated ones as often as one.
+    It is the root of the product of the channels' own shares, window by window, between the product
+    (independent channels) and the share of one channel (fully correlated ones).
     """
     used = len(same) // WINDOW * WINDOW
     share = same[:used].reshape(-1, WINDOW, 6).mean(axis=1)
@@ -163,17 +163,17 @@ def _chance(same: np.ndarray) -> float:
 
 
 def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
-    """Share of rows equal to an earlier one, with others between: only counts come back."""
+    """Share of rows equal to the one `FAR` rows before, others between: only quantised ones are."""
     changes = np.concatenate([[0], np.cumsum(~all_same)])
     same = (wrench[FAR:] == wrench[:-FAR]).all(axis=1)
     return float(np.mean(same & (changes[FAR:] > changes[:-FAR])))
 
 
 def _in_any_order(recording: Recording) -> float:
-    """Share of repeats in all channels if the rows of each pose came in any order; 0 where no value
-    comes back: so coarse counts repeat, and rows that are sent again do not.
+    """Share of repeats to expect if the rows of each pose came in random order, as by coarse
+    quantisation; 0 where no value comes back, as if rows are sent again.
 
-    Of a pose of n rows, c of them equal, so many are (c − 1) c / n on average.
+    Among n rows of a pose, c equal ones make (c − 1) c / n repeats on average.
     """
     pose = recording.columns.get("segment", np.zeros(len(recording)))
     rows = np.column_stack([pose, recording.wrench])
@@ -186,7 +186,7 @@ def _in_any_order(recording: Recording) -> float:
 
 
 def _continuous(y: np.ndarray) -> bool:
-    """Whether a channel's changes rarely have the same size twice, and no size is a limit."""
+    """Whether values of a channel (N,) hardly ever recur, apart from repeats of the row before."""
     fresh = y[np.concatenate([[True], y[1:] != y[:-1]])]
     if len(fresh) < WINDOW:
         return False

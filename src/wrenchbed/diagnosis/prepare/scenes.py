@@ -24,7 +24,7 @@ MOTION = 60_000
 ROWS = 1_000_000
 """Rows in which effects between rows are looked for: enough for a variance within 0.1 %."""
 LEAST_IN_HOLD, RUNS = 200, 100
-"""Last rows of every pose at least; else so many runs of rows, whatever the poses."""
+"""Fewest last rows of each pose in an excerpt; with fewer it has this number of even runs."""
 
 
 def of_poses(
@@ -107,7 +107,7 @@ def longest(recording: Recording, keep: np.ndarray) -> Recording:
 
 
 def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]:
-    """Notes on rows of a long recording that were left out."""
+    """Notes on rows of ``given`` that ``used`` lacks, or ``looked`` (searched between rows)."""
     if len(used) < len(given):
         first, last = used.t[0] - given.t[0], used.t[-1] - given.t[0]
         return (
