@@ -85,7 +85,7 @@ def calibrate_at_rest(
     prefix: str,
     groups: Sequence[str],
 ) -> DriveFit:
-    """Fit parameters of ``groups`` to efforts (N, J) of poses at rest, in the unit of ``prefix``.
+    """Fit parameters of ``groups`` to efforts (N, J) of poses at rest; prefix: ``tau`` or ``i``.
 
     Raises:
         CalibrationError: too few poses.
@@ -157,7 +157,7 @@ def added_load(
 
 
 def _fitted(p: RestProblem) -> tuple[np.ndarray, _Columns, Posterior]:
-    """Gains (J,), the problem linearised about these, and its solution."""
+    """Solve a problem: gains (J,), the problem linearised about these, and its fit."""
     gain, x = _gains(p)
     columns = y, free, ordinary, friction = _columns(p, gain, x)
     joint = np.tile(np.arange(p.y.shape[1]), len(p.y))

@@ -223,7 +223,7 @@ def arm_of(recording: Recording) -> SimulatedRobot:
     """Robot of a recording, with a model of its links.
 
     Raises:
-        NotFoundError: it has no model with links.
+        NotFoundError: the robot has no model with links.
     """
     robot = robot_of(recording)
     if not isinstance(robot, SimulatedRobot):
@@ -354,7 +354,7 @@ def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray
 
 
 def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
-    """Errors of each joint; each block of time as held out by the fit without it."""
+    """Errors of each joint; those of held-out blocks of time come from the fits without them."""
     unseen = np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]

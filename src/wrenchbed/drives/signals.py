@@ -119,7 +119,7 @@ def efforts_of(recording: Recording) -> tuple[str, np.ndarray]:
     """Prefix ``tau`` or ``i`` of a recording's efforts, and their rows (N, J) [N·m or N; A].
 
     Raises:
-        RecordingError: it has none.
+        RecordingError: the recording has no efforts.
     """
     prefix = recording.effort
     if prefix is None:

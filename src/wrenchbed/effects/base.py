@@ -352,7 +352,7 @@ class Effect(ABC):
         """Write the effect into a MuJoCo model, in place, if it can be; by default do nothing."""
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
-        """Robot's parameters (P,) that alone include the effect; None if no parameter can."""
+        """Robot's parameters (P,) that alone give the whole effect; None if no parameters can."""
         return None
 
 

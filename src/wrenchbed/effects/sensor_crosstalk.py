@@ -23,8 +23,8 @@ class SensorCrosstalk(ReadingEffect):
     ``x.fx.ty`` is what fx shows per ty. ``origin`` r is the shift of the sensing origin: the
     antisymmetric part of X_TF, three numbers instead of nine.
 
-    Seen in: varied orientations; a second payload, for with one what torques show of forces is a
-    shift of the CoG.
+    Seen in: varied orientations; a second payload, since with one payload torque from force looks
+    like a shift of the CoG.
     """
 
     name = "sensor.crosstalk"

@@ -9,8 +9,8 @@ from wrenchbed.effects.scene import Scene
 class SensorGain(ChannelEffect):
     """y_i → (1 + ε_i) y_i, y_i the reading of channel i.
 
-    Seen in: orientations that load each axis; a second payload, for with one a gain of all channels
-    is a mass.
+    Seen in: orientations that load each axis; a second payload, since with one payload a gain of
+    all channels looks like a mass.
     """
 
     name = "sensor.gain"

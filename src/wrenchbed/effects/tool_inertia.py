@@ -53,7 +53,7 @@ class ToolInertia(ModelEffect):
         return added(robot, theta, {f"tool.{n}": p[n] for n in NAMES})
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Share of the tool's inertial load at the scene's accelerations (M, 6) [N, N·m]; or 0."""
+        """Share of the tool's inertial load at measured accelerations (M, 6) [N, N·m]; else 0."""
         return p.get(SHARE, 0.0) * scene.inertial
 
 

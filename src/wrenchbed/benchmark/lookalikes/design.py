@@ -143,12 +143,12 @@ class ExperimentDesign:
 
     @property
     def moving(self) -> bool:
-        """Whether the samples are of one motion."""
+        """Whether the design is one motion (``q`` are samples), not poses at rest."""
         return self.mode == "dynamic"
 
     @property
     def distal_links(self) -> list[str]:
-        """Names of the links that end in passive joints of the five-bars."""
+        """Names of the links that end in passive joints of five-bar linkages (closed chains)."""
         return [n for n in self.robot.parameters.names if re.fullmatch(r"L\d[24]", n)]
 
     @cached_property

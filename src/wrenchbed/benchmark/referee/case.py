@@ -303,7 +303,7 @@ class RefereeCase:
         return {k: float(v) for k, v in sums.items()}
 
     def alike(self, cause: TrueCause) -> tuple[str, ...]:
-        """Names of the effects that these data cannot tell from a cause."""
+        """Names of the library's effects that the case's data cannot tell from a cause."""
         if self.kind == "outside" or cause.rows:
             return ()
         return tuple(self.world.signatures.alike(cause.fault.name, cause.signature))

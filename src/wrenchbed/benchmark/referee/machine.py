@@ -78,7 +78,7 @@ class LoosePart(NamedTuple):
 
 
 class Hose(NamedTuple):
-    """A hose from the world (3,) [m] to the tool (3,) [m]: a spring once it is taut."""
+    """A hose from world (3,) to tool (3,) [m]: a spring [N/m] once longer than ``slack`` [m]."""
 
     hook: np.ndarray
     point: np.ndarray
@@ -393,7 +393,7 @@ def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
 def misshapen(
     setting: RefereeSetting, true: dict[str, float], errors: dict[str, float]
 ) -> RefereeFault:
-    """Make a fault of geometry or load from errors of robot parameters by name."""
+    """Make a fault of geometry or load from errors of robot parameters, and its true numbers."""
     shift = np.zeros(len(setting.theta))
     for name, value in errors.items():
         shift[setting.robot.parameters.index(name)] = value

@@ -47,7 +47,7 @@ def ratio(s: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class ScoredMetric:
     """Value of a metric, its 95 % interval, and the number of cases (or parameters) in it; ``hits``
-    are the cases that count for a share of them, None of other figures."""
+    is how many of these cases hold, for a share of cases, else None."""
 
     value: float
     low: float

@@ -104,7 +104,7 @@ def _targets(marks: Mapping[str, str]) -> tuple[Card, tuple[str, str]]:
 
 
 def marked(metric: metrics.Metric, scored: metrics.ScoredMetric) -> str:
-    """Mark of a metric: ✓ target met, ✗ missed, in brackets if its interval allows both; ""."""
+    """✓ if a metric meets its target, else ✗, in brackets if its interval allows both; or ""."""
     parts = re.fullmatch(r"([≥≤<]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
     if parts is None:
         return ""
