@@ -1,4 +1,4 @@
-"""An arm as numbers: what is left of a user's model file once base and sensor are named.
+"""An arm as numbers: geometry, inertia and loops from a user's model file, from base to sensor.
 
 Links are numbered along the chain, those of an arm with closed loops in MuJoCo's order. A link's
 frame has the axes of the file's body and its origin at the joint; ``turn`` and ``shift`` lead from
@@ -15,7 +15,7 @@ import numpy as np
 HINGE, SLIDE = "hinge", "slide"
 _Made = TypeVar("_Made", "ArmModel", "ArmLink", "Load", "Closure", "Shape")
 _TREE = ("parents", "end", "driven", "closures")
-"""Fields of the topology, which in JSON are those of ``loops``, null of a serial chain."""
+"""Fields of `ArmModel` that form the entry ``loops`` in JSON, which is null for a serial chain."""
 MESH_VERTICES = 300
 """About the most vertices that a mesh keeps: enough to know a link by, few enough to travel."""
 
@@ -43,7 +43,7 @@ class ArmLink:
         joint, body: their names in the user's file.
         kind: hinge or slide.
         axis: unit vector (3,) in the link's axes.
-        turn: rotation (3, 3) from the link before; shift (3,) [m] in its axes.
+        turn, shift: rotation (3, 3) and origin (3,) [m] in the frame of the link before.
         lower, upper, speed, home: limits, top speed and home [rad or m, 1/s].
         mass, cog, inertia: of all that moves with it [kg], (3,) [m], (3, 3) [kg·m²] about the CoG.
         shapes: its geoms for drawing.
@@ -79,8 +79,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """Constraint that closes a loop: MuJoCo's ``connect``, which keeps points of two links
-    together.
+    """Constraint that closes a loop: MuJoCo's ``connect``, which joins points of two links.
 
     Attributes:
         name: the file's, or ``loop1`` …
@@ -100,14 +99,14 @@ class ArmModel:
 
     Attributes:
         name: name of the model in its file.
-        base_turn, base_shift: the base in the world (3, 3), (3,) [m].
+        base_turn, base_shift: rotation (3, 3) and origin (3,) [m] of the base in the world.
         base_shapes: what stands around the first joint, in base axes.
         links: along the chain.
-        end_turn, end_shift: the sensor's frame in the last link's.
+        end_turn, end_shift: rotation (3, 3) and origin (3,) [m] of the sensor in the last link.
         load: behind the sensor, as the file has it; None where that weighs nothing.
         gravity: gravity in world axes (3,) [m/s²].
-        parents: the link before each link; −1 is the base.
-        end: the link that carries the sensor.
+        parents: number of the link before each link; −1 is the base.
+        end: number of the link that carries the sensor.
         driven: links whose joints have actuators, q1 … in this order; all others are passive.
         closures: constraints that close loops; empty of a serial chain.
         floor: lowest height that moving parts may have [m], None without a floor.
@@ -186,7 +185,7 @@ def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
 
 
 def _connect(raw: Mapping[str, Any]) -> Closure:
-    """Make a `Closure` from JSON; a `ParameterError` for kinds that only old recordings state."""
+    """Make a `Closure` from JSON; a `ValueError` for kinds that only old recordings state."""
     if raw.get("kind", "connect") != "connect":
         raise ValueError(f"{raw['name']} is a {raw['kind']}: only a connect closes a loop")
     return _made(Closure, {f.name: raw[f.name] for f in fields(Closure)})

@@ -1,4 +1,4 @@
-"""The MJCF of an arm that came from a file, with the names that every robot's own has.
+"""Writes the MJCF of an arm that came from a file, with the names that every robot's MJCF has.
 
 Bodies ``base``, the links by their names, ``flange``, ``tool`` and ``sensor_side``; joints and
 servos ``q1`` …; sites ``ft`` and ``tcp``.
@@ -15,11 +15,11 @@ from wrenchbed.robots.arm_model import HINGE, ArmLink, ArmModel, Load, Shape, ab
 from wrenchbed.robots.mjcf import DAMPING, STIFFNESS
 
 _LIGHTEST, _SMALLEST = 1e-6, 1e-9
-"""Mass and inertia that MuJoCo gets for a link that weighs nothing [kg, kg·m²]: it refuses less."""
+"""Least mass [kg] and inertia [kg·m²] of a link in the MJCF: MuJoCo refuses a massless one."""
 _STIFF, _HARD = (0.0001, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """MuJoCo's solref and solimp of closed loops: below 1 µm open in motion."""
 _THICK = 0.035
-"""Radius of a link of which nothing can be drawn, over the arm's reach: it is only drawn."""
+"""Radius, over the arm's reach, of the stick that is drawn for a link without shapes."""
 _FLAT, _WIDE = 0.018, 0.036
 """Half height and radius of the disc that stands for the sensor [m]: about an ATI Gamma's."""
 _GREY, _ORANGE, _DARK = (0.72, 0.74, 0.77, 1.0), (0.86, 0.56, 0.16, 1.0), (0.10, 0.11, 0.14, 1.0)
@@ -31,7 +31,7 @@ KINDS = {
     "capsule": _GEOM.mjGEOM_CAPSULE, "cylinder": _GEOM.mjGEOM_CYLINDER,
     "ellipsoid": _GEOM.mjGEOM_ELLIPSOID, "mesh": _GEOM.mjGEOM_MESH,
 }  # fmt: skip
-"""Shapes that are drawn, by MuJoCo's words."""
+"""MuJoCo's word for a shape that can be drawn → type of its geom."""
 _HEAD = """
 <mujoco>
   <compiler angle="radian" autolimits="true" balanceinertia="false"/>
@@ -64,7 +64,7 @@ _HEAD = """
 
 
 def spec_of(arm: ArmModel, load: Load, zeros: np.ndarray) -> mujoco.MjSpec:
-    """MJCF spec of an arm with a load at home; ``zeros`` (L,): the joints' offsets [rad or m]."""
+    """MJCF spec of an arm with a load, at home; ``zeros`` (L,): zeros of its joints [rad or m]."""
     spec = mujoco.MjSpec.from_string(_HEAD)
     spec.modelname, spec.option.gravity = arm.name, arm.gravity
     stretch = max(arm.reach, 0.1)
@@ -121,7 +121,7 @@ def _draw(
     far: np.ndarray,
     thick: float,
 ) -> None:
-    """Add shapes to a body; if it has none, draw a bone from its origin to ``far`` (3,) [m]."""
+    """Add shapes to a body; without any, a stick, ``thick`` [m], from it to ``far`` (3,) [m]."""
     if not shapes:
         _bone(body, f"{name}_bone", far, thick, _GREY)
     for n, shape in enumerate(shapes):

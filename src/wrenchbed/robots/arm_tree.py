@@ -32,25 +32,26 @@ CONSTRAINTS = (CONNECT, COUPLED, mujoco.mjtEq.mjEQ_WELD)
 """Equality constraints that a gripper may have; of the arm's own only ``connect`` is read."""
 FLOATS = "the base floats: a robot is calibrated on a base that stands: leave the free joint out"
 RESERVED = ("world", "base", "flange", "tool", "sensor_side")
-"""Bodies of every robot's own MJCF, which no link may be called."""
+"""Names of bodies in every robot's MJCF, which no link may have."""
 _SPEED = {HINGE: np.pi / 2, SLIDE: 0.25}
 """Top speed of a joint whose file states none [rad/s, m/s]: half that of a UR5, so that
 a plan is slow rather than fast. The TOML states it."""
 _RANGE = {HINGE: 6.2832, SLIDE: 1.0}
 """Limits ± of a driven joint whose file states none [rad, m]: a turn; the TOML states it."""
 _UNLIMITED = 1000.0
-"""Limit to either side of a passive joint that has none [rad, m]."""
+"""Limit ± of a passive joint whose file states none [rad, m]."""
 _NOTHING = 1e-9
 """Mass below which a body weighs nothing [kg]."""
 _SECOND_ARM = 3
-"""Joints in series off the chain that make another arm; fewer are a gripper's or a camera's."""
+"""Least number of joints in series, off the chain to the sensor, that are a second arm; fewer are a
+gripper's or a camera's."""
 _SHAPES = {kind: word for word, kind in KINDS.items()}
 _HIDDEN_GROUP = 3
 """First group that MuJoCo's own viewer does not show."""
 _ROUNDED = 5
 """Decimals of a mesh's vertices [m]: 0.01 mm."""
 Frame = tuple[np.ndarray, np.ndarray]
-"""Axes (3, 3) and origin (3,) in the world."""
+"""Rotation matrix (3, 3) and origin (3,) [m] of a frame in the world."""
 
 
 class ArmTree:
@@ -63,7 +64,7 @@ class ArmTree:
         key: coordinates (nq,) of the keyframe, if there is one.
 
     Raises:
-        ParameterError: its arm is none that can be computed; says why.
+        ParameterError: the arm has a kind of joint or loop that cannot be computed; says which.
     """
 
     def __init__(
@@ -142,8 +143,8 @@ class ArmTree:
         )  # fmt: skip
 
     def held(self, allowed: bool) -> list[str]:
-        """Names of joints neither between base and sensor nor behind the sensor; a `ParameterError`
-        if they are a second arm and that is not ``allowed``."""
+        """Names of joints that move neither the sensor nor what is behind it; a `ParameterError` if
+        they are a second arm and that is not ``allowed``."""
         depth, names = 0, list[str]()
         for body in sorted(set(range(self.model.nbody)) - self.behind):
             series = [
@@ -235,7 +236,8 @@ class ArmTree:
         return driven
 
     def _closure(self, n: int, frames: list[Frame], segment: np.ndarray) -> Closure:
-        """Make the `Closure` of the n-th loop equality, all joints at their reference values."""
+        """Make the `Closure` of the n-th loop equality, with joints at reference values, from the
+        links' world frames and each body's link number, ``segment`` (B,)."""
         model, data, e = self.model, self.data, self.equalities[n]
         name = _plain(model.equality(e).name or f"loop{n + 1}")
         one, two = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
@@ -249,7 +251,7 @@ class ArmTree:
         return Closure(name, ends[0] - 1, ends[1] - 1, np.array(at))
 
     def _segments(self) -> np.ndarray:
-        """Link number of each body (B,): 1 … of links, 0 of the base, −1 of tool and loose ones."""
+        """Link number of each body (B,): 1 … of links, 0 of the base, −1 of tool or floating."""
         result = np.zeros(self.model.nbody, dtype=int)
         for body, above in enumerate(self._above):
             loose = any(self.model.jnt_type[j] == JOINT.mjJNT_FREE for j in above)
@@ -282,8 +284,7 @@ class ArmTree:
         )  # fmt: skip
 
     def _range(self, j: int, bound: float) -> tuple[float, float, float]:
-        """Lower limit, upper limit and home of a joint [rad or m]; no limit in the file is ±
-        ``bound``.
+        """Limits and home of joint j [rad or m]; limits are ± ``bound`` where the file has none.
 
         In a loop home is the keyframe's.
         """
@@ -303,7 +304,8 @@ class ArmTree:
     def _together(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Total mass, CoG (3,) and inertia about it (3, 3) of bodies, in a frame of the world."""
+        """Total mass [kg], CoG (3,) [m] and inertia about it (3, 3) [kg·m²] of bodies, in the frame
+        with rotation ``turn`` (3, 3) and origin (3,) [m] in the world."""
         model, data = self.model, self.data
         some = [b for b in bodies if b and model.body_mass[b] > _NOTHING]
         mass = float(sum(model.body_mass[b] for b in some))
@@ -330,7 +332,7 @@ class ArmTree:
     def _shapes(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[Shape, ...]:
-        """Shapes of bodies, in a frame of the world: visual geoms, else collision geoms."""
+        """Shapes of bodies, visual geoms or else collision geoms, in a frame given in the world."""
         model, data, shapes = self.model, self.data, list[Shape]()
         for body in bodies:
             axes = _axes(data.xmat[body])

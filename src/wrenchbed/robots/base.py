@@ -41,7 +41,7 @@ _USUAL = {"rad": (7.0, " (is it in degrees?)"), "m": (5.0, " (is it in mm?)")}
 """Largest joint value that is usual, by its unit, and the likely cause of a larger one."""
 INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
 LOAD = frozenset([*(f"tool.inertia.{a}" for a in INERTIA_AXES), "sensor.mass"])
-"""Names of `load_parameters`."""
+"""Names of the parameters that `load_parameters` makes."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Joint:
     speed: float
 
     def own(self, unit: str) -> str:
-        """Convert a hinge's unit to this joint's: a slide has N, not N·m, and m, not rad."""
+        """Convert a hinge's unit to this joint's: of a slide N·m becomes N, rad becomes m."""
         return _OF_SLIDES.get(unit, unit) if self.unit == "m" else unit
 
 
@@ -79,8 +79,8 @@ class Robot(ArmBodies):
     """Base class of robots that carry a six-axis force/torque sensor.
 
     Every formula accepts joint values ``q`` of shape (N, J) as an array or as a `Jet` (then the
-    result carries velocity and acceleration), and parameters ``theta`` of shape (P,) or (K, 1, P),
-    real or complex.
+    result has velocity and acceleration), and real or complex parameters ``theta`` (P,) or (K, 1,
+    P).
     """
 
     title: str
@@ -99,16 +99,16 @@ class Robot(ArmBodies):
     large_gears: int = 0
     """Number of joints from the base on with gears about three times as stiff as the others'."""
     broadcasts: bool = False
-    """Whether the formulas at rest take theta (R, 1, P) with the same bits as of one robot."""
+    """Whether formulas at rest take theta (R, 1, P) of R robots, with the bits of each alone."""
     compiled: str = ""
-    """Function of `compiled.statics` for the reading at rest in this robot's poses, if any."""
+    """Name of the function of `compiled.statics` for readings at rest of this robot, if any."""
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
     zero_names: tuple[str, ...] = ()
-    """Parameters that are added to the joint values, by joint; () of none."""
+    """Names of the parameters that are added to the joint values, by joint; () of none."""
     twists: tuple[str, ...] = ()
     lengths: tuple[str, ...] = ()
-    """Parameters that are angles, and lengths, between the axes of neighbouring joints."""
+    """Names of parameters that are angles (``twists``), and lengths, between adjacent joints."""
 
     def robot_theta(self, theta: np.ndarray) -> np.ndarray:
         """Parameters of the robot alone, which stand first in a model's parameter vector (P,)."""
@@ -161,11 +161,8 @@ class Robot(ArmBodies):
         return tuple(joint.name for joint in self.joints)
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
-        """Changes of parameters, by name, that should not change any wrench: name → parameter →
-        change.
-
-        They give null directions a name; whether one is null is always decided by the data.
-        """
+        """Parameter changes that should not change any wrench: name of the symmetry → parameter →
+        change. Whether such a null direction is one is always decided by the data."""
         return {}
 
     def values(self, theta: np.ndarray) -> Values:
@@ -214,7 +211,7 @@ class SimulatedRobot(Robot):
     """Base class of robots that also exist in MuJoCo, as ``models/<name>/<name>.xml``."""
 
     bodies: tuple[BodyMass, ...]
-    """The body behind each of MuJoCo's joints, as `link_frames`."""
+    """Mass and CoG of the link behind each of MuJoCo's joints, in axes of `link_frames`."""
     carrier: int
     """Number of the link that carries the sensor, from 0 as in `link_frames`."""
 
@@ -264,8 +261,8 @@ def complex_steps(theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
 
 
 def load_parameters(inertia: Sequence[float]) -> ParameterSet:
-    """Parameters of the load that every robot has, in sensor axes; ``inertia`` is the tool's about
-    its CoG, xx yy zz xy xz yz [kg·m²]."""
+    """Parameters of the load that every robot has, in sensor axes: the tool's inertia about its
+    CoG, xx yy zz xy xz yz [kg·m²], nominally ``inertia``, and the sensor's own mass."""
     text = "inertia about the centre of gravity"
     items = (
         Parameter(f"tool.inertia.{a}", v, "kg·m²", 1e-3, -10.0 if a[0] != a[1] else 0.0, 10.0, text)
@@ -355,7 +352,7 @@ def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[floa
 def vector_parameters(
     group: str, axes: str, unit: str, tolerance: float, text: str
 ) -> list[Parameter]:
-    """Make parameters ``group.x`` …, one for each letter of ``axes``, nominally 0."""
+    """Make parameters ``group.x`` …, one for each letter of ``axes``, 0 ± ``tolerance`` [unit]."""
     bound = 3.2 if unit == "rad" else 2.0
     return [Parameter(f"{group}.{a}", 0.0, unit, tolerance, -bound, bound, text) for a in axes]
 

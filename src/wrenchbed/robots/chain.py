@@ -60,7 +60,7 @@ class SerialChain(MountedArm):
         """Joint zero offsets (…, J) [rad or m], which are added to the joint values."""
 
     def _mounted(self, theta: np.ndarray) -> Fixed:
-        """Fixed transforms S_0 … S_J between joints at theta; the last leads to the sensor."""
+        """Fixed transforms S_0 … S_J between joints at theta; S_J leads to the sensor."""
         turns, shifts = self.fixed(theta)
         offset, turn = theta[..., self._offset], theta[..., self._turn]
         last, end = shifts[-1], turns[-1]
@@ -114,8 +114,7 @@ class SerialChain(MountedArm):
         return np.moveaxis(np.stack([np.broadcast_to(x, shape) for x in seen]), 0, -1)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """Constants for `compiled.statics`: column, zero, cosine and sine of the twist of each
-        hinge.
+        """Constants for `compiled.statics`: column, zero, cosine and sine of twist of each hinge.
 
         The twist behind the last hinge counts as zero: the last rotation contains it.
         """

@@ -28,7 +28,7 @@ first and where that fails."""
 _LEAP = 0.7
 """Longest way of a passive joint in one Newton step [rad, m]; beyond it the branch is lost."""
 _CLOSED = 1e-10
-"""Residual of a closed loop [rad, m over the arm's reach]."""
+"""Largest residual at which a loop counts as closed [rad, m over the arm's reach]."""
 _DIGITS = 1e-6
 """Largest residual, from the file's digits, of loop equations that always hold [rad, m over the
 arm's reach]."""
@@ -80,7 +80,7 @@ class ClosedLoops:
         self.home = self._at_home(np.array([link.home for link in arm.links]))
 
     def frames(self, at: Sequence[Value], arm: ArmModel) -> list[Frame]:
-        """Rotations and origins of base and links, in base axes, at all joint values (…, N)."""
+        """Rotation and origin of base and L links, in base axes, at L joint values, (…, N) each."""
         frames: list[Frame] = [(np.eye(3), np.zeros(3))]
         for k, (link, before) in enumerate(zip(arm.links, arm.parents, strict=True)):
             turn, origin = frames[before + 1]
@@ -96,7 +96,7 @@ class ClosedLoops:
         return frames
 
     def residual(self, at: Sequence[Value], arm: ArmModel) -> Value:
-        """Residual of the loop closures (…, N, E) [rad, m over the arm's reach]."""
+        """Residual (…, N, E) of all loops at L joint values, (…, N) each [m over arm's reach]."""
         frames = self.frames(at, arm)
         parts: list[Value] = []
         for n, closure in enumerate(arm.closures):
@@ -109,7 +109,7 @@ class ClosedLoops:
         return stack_jets(parts)
 
     def _slopes(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """Derivatives of the loop residual by all joints (…, N, E, L), exact on closed loops."""
+        """Derivatives (…, N, E, L) of `residual` by all joints (…, N, L), exact on closed loops."""
         frames = self.frames(_split(at), arm)
         rows = []
         for n, closure in enumerate(arm.closures):
@@ -197,8 +197,7 @@ class ClosedLoops:
         self, q: np.ndarray, driven: np.ndarray | None = None, arm: ArmModel | None = None
     ) -> np.ndarray:
         """Values of all joints (…, N, L) at driven values q (N, J), NaN rows without solution. For
-        an ``arm`` other than the nominal, ``driven`` (…, N, J) are the values with its zero
-        offsets."""
+        an ``arm`` other than nominal, ``driven`` (…, N, J) are the values with zero offsets."""
         key = q.tobytes(), q.shape
         if key not in self._solutions:
             if len(self._solutions) >= _KEPT:
@@ -296,7 +295,7 @@ class ClosedLoops:
 
     def as_jets(self, at: np.ndarray, driven: Value, arm: ArmModel, real: ArmModel) -> list[Value]:
         """Values of all joints, (…, N) each, as jets or complex numbers: the solution ``at`` (…, N,
-        L) with the derivatives that follow from those of driven (…, N, J) and of the arm."""
+        L) of the arm ``real``, with derivatives from those of ``driven`` (…, N, J) and ``arm``."""
         orders = 2 * isinstance(driven, Jet) + np.iscomplexobj(value(driven))
         values = list[Value](_split(at))
         if not orders:

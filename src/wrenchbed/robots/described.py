@@ -105,8 +105,7 @@ def describe(
         frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
         out: path of the TOML file; an existing file is replaced.
         sensor: registry name, or the path of a user's TOML file.
-        tool_mass, tool_cog: of the tool [kg], (3,) [m] in sensor axes; they replace what the file
-            has behind the frame.
+        tool_mass, tool_cog: tool [kg], (3,) [m] in sensor axes, in place of the file's load.
         hold_others: keep another arm in the file where it stands.
 
     Raises:
@@ -169,8 +168,7 @@ def read(path: Path) -> FileArm | LoopArm:
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
-    """Make a robot from its record in a recording (`FileArm.record`); a `ParameterError` if it is
-    incomplete."""
+    """Make a robot from its record in a recording (`FileArm.record`), else a `ParameterError`."""
     try:
         arm = ArmModel.from_json(record["arm"])
     except (KeyError, TypeError, ValueError, AttributeError) as cause:

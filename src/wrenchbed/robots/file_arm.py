@@ -42,15 +42,15 @@ _CLEAR = 0.08
 """Distance that the tool keeps from the arm's limbs, over the arm's reach: about half a limb's
 thickness and half a tool's; a smaller one plans poses in which the tool touches the arm."""
 _ALIKE = 0.9
-"""Cosine from which a rotation about an axis is that of a joint beside it: 26°; such a
-rotation is no twist between axes."""
+"""Least cosine (26°) between a rotation's axis and that of a joint beside it, at which the rotation
+acts as the joint's zero and is no twist between axes."""
 _WRIST = 3
-"""Joints at the arm's end whose links the tool may be near."""
+"""Number of joints at the arm's end whose links the tool may be near."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmDescription:
-    """What a robot's file describes: its name in recordings, a title of one line, the sensor's
+    """What a robot's TOML file describes: its name in recordings, a title of one line, the sensor's
     registry name, the arm, and the load behind the sensor."""
 
     name: str
@@ -108,8 +108,8 @@ class DescribedArm(MountedArm):
         return np.asarray(theta[..., self._zeros])
 
     def _sampled(self, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds (J,) for drawing joint values; for a hinge a whole turn about ``middle`` (J,),
-        shifted to lie within its limits."""
+        """Lower and upper bounds (J,) for drawing joint values: limits, for a hinge at most a turn
+        about ``middle`` (J,), shifted to lie within the limits."""
         low, high = np.array([[joint.lower, joint.upper] for joint in self.joints]).T
         turn = np.array([np.pi if joint.unit == "rad" else np.inf for joint in self.joints])
         half = np.minimum(turn, (high - low) / 2)

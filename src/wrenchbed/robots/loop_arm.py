@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import mujoco
 
 _PROBES = 8
-"""Poses at which parameters are looked at that nothing depends on: two do not hide one by chance,
-more cost time at each first use."""
+"""Random poses at which parameters without effect are found: two do not hide one by chance, more
+cost time at each first use."""
 
 
 class LoopArm(DescribedArm):

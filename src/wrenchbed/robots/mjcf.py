@@ -19,7 +19,7 @@ POINT = 1e-9
 _FILES = 8
 """Parsed files that are kept: a process works on few robots."""
 _TOUCHING = ("collision", "touched")
-"""Classes of the shapes that touch, in the files of robots."""
+"""Names of the classes of collision shapes in robots' MJCF files."""
 STIFFNESS, DAMPING = 20000.0, 400.0
 """Stiffness and damping of a servo [N·m/rad, N·m·s/rad; N/m, N·s/m]: chosen, it holds still."""
 
@@ -117,8 +117,7 @@ class LinkInertias:
 def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
     """Read the inertias of an arm's links and motors from its MJCF at parameters theta (P,).
 
-    All that hangs on a link without a joint of the arm between them (flange, sensor, tool) is part
-    of it.
+    What hangs on a link without a joint between (flange, sensor, tool) is part of the link.
 
     Raises:
         NotFoundError: the model of the robot has no frames of links.
@@ -149,5 +148,5 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
 
 
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and origin (3,) of a frame that may have a leading axis of one row."""
+    """Rotation (3, 3) and origin (3,) of a frame whose parts may have a first axis of length 1."""
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]

@@ -1,8 +1,7 @@
 """MJCF and URDF of a user → an arm as numbers, see `arm_tree`. The file itself is only read.
 
 Meshes that are missing, or in a format that MuJoCo does not read, are left out: their links keep
-the masses that the file states. Fixed frames stay bodies of their own, so that no mass crosses the
-frame of the sensor.
+the masses that the file states. Fixed frames stay bodies, so that no mass crosses the sensor.
 """
 
 import os
@@ -38,11 +37,11 @@ _UNUSED = ("sensors", "actuators", "tendons", "skins", "keys", "excludes", "pair
 def read_arm(
     path: Path, frame: str, hold_others: bool = False
 ) -> tuple[ArmModel, list[str], list[str]]:
-    """Read an arm between the base of MJCF or URDF and a site, body, link or fixed frame, where the
-    sensor sits; with ``hold_others`` another arm stays at its home instead of being refused.
+    """Read the arm between the base of an MJCF or URDF file and ``frame``, a site, body, link or
+    fixed frame where the sensor sits; with ``hold_others`` another arm stays at home, else it is
+    refused.
 
-    Returns the arm, names of joints off the chain, which stay at home, and what the user should
-    know.
+    Returns the arm, names of joints off the chain, which stay at home, and notes for the user.
 
     Raises:
         ParameterError: the file is no model, or its arm is none that can be computed; says why.

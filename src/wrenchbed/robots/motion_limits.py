@@ -22,8 +22,8 @@ def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def entered(robot: Robot, path: np.ndarray) -> np.ndarray:
-    """Points of a path (N, J) from the first with all joints within their limits on: a robot that
-    stands past a limit may come back. All points if there is none."""
+    """Part of a path (N, J) from its first point within all joint limits on, as a robot that stands
+    past a limit may come back; the whole path if no point is."""
     inside = ~np.isin(np.arange(len(path)), list(robot.outside_limits(path)))
     return path[int(np.argmax(inside)) :]
 
@@ -45,7 +45,7 @@ def duration(robot: Robot, start: np.ndarray, end: np.ndarray, share: float = SP
 
 
 def minimum_jerk(share: np.ndarray) -> np.ndarray:
-    """Fraction of the way, 0 … 1, at a fraction of the time of a move (Flash & Hogan 1985)."""
+    """Fraction of the way, 0 … 1, at a ``share`` of a move's time (Flash & Hogan 1985)."""
     return share**3 * (10.0 + share * (-15.0 + 6.0 * share))
 
 
@@ -92,8 +92,7 @@ class Limits:
             raise ParameterError(f"workspace {self.workspace}: each upper bound must be larger")
 
     def check_path(self, robot: Robot, q: np.ndarray, where: str) -> None:
-        """Check joint values (N, J) against limits, solvable region and workspace; a `PlanError`
-        names the row."""
+        """Check joint values (N, J) against limits, loops and workspace; an error names the row."""
         nominal = robot.parameters.nominal
         robot.check(q, nominal, where)
         if self.workspace is None:

@@ -1,7 +1,6 @@
 """A serial arm of any number of rotary joints, from a table of data.
 
-A new arm is one file with `ROBOT = SerialArm(ArmData(...))` and, to be drawn, its MJCF: see
-`robots.ur5`.
+A new arm is one file with `ROBOT = SerialArm(ArmData(...))` and perhaps its MJCF: see `robots.ur5`.
 
 Kinematics: Denavit–Hartenberg, T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i). The world is the
 base frame of the arm's controller. Sensor axes and origin are those of the flange (the last DH
@@ -48,10 +47,10 @@ class Link:
 
     Attributes:
         a, d, alpha: Denavit–Hartenberg parameters to the next joint [m, m, rad].
-        body: mass and CoG in the axes at the link's joint, turned by it.
+        body: name, mass and CoG, in axes at the link's joint that turn with it.
         lower, upper: the joint's limits [rad].
         speed: its top speed [rad/s].
-        sampled: where `SerialArm.sample` draws it from [rad]; its limits if None.
+        sampled: range [rad] from which `SerialArm.sample` draws the joint; its limits if None.
         gear_ratio: motor turns per turn of the joint; None if unknown.
     """
 
@@ -78,10 +77,10 @@ class ArmData:
         tool_mass, tool_cog, tool_inertia: of the example tool [kg, m, kg·m²], sensor axes.
         limbs: axes of limbs, both ends of each; the tool keeps clear of all of them, all but the
             first stay above the table.
-        wrist: links whose joints stay above the table too.
+        wrist: numbers of links whose joints stay above the table too.
         tool_axis: points of the tool along its z [m].
-        table, column, clearance: least height, least distance from the base's axis and from the
-            limbs' axes of what is moved [m].
+        table: least height of moving points [m].
+        column, clearance: least distance from the base's axis, and of tool and limbs' axes [m].
         mjcf: the model's file; ``models/<name>/<name>.xml`` if None.
     """
 
@@ -226,7 +225,7 @@ class SerialArm(SerialChain):
 
 
 def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:
-    """Positions (N, 3) [m] in the world of a point at offsets along x and z of a link's frame."""
+    """Positions (N, 3) [m] in the world of a point of the arm, from the frames of its links."""
     k, along_x, along_z = spot
     x, _, z, origin = frames[k]
     return np.asarray(origin + along_x * x + along_z * z)

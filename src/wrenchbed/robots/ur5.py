@@ -1,8 +1,8 @@
 """Universal Robots' arms with an ATI Gamma, the UR5 (CB3) first, and their inverse kinematics.
 
 Their data are in ``models/universal_robots.toml``, with sources; there CoGs are in the axes at a
-link's end, here in those at its joint, as in ``models/ur5/ur5.xml``. Flange: the housing of an ATI
-Gamma.
+link's end, here in those at its joint, as in ``models/ur5/ur5.xml``. Flange: an ATI Gamma's
+housing.
 
 Joints turn ±360°: in the maker's manuals; the ROS description has ±180° at the elbow for its
 planners. Where poses are sampled is the UR5's, scaled: an estimate.
@@ -34,15 +34,14 @@ _BODIES = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 _SINGULAR = 1e-9
 """Sine of joint 5 below which joints 4 and 6 turn about one axis."""
 _LIMBS = ((1, 0.13585), (2, 0.0165))
-"""Links of a UR5 along which limbs lie, and where in the axes of their joints, along z [m]."""
+"""Numbers of a UR5's links along which limbs lie, and z of the limbs in their joints' axes [m]."""
 _UR5_ARM, _UR5_SIDE = -0.425, 0.10915
 """Length of a UR5's upper arm and offset of its wrist [m], to which others' are compared."""
 _TABLE, _COLUMN, _CLEARANCE = 0.12, 0.2, 0.13
-"""A UR5's ``table``, ``column`` and ``clearance``, see `ArmData` [m]: the clearance is the limbs'
-radii and the tool's."""
+"""``table``, ``column`` and ``clearance`` of a UR5's `ArmData` [m]; limbs' and tool's radii."""
 _PUBLISHED = tomllib.loads((models() / "universal_robots.toml").read_text(encoding="utf-8"))
 NAMES = tuple(name for name in _PUBLISHED if name != "ur5")
-"""Arms beside the UR5, whose model is its own."""
+"""Names of the arms beside the UR5, for `ur_arm`; the UR5 alone has an MJCF file."""
 
 
 class URArm(SerialArm):

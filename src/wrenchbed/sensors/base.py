@@ -23,8 +23,8 @@ class SensorCalibration:
     Attributes:
         name: the maker's, for instance ``SI-65-5``: up to 65 N across and 5 N·m.
         range: (6,) full scale ± per channel fx fy fz tx ty tz [N, N·m].
-        resolution: (6,) smallest step that the data sheet promises with a 16-bit converter
-            [N, N·m]. The step of the output words may be finer: see ``NoiseModel.resolution``.
+        resolution: (6,) smallest step that the data sheet promises with a 16-bit converter [N,
+            N·m]. The step of the output words may be finer: see ``NoiseModel.resolution``.
         source: where both come from, and what of it was not seen in the maker's own words.
     """
 
@@ -59,7 +59,7 @@ class Sensor:
             is a floating-point number.
         gauges: (6, 6) matrix from gauge voltages to the wrench [N/V, N·m/V] of one sensor, None
             where none is known.
-        record: what `described.rebuilt` makes a user's sensor of again; None of a shipped one.
+        record: TOML text, from which `described.rebuilt` makes a user's sensor; None if shipped.
     """
 
     name: str
@@ -86,7 +86,7 @@ class Sensor:
             object.__setattr__(self, "accuracy", channels(self.accuracy, f"{self.name}.accuracy"))
 
     def calibration(self, name: str | None = None) -> SensorCalibration:
-        """A calibration by its name, the default one if None.
+        """Return the calibration with this name, the default one if None.
 
         Raises:
             NotFoundError: no such calibration; the message lists what exists.

@@ -55,7 +55,7 @@ def read(path: Path) -> Sensor:
 
 
 def rebuilt(record: Mapping[str, Any]) -> Sensor:
-    """Make a user's sensor again from the TOML that a recording carries, see `Sensor.record`.
+    """Make a user's sensor from the `Sensor.record` that a recording carries, with its TOML text.
 
     Raises:
         ParameterError: it is incomplete.
@@ -120,7 +120,7 @@ def _calibration(row: Fields) -> SensorCalibration:
 
 
 def _noise(table: Fields, calibration: SensorCalibration) -> NoiseModel:
-    """Read the noise of the default calibration from the TOML's table."""
+    """Read the noise of the default calibration from a TOML file's table ``[noise]``."""
     full = calibration.range
     parts: dict[str, Any] = {}
     for key in _VECTORS:
@@ -196,7 +196,7 @@ def _lines(values: Mapping[str, str], source: str) -> list[str]:
 
 
 def _numbers(values: Array | None) -> str:
-    """TOML text of six numbers, or of six rows of them; empty for None."""
+    """TOML text of an array (6,) or (6, 6); empty for None."""
     if values is None:
         return ""
     rows = [f"  {listed(row)}," for row in values] if values.ndim == 2 else []

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 _LAYOUT = 2
-"""Version of the constants' layout; a library built from another version is not used."""
+"""Version of the constants' layout; a library of another version is not used. A change of the order
+raises it here and in ``_statics.c`` (`LAYOUT`); then run `scripts/build_kernel.py`."""
 
 try:
     from wrenchbed.robots.compiled import _statics
@@ -23,9 +24,9 @@ except ImportError:  # built without a compiler
 
 
 class Packed(NamedTuple):
-    """Constants of a robot for its compiled function, for one parameter vector or R of them (…):
-    gravity in axes before the first joint (…, 3) [m/s²], rotation behind the last joint (…, 3, 3),
-    and K further numbers (…, K)."""
+    """Constants of a robot for its compiled function, for one parameter vector or R (shape …):
+    gravity before the first joint (…, 3) [m/s²], rotation behind the last one (…, 3, 3), and K
+    numbers (…, K) in the order of ``_statics.c``."""
 
     gravity: np.ndarray
     last: np.ndarray

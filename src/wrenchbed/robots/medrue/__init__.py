@@ -1,6 +1,6 @@
 """MedRUE, a hybrid six-axis medical robot: Joubair et al. 2016, doi 10.3390/s16060798.
 
-Free: the inside of formulas; tests/robots/test_medrue.py speaks.
+Free: the inside of formulas; tests/robots/test_medrue.py judges them.
 Others rely on: names and tolerances of the 49 parameters (effects, studies, priors of fits), the
 name ``medrue``.
 Never: a number without the paper, or ``models/medrue/README.md``, as its source.

@@ -54,7 +54,8 @@ IDENTIFIED = (
     "A1z C1y A2y A2z C2z L11 L12 L13 L14 L21 L22 L24 d41 beta0 gamma0 dq2 dq3 dq4 dq5 dq6 "
     "alphaS betaS gammaS xG yG zG mTool"
 ).split()
-"""The 27 that Table 1 really identifies (A1y and C1z are unstarred but frozen there)."""
+"""Names of the 27 parameters that the paper's Table 1 identifies (A1y and C1z have no star, the
+table's mark of fixed ones, but are constant in it)."""
 MIN_HEIGHT = 0.05
 """Distance of E from the line through both elbows [m], below which a five-bar is near singular."""
 
@@ -192,7 +193,8 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
 
 
 def elbow(direction: Value, angle: Value, distal: Value) -> Value:
-    """Angle [rad] of a passive elbow, from the proximal link at ``angle`` to the distal link."""
+    """Angle [rad] of a passive elbow from the proximal link, at ``angle`` from the unit vector
+    ``direction`` (…, N, 2), to the distal link, the vector ``distal`` (…, N, 2)."""
     c, s = cos(angle), sin(angle)
     py = direction[..., 0] * c - direction[..., 1] * s
     pz = direction[..., 1] * c + direction[..., 0] * s

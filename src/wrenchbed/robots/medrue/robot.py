@@ -120,8 +120,7 @@ class MedRUE(SimulatedRobot):
 
     @cached_property
     def bodies(self) -> tuple[BodyMass, ...]:  # type: ignore[override]
-        """Mass [kg] and CoG [m] in body axes of the moving bodies, in the order of `JOINTS`, as in
-        the MJCF."""
+        """Mass [kg] and CoG [m], in body axes, of the MJCF's moving bodies in order of `JOINTS`."""
         spec, bodies = bare(self.mjcf), list[BodyMass]()
         for joint in JOINTS:
             body = spec.joint(joint).parent
@@ -145,8 +144,8 @@ class MedRUE(SimulatedRobot):
         return base @ loops.wrist @ mount, _place(p, "0") + apply(base, inner)
 
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R_world_tool (…, N, 3, 3) and the probe's position in the world (…, N, 3) [m]
-        (Equation 1)."""
+        """R_world_tool (…, N, 3, 3) and position (…, N, 3) [m] of the probe in the world (Eq.
+        1)."""
         p, (rotation, origin) = self.values(theta), self.sensor_pose(q, theta)
         return rotation @ _turn(p, "T"), origin + apply(rotation, _place(p, "T"))
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 _Q6_START = np.deg2rad(93.0)  # the pool's q6, 165°…382°, sits in the middle of the turn from here
 LOW, HIGH = (0.0, 0.2), (0.8, 0.65)
-"""Least and largest x, y of the pool [m]."""
+"""Least and largest x, y of the tool in the pool of poses, in the world [m]."""
 LAYERS = (-0.25, -0.10, 0.05)
-"""Heights z of the pool's layers [m]."""
+"""Heights z of the layers on which the pool's tool positions lie [m]."""
 ORIENTATIONS = 100
 """Number of orientations at each position in the pool of 40,000."""
 _TILT, _ROLL = np.deg2rad(30.0), np.deg2rad(60.0)
@@ -30,9 +30,9 @@ _TRIES = 200
 
 
 def joints(p: Values, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Inverse kinematics of MedRUE: joint values (N, 6) for tool poses in the world, R_world_tool
-    (N, 3, 3) and positions (N, 3) [m], elbows up; NaN rows where there are none. Parameters are
-    scalars."""
+    """Inverse kinematics of MedRUE: joint values (N, 6), elbows up, for tool poses in the world,
+    R_world_tool (N, 3, 3) and positions (N, 3) [m], with scalar parameters; NaN without
+    solution."""
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
     tip = euler(p["alphaT"], p["betaT"], p["gammaT"])
