@@ -1,4 +1,7 @@
-"""Position error of the tool, where it matters, from the covariance of parameters."""
+"""Position error of the tool, where it matters, from the covariance of parameters.
+
+Figures of docs/studies rest on it; `scripts/studies` writes them again.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -129,9 +129,10 @@ class Conventions:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """Column map of an import: its files, the first of which sets the rows; a rate if no clock.
+    """Column map of an import: its files, of which the first sets the rows.
 
-    ``mode`` is ``static``, ``dynamic`` or ``auto``: a log whose holds and moves are detected.
+    ``mode`` is ``static``, ``dynamic`` or ``auto``, which detects holds (rests) and moves;
+    ``rate_hz`` is the rate of rows [Hz], needed by motions without a clock.
     """
 
     files: tuple[FileMap, ...]
@@ -200,7 +201,8 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
 
 
 def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
-    """Read mode and metadata from a map's ``[recording]``; ``folder`` is that of the map's file."""
+    """Read mode and metadata from a map's ``[recording]``; errors begin with ``name``, and robot
+    and sensor files are relative to ``folder``."""
     fields = set(Metadata.__dataclass_fields__) - {"extra"} | {"format", "configured"}
     stated.only(fields, "[recording]")
     parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}

@@ -2,7 +2,8 @@
 
 In a log without segments a row is at rest if the mean of the joint values (or of the orientation)
 over a short window before it and that over one behind it agree within their noise. The noise of the
-encoders is read off the second differences, which a smooth move hardly changes.
+encoders is read off the second differences, which a smooth move hardly changes. All fits at rest
+take holds; tests/data/test_rests.py judges its constants.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -252,7 +253,7 @@ class Split:
 def split(recording: Recording, slow: bool = False) -> Split:
     """Find the holds and moves of a log.
 
-    With ``slow``, if hardly anything rests, stretches of slow turning without inertia are holds.
+    With ``slow``, if hardly anything rests, stretches too slow to show inertia count as holds.
 
     Raises:
         RecordingError: there is no hold.
@@ -449,8 +450,8 @@ def _slow(recording: Recording) -> Split | None:
 
 
 def _settled(y: np.ndarray, run: tuple[int, int], block: int) -> tuple[int, int]:
-    """Shorten a run (first row, end) to rows with a steady wrench y (N, 6), by means of
-    ``block``."""
+    """Shorten a run (first row, end) to the rows in which means of the wrench y (N, 6) over
+    ``block`` rows are steady."""
     a, b = run
     count = (b - a) // block
     if count < 4:

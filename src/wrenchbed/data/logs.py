@@ -379,6 +379,8 @@ def _decoder(channel: Channel) -> Callable[[bytes], Any]:
 def write_mcap(recording: Recording, path: str | Path) -> None:
     """Write a recording's wrench, joints and temperature to an MCAP file, as ROS 2 messages in CDR.
 
+    Topics are those that the ready maps read (`maps/ros-ur5.toml`): ``/wrench``, ``/joint_states``.
+
     Raises:
         MissingExtraError: mcap or rosbags is not installed.
     """

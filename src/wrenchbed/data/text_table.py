@@ -206,8 +206,7 @@ def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
 
 
 def _head(path: Path) -> tuple[str, str]:
-    """Read the first lines of a file; detect its encoding: UTF-8, UTF-16, else Windows-1252
-    (Excel).
+    """Read a file's first lines; detect its encoding: UTF-8, UTF-16, else Windows-1252 (Excel).
 
     Raises:
         MapError: no such file, or no text.

@@ -1,7 +1,7 @@
 """Writes the MJCF of an arm that came from a file, with the names that every robot's MJCF has.
 
 Bodies ``base``, the links by their names, ``flange``, ``tool`` and ``sensor_side``; joints and
-servos ``q1`` …; sites ``ft`` and ``tcp``.
+servos ``q1`` …; sites ``ft`` and ``tcp``. Effects, twin and referee find elements by these names.
 """
 
 from collections.abc import Sequence
@@ -64,7 +64,8 @@ _HEAD = """
 
 
 def spec_of(arm: ArmModel, load: Load, zeros: np.ndarray) -> mujoco.MjSpec:
-    """MJCF spec of an arm with a load, at home; ``zeros`` (L,): zeros of its joints [rad or m]."""
+    """MJCF spec of an arm with a load, at home; ``zeros`` (L,) are the offsets of its joints [rad
+    or m], which MuJoCo's joint coordinates do not contain."""
     spec = mujoco.MjSpec.from_string(_HEAD)
     spec.modelname, spec.option.gravity = arm.name, arm.gravity
     stretch = max(arm.reach, 0.1)
@@ -121,7 +122,8 @@ def _draw(
     far: np.ndarray,
     thick: float,
 ) -> None:
-    """Add shapes to a body; without any, a stick, ``thick`` [m], from it to ``far`` (3,) [m]."""
+    """Add shapes to a body, named after ``name``; if there are none, add a stick of radius
+    ``thick`` [m] from the body's origin to ``far`` (3,) [m]."""
     if not shapes:
         _bone(body, f"{name}_bone", far, thick, _GREY)
     for n, shape in enumerate(shapes):
@@ -170,7 +172,7 @@ def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
 
 
 def _close(spec: mujoco.MjSpec, bodies: Sequence[mujoco.MjsBody], arm: ArmModel) -> None:
-    """Add sites ``<loop>_1`` and ``<loop>_2`` for each closure, and stiff constraints on both."""
+    """Add sites ``<loop>_1`` and ``<loop>_2`` for each closure, and a stiff constraint between."""
     kind = mujoco.mjtEq.mjEQ_CONNECT
     for c in arm.closures:
         equality = spec.add_equality(name=c.name, type=kind, solref=_STIFF, solimp=_HARD)

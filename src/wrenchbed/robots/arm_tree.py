@@ -251,7 +251,7 @@ class ArmTree:
         return Closure(name, ends[0] - 1, ends[1] - 1, np.array(at))
 
     def _segments(self) -> np.ndarray:
-        """Link number of each body (B,): 1 … of links, 0 of the base, −1 of tool or floating."""
+        """Link number of each body (B,), from 1; 0 of the base, −1 of the load and what floats."""
         result = np.zeros(self.model.nbody, dtype=int)
         for body, above in enumerate(self._above):
             loose = any(self.model.jnt_type[j] == JOINT.mjJNT_FREE for j in above)

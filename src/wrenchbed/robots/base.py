@@ -1,6 +1,6 @@
 """What a robot is: joints, parameters, a closed-form sensor pose and the same robot in MuJoCo.
 
-Turns of a robot's base and of its sensor, written into whichever parameters the robot has.
+Functions turn a robot's base or its sensor through whichever parameters the robot has for it.
 """
 
 from abc import abstractmethod
@@ -34,8 +34,8 @@ _OF_SLIDES: Mapping[str, str] = {
 }  # fmt: skip
 """Units for slides in place of the units for hinges."""
 ANGLE = np.deg2rad(0.5)
-"""Typical error of a joint's zero, of the base's tilt and of the mount [rad]: it scales
-a fit's columns, and is the spread of priors and of simulated robots."""
+"""Typical error of a joint's zero, of the base's tilt and of the mount [rad]: it scales a fit's
+columns, and is the spread of priors and of simulated robots."""
 TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
 _USUAL = {"rad": (7.0, " (is it in degrees?)"), "m": (5.0, " (is it in mm?)")}
 """Largest joint value that is usual, by its unit, and the likely cause of a larger one."""
@@ -78,9 +78,8 @@ class GoalSets(NamedTuple):
 class Robot(ArmBodies):
     """Base class of robots that carry a six-axis force/torque sensor.
 
-    Every formula accepts joint values ``q`` of shape (N, J) as an array or as a `Jet` (then the
-    result has velocity and acceleration), and real or complex parameters ``theta`` (P,) or (K, 1,
-    P).
+    Every formula accepts joint values ``q`` (N, J) as an array or as a `Jet`, with which the result
+    has velocity and acceleration too, and real or complex parameters ``theta`` (P,) or (K, 1, P).
     """
 
     title: str
@@ -162,7 +161,7 @@ class Robot(ArmBodies):
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         """Parameter changes that should not change any wrench: name of the symmetry → parameter →
-        change. Whether such a null direction is one is always decided by the data."""
+        change. They give null directions a name; the data alone decide whether one is null."""
         return {}
 
     def values(self, theta: np.ndarray) -> Values:
@@ -171,7 +170,7 @@ class Robot(ArmBodies):
 
     def check(self, q: np.ndarray | Iterable[np.ndarray], theta: np.ndarray, where: str) -> None:
         """Check that the robot can take joint values (N, J), in one array or in parts; a
-        `PlanError` names the first bad row and the number of bad rows."""
+        `PlanError` names ``where``, the first bad row and the number of bad rows."""
         parts: Iterable[np.ndarray] = [q] if isinstance(q, np.ndarray) else q
         bad, first = dict[int, str](), 0
         for q in parts:

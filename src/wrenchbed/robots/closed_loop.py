@@ -51,8 +51,8 @@ Frame = tuple[Value, Value]
 class ClosedLoops:
     """Solves the closed loops of one arm for the values of its passive joints.
 
-    Formulas take ``arm`` with parameters other than the nominal ones too, also a batch (K, 1, …) of
-    them or complex steps, and values of joints to which their zeros are added.
+    Methods take as ``arm`` the nominal arm or one of other parameters, also a batch (K, 1, …) of
+    them or complex steps; joint values include the joints' zero offsets.
 
     Args:
         arm: nominal arm with closures; its home is where Newton begins.
@@ -128,7 +128,8 @@ class ClosedLoops:
         return np.concatenate(rows, axis=-2)
 
     def _inverse(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """Inverse (…, N, X, X) of the derivatives of the kept residuals by the X passive joints."""
+        """Inverse (…, N, X, X) of the independent residuals' derivatives by the X passive
+        joints."""
         slopes = self._kept @ self._slopes(at, arm)[..., self.passive]
         try:
             return np.linalg.inv(slopes)

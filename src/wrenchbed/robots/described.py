@@ -2,7 +2,8 @@
 
 `describe` writes one from MJCF or URDF, `read` loads it, and `rebuilt` makes the same robot from
 what a recording carries, without either file. The name of such a robot is that in the TOML, ``@``
-and the beginning of the text's SHA-256, so that two descriptions never pass for one.
+and the beginning of the text's SHA-256, so that two descriptions never pass for one. Keys of the
+TOML are users' files: old ones must still load (`FORMAT`).
 """
 
 import hashlib
@@ -168,7 +169,8 @@ def read(path: Path) -> FileArm | LoopArm:
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
-    """Make a robot from its record in a recording (`FileArm.record`), else a `ParameterError`."""
+    """Make a robot from its record in a recording (`FileArm.record`); a `ParameterError` if the
+    record is incomplete."""
     try:
         arm = ArmModel.from_json(record["arm"])
     except (KeyError, TypeError, ValueError, AttributeError) as cause:

@@ -43,7 +43,7 @@ def rotor_torque(
 ) -> np.ndarray:
     """Joint torques (N, J) [N·m, N for slides] that accelerate the motors' inertia.
 
-    The MJCF of a described robot has some in passive joints too: loops bring it to the motors.
+    A user's MJCF may state such inertia of passive joints too; loops couple it to the motors.
     """
     torque = inertias.rotor * q.dd
     if not inertias.passive.any():

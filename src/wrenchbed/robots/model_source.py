@@ -59,8 +59,7 @@ class ModelSource:
                 )
 
     def speeds(self) -> dict[str, float]:
-        """Joint name → top speed [rad/s, m/s] in a URDF; a `ParameterError` if one is not a
-        number."""
+        """Joint name → top speed [rad/s, m/s] in a URDF; `ParameterError` if one is no number."""
         joints = self.root.findall("joint")  # a transmission names its joint again
         limits = {joint.get("name", ""): joint.find("limit") for joint in joints}
         stated = {n: x.get("velocity", "0") for n, x in limits.items() if x is not None}

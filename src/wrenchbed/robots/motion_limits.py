@@ -1,4 +1,7 @@
-"""Straight joint-space moves, their speed, and the limits checked before anything moves."""
+"""Straight joint-space moves, their speed, and the limits checked before anything moves.
+
+Drivers and the recorder check by it before each move: a looser limit reaches real robots.
+"""
 
 from dataclasses import dataclass
 
@@ -39,7 +42,8 @@ def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def duration(robot: Robot, start: np.ndarray, end: np.ndarray, share: float = SPEED_SHARE) -> float:
-    """Duration [s] of a minimum-jerk move whose fastest joint uses a share of its top speed."""
+    """Duration [s] of a minimum-jerk move between poses (J,), whose fastest joint peaks at a share
+    of its top speed."""
     speed = top_speeds(robot) * share
     return max(0.2, float(np.max(_PEAK * np.abs(np.asarray(end) - start) / speed)))
 

@@ -79,8 +79,8 @@ class ArmData:
             first stay above the table.
         wrist: numbers of links whose joints stay above the table too.
         tool_axis: points of the tool along its z [m].
-        table: least height of moving points [m].
-        column, clearance: least distance from the base's axis, and of tool and limbs' axes [m].
+        table, column: least height, and distance from the base's axis, of moving points [m].
+        clearance: least distance of the tool's points from the limbs' axes [m].
         mjcf: the model's file; ``models/<name>/<name>.xml`` if None.
     """
 

@@ -12,8 +12,8 @@ from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
 from wrenchbed.physics.noise import SATURATED_BITS, Array, NoiseModel, channels
 
 STATUS_SATURATED = int(SATURATED_BITS.sum())
-"""Mask 0x3F of the status word: bit 0 fx, 1 fy, 2 fz, 3 tx, 4 ty, 5 tz is set where it saturates.
-Other bits are a device's own and mean nothing here."""
+"""Mask 0x3F of the status word: bit 0 fx, 1 fy, 2 fz, 3 tx, 4 ty, 5 tz is set where it saturates
+(docs/contracts.md, column ``saturated``). Other bits are a device's own and mean nothing here."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,8 +155,8 @@ class Poses:
     """Rows of a file grouped into poses.
 
     Attributes:
-        mode: ``static`` or ``dynamic``, of the recording that the rows make.
-        groups: first row and end of each pose (G, 2).
+        mode: ``static``, ``dynamic`` or ``auto``, of the recording that the rows make.
+        groups: first row and end (exclusive) of each pose (G, 2).
     """
 
     mode: str

@@ -165,9 +165,8 @@ class KnownLoad:
     def put(
         self, recording: dict[str, Any], wrench: Mapping[str, dict[str, Any]], gravity: float
     ) -> None:
-        """Write tool, zeros and tolerances to the ``[recording]`` and ``wrench`` entries of a map;
-        the mass has at least the uncertainty of the fit's force residual over ``gravity``
-        [m/s²]."""
+        """Write tool, zeros and tolerances to a map's ``[recording]`` and ``wrench`` entries. The
+        mass is at least as uncertain as the fit's force residual over ``gravity`` [m/s²]."""
         recording["tool"] = {"mass": round(self.mass, 6), "cog": [round(x, 6) for x in self.cog]}
         for channel, bias in zip(CHANNELS, self.bias, strict=True):
             entry = wrench[channel]

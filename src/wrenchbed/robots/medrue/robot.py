@@ -53,7 +53,8 @@ JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b
 
 
 def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
-    """Return MedRUE's MJCF spec with every parameter; its loops are closed at ``ref`` (13,)."""
+    """Return MedRUE's MJCF spec with every parameter, closed at ``ref`` (13,), values of
+    `JOINTS`."""
     spec = bare(mjcf)
     at = dict(zip(JOINTS, (float(r) for r in ref), strict=True))
     for joint, value in at.items():
@@ -144,8 +145,7 @@ class MedRUE(SimulatedRobot):
         return base @ loops.wrist @ mount, _place(p, "0") + apply(base, inner)
 
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R_world_tool (…, N, 3, 3) and position (…, N, 3) [m] of the probe in the world (Eq.
-        1)."""
+        """R_world_tool (…, N, 3, 3) and position (…, N, 3) [m] of the probe, in the world."""
         p, (rotation, origin) = self.values(theta), self.sensor_pose(q, theta)
         return rotation @ _turn(p, "T"), origin + apply(rotation, _place(p, "T"))
 

@@ -30,9 +30,8 @@ _TRIES = 200
 
 
 def joints(p: Values, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Inverse kinematics of MedRUE: joint values (N, 6), elbows up, for tool poses in the world,
-    R_world_tool (N, 3, 3) and positions (N, 3) [m], with scalar parameters; NaN without
-    solution."""
+    """Joint values (N, 6) of MedRUE, elbows up, for tool poses in the world: R_world_tool (N, 3, 3)
+    and positions (N, 3) [m]; NaN rows if out of reach. Parameters ``p`` are scalars."""
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
     tip = euler(p["alphaT"], p["betaT"], p["gammaT"])
