@@ -40,8 +40,7 @@ _WELL_SPREAD = 1e-3
 digits of sixteen at most."""
 _ENOUGH_ROWS = 500
 CANDIDATES, DEFAULT = "candidates", "default"
-"""Words of `CalibrationOptions.free` for all parameters that a robot may have wrong, and for those
-that it frees by default."""
+"""Words of `CalibrationOptions.free`: what a robot may have wrong, and what it frees by default."""
 _OTHER_MASS, _OTHER_CENTRE = 0.1, 0.02
 """Relative difference of a mass, and distance of a centre [m], from which a tool is another than is
 stated: nobody weighs or measures worse."""

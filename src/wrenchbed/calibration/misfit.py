@@ -75,8 +75,8 @@ class _Whitened:
 
 
 def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | None]:
-    """Fit with uncertainties widened by what suspected faults may move, and the fault that is
-    clearly present, else None."""
+    """Return the fit with uncertainties widened by what suspected faults may move, and the fault
+    that is clearly present, else None."""
     some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
     fit = _Rows(problem, outcome, some, list(suspects(problem, outcome.solution.x, some)))
     if _explained(fit):

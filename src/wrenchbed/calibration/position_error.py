@@ -1,7 +1,5 @@
-"""Position error of the tool, where it matters, from the covariance of parameters.
-
-Figures of docs/studies rest on it; `scripts/studies` writes them again.
-"""
+"""Position error of the tool, from the covariance of parameters; docs/studies (`scripts/studies`)
+use it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -34,8 +34,7 @@ EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 COMMAND = "q_target"
 """Column prefix of joint targets."""
 _LARGEST = 1e30
-"""Largest value of a column in any unit: nanoseconds since 1970 are far below; larger squares
-overflow."""
+"""Largest value of a column in any unit: beyond nanoseconds since 1970; larger squares overflow."""
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 JOURNAL = ".journal"

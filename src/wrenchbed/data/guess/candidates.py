@@ -22,8 +22,7 @@ MOST_TRIED = 40
 """Pairs of a wrench and a reading of the orientation that are fitted in full: a right one and what
 fits as well lie among the first twenty."""
 _FEW_ROWS = 300
-"""Rows on which pairs are compared first: a wrong orientation explains about 9/300 of noise by
-chance, far less than `HOPELESS` asks for."""
+"""Rows on which pairs are compared first: a wrong orientation explains 9/300 of noise by chance."""
 
 
 @dataclass(frozen=True, eq=False)

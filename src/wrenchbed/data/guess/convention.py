@@ -25,8 +25,7 @@ from wrenchbed.physics.wrench import CHANNELS
 _QUARTERS = np.array(sorted(Rotation.create_group("O").as_matrix().tolist(), key=np.trace))[::-1]
 """The 24 right-angled rotations (3, 3) by which a sensor may be mounted, the identity first."""
 _SNAP = 1.0 + 2.0 * np.cos(np.deg2rad(5.0))
-"""Least trace of the rotation (5°) between a mount and a right-angled one at which it counts as
-that; a calibration finds the rest."""
+"""Least trace of the rotation (5°) from a right-angled mount at which a mount counts as that."""
 _ENOUGH = 50
 """Largest number of poses that count as independent; more share errors of the arm, and would
 exclude conventions that differ by less than these errors."""
