@@ -17,16 +17,16 @@ from wrenchbed.errors import DriverError
 State = Literal["closed", "starting", "ok", "stale", "lost", "stopped", "fault"]
 """``stale``: no fresh reading for `STALE_S`; ``lost``: the link or its worker is gone;
 ``stopped``: the device is at rest by a stop of its own (protective, emergency, program ended);
-``fault``: the device answers and reports an error that someone must clear."""
+``fault``: the device answers and reports an error that a person must clear."""
 
 STALE_S = 0.08
 """Age of the newest reading from which a link is stale [s]: ten states of a 125 Hz controller."""
 GONE_S = 1.0
-"""Age of the newest reading from which a link is lost [s]: longer than a network stalls."""
+"""Age of the newest reading from which a link is lost [s]: longer than a network usually stalls."""
 SPAN_S, LEAST_S = 5.0, 2.0
-"""Longest and shortest time of which a drift is fitted [s]: a delay of 1 ms is 500 ppm of 2 s."""
+"""Longest and shortest time span of which a clock's drift is fitted [s]: 1 ms of 2 s is 500 ppm."""
 _FEW = 4
-"""Marks below which only the offset of the clocks is known: a slope through fewer is noise."""
+"""Fewest points of a clock's drift fit; with fewer, only the offset of the clocks is computed."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Health:
 
 
 def by_age(age: float, what: str, counters: Mapping[str, float]) -> Health:
-    """Health of a link, stale or lost by the age [s] of its newest reading; ``what`` names it."""
+    """Health (ok, stale, lost) of the link ``what`` by the age [s] of its newest reading."""
     if age < STALE_S:
         return Health("ok", "", counters)
     state: State = "stale" if age < GONE_S else "lost"
@@ -71,8 +71,8 @@ def only_here(host: str) -> bool:
 
 
 def connected(host: str, port: int, timeout: float) -> socket:
-    """Open a TCP connection to a host within ``timeout`` [s] and return it; an `OSError` if that
-    fails, also where ``host`` is no valid name of a host."""
+    """Open a TCP connection to a host within ``timeout`` [s] and return it. Raises an `OSError` if
+    that fails, also where ``host`` is no valid name of a host."""
     try:
         return create_connection((host, port), timeout)
     except UnicodeError as error:
@@ -81,11 +81,9 @@ def connected(host: str, port: int, timeout: float) -> socket:
 
 class ClockFit:
     """Fits a line from a device's clock to this machine's clock, through the least delayed
-    readings.
-
-    Delays make readings late and never early, so only the least late one of each stretch counts. A
-    stretch [s] is so long that one of its readings is in time.
-    """
+    readings. Delays make readings late and never early, so only the least late reading of each
+    stretch of time counts. ``stretch`` [s] is so long that one of its readings arrives nearly
+    without delay."""
 
     def __init__(self, stretch: float) -> None:
         self._stretch = stretch
@@ -101,7 +99,8 @@ class ClockFit:
         self._offset = math.inf
 
     def add(self, device: float, host: float) -> None:
-        """Add one reading: its time on the device's clock and its arrival on this machine's [s]."""
+        """Add a reading: its time on the device's clock [s] and its arrival on this machine's
+        [s]."""
         late = host - device
         if self._best is None or late < self._best[1]:
             self._best = (device, late)
@@ -117,8 +116,8 @@ class ClockFit:
                 self._slope, self._offset = float(line[0]), float(line[1])
 
     def host(self, device: float) -> float:
-        """Convert a time on the device's clock [s] to this machine's clock [s]: when a reading of
-        that time would arrive without delay."""
+        """Convert a time on the device's clock [s] to this machine's clock [s]: the arrival of a
+        reading of that time that has no delay."""
         return device + self._offset + self._slope * (device - self._from)
 
     @property
@@ -134,15 +133,14 @@ class Device:
     name: ClassVar[str]
     title: ClassVar[str]
     options: ClassVar[type]
-    """A dataclass of what the constructor takes."""
+    """Dataclass of the constructor's options."""
 
     def __init__(self) -> None:
         self._connected = False
 
     def connect(self) -> None:
         """Open the device and wait for its first reading; nothing moves. Raises a `LinkError` if it
-        cannot be reached, or does not answer within its deadline, a `DriverError` if its answer
-        cannot be used."""
+        cannot be reached or does not answer in time, a `DriverError` if its answer is unusable."""
         if not self._connected:
             try:
                 self._connect()
@@ -165,7 +163,7 @@ class Device:
         """Open the device; by default there is nothing to open."""
 
     def _close(self) -> None:
-        """Release the device's connections, of which only some may be open."""
+        """Release the device's connections; some of them may not be open."""
 
     def _health(self) -> Health:
         return Health("ok")

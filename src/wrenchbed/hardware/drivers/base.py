@@ -1,7 +1,6 @@
-"""The contract of a driver: lifecycle, reading, moving, recording; its data types.
-
-The public methods check state and limits; a driver fills in the methods with an underscore.
-"""
+"""The contract of a driver: lifecycle, reading, moving, recording; its data types. Public methods
+check state and limits; a driver implements the methods with an underscore, and
+tests/hardware/test_driver_contract.py runs on it."""
 
 import math
 from abc import ABC, abstractmethod
@@ -20,7 +19,7 @@ from wrenchbed.robots.base import INERTIA_AXES, Robot
 from wrenchbed.robots.motion_limits import Limits, duration, entered, straight
 
 Block = Mapping[str, np.ndarray]
-"""Columns of a recording by name, each (n,)."""
+"""Columns of a recording by name, each an array (n,) with one value a row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +30,13 @@ class ArmSample:
         t: arrival on this machine's `time.monotonic` [s]; a simulated robot's own time.
         device_time: time on the robot's own clock [s], None where it has none.
         age: time between arrival and the call that returned this [s].
-        q, qd, target_q: joint values (J,) [rad or m], their speeds, and the targets of the robot's
-            own controller.
-        mode: ``off``, ``idle``, ``running``, ``fault`` or what the device calls it.
+        q, qd, target_q: joint values (J,) [rad or m], joint speeds (J,), and the controller's
+            targets (J,) of the joint values.
+        mode: ``off``, ``idle``, ``running``, ``fault`` or the device's own word.
         safety: ``normal``, ``protective stop``, ``emergency stop`` …
         program: ``playing``, ``paused``, ``stopped``; empty where the robot runs none.
         extra_columns: further columns (J,) by the name that docs/contracts.md gives them, without
-            number: ``i`` is i1… [A].
+            the joint's number: ``i`` stands for the columns i1… [A].
     """
 
     t: float
@@ -54,7 +53,8 @@ class ArmSample:
 
 @dataclass(frozen=True, eq=False)
 class Applied:
-    """Result of streaming a target: joint values (J,) as sent, or None and why it was refused."""
+    """Result of streaming a target: ``sent`` are the joint values (J,) sent to the robot, or None
+    if the target was refused; ``reason`` says why."""
 
     sent: np.ndarray | None
     reason: str = ""
@@ -66,7 +66,7 @@ class Applied:
 
 
 def block_of(rows: Sequence[Mapping[str, float]]) -> Block:
-    """Convert rows, each column name → value, to a block: column name → array (N,)."""
+    """Convert rows, each a mapping column name → value, to a block: column name → array (N,)."""
     dtypes = {"status": np.uint32, "saturated": np.uint32, "lost": np.int64}
     return {k: np.array([r[k] for r in rows], dtype=dtypes.get(k, float)) for k in rows[0]}
 
@@ -103,12 +103,14 @@ class Move(ABC):
         return self._end
 
     def wait(self, timeout: float | None = None) -> Reached:
-        """Wait until the move ends and return its result; at most ``timeout`` [s], by default its
-        own.
+        """Wait until the move ends and return its result.
+
+        Args:
+            timeout: longest wait [s]; None: the deadline that the move itself has.
 
         Raises:
-            LateError: it did not arrive in time; the robot was stopped.
-            DriverError: it failed or was cancelled.
+            LateError: the robot did not arrive in time; it was stopped.
+            DriverError: the move failed or was cancelled.
         """
         try:
             while (end := self.poll()) is None:
@@ -132,7 +134,7 @@ class Move(ABC):
         """Return the move's result, None while it is running; raise `DriverError` if it failed."""
 
     def _pause(self, timeout: float | None) -> None:
-        """Sleep between polls; raise `LateError` when these have lasted ``timeout`` [s]."""
+        """Sleep between two polls; raise `LateError` once the wait has lasted ``timeout`` [s]."""
         return None
 
     def _failed(self, error: BaseException) -> None:
@@ -147,17 +149,17 @@ class Move(ABC):
 class Driver(Device, ABC):
     """Base class of drivers: a robot with its force/torque sensor, simulated or real.
 
-    ``connect`` opens the link and moves nothing, ``activate`` makes it ready to move,
+    ``connect`` opens the link and moves nothing, ``activate`` makes the robot ready to move,
     ``deactivate`` ends that, ``close`` releases the link. As a context manager it is connected and
     active inside. Times in recordings are seconds since `connect`, monotonic across all calls.
     """
 
     robot: Robot
-    """Known before anything is connected: joints, units, limits."""
+    """The robot: joints, units, limits; known before anything is connected."""
     live: ClassVar[bool] = False
-    """Whether time is this machine's and something real may move."""
+    """Whether the driver runs in real time and something real may move."""
     top_rate: float = math.inf
-    """Highest rate of distinct rows [Hz]."""
+    """Highest rate at which rows are distinct [Hz]."""
 
     def __init__(self, limits: Limits | None = None) -> None:
         super().__init__()
@@ -168,7 +170,7 @@ class Driver(Device, ABC):
         """Make the robot ready to move, with its watchdog on; it does not move yet.
 
         Raises:
-            DriverError: it is stopped, in fault or not powered; the message says what to do.
+            DriverError: the robot is stopped, in fault or not powered; says what to do.
         """
         self._check_connected()
         if not self._active:
@@ -199,16 +201,16 @@ class Driver(Device, ABC):
         return self._read_wrench()
 
     def write(self, q: np.ndarray) -> Applied:
-        """Send one target of a stream (J,); return what was sent, or why it was refused."""
+        """Send one streamed joint target (J,); return what was sent, or why it was refused."""
         self._check_connected()
         if not self._active:
             return Applied(None, f"driver {self.name!r} is not active: call activate() first")
         return self._write(np.asarray(q, dtype=float))
 
     def move(self, q: np.ndarray) -> Move:
-        """Start a straight joint-space move that comes to rest at q (J,). Raises a `PlanError` if
-        the target or the path to it leaves limits, workspace or solvable region, a `DriverError` if
-        the robot is not ready."""
+        """Start a straight joint-space move that comes to rest at joint values q (J,). Raises a
+        `PlanError` if the target or the path to it leaves limits, workspace or the region where the
+        robot's equations can be solved, a `DriverError` if the robot is not ready."""
         self._check_active()
         start, goal = self._position(), np.asarray(q, dtype=float)
         self.limits.check_path(self.robot, entered(self.robot, straight(start, goal)), "move")
@@ -220,12 +222,13 @@ class Driver(Device, ABC):
         self._stop(kind)
 
     def recover(self, unlock: bool = False) -> None:
-        """Clear what can be cleared after a stop or a fault, with ``unlock`` also a stop by which
-        the robot protected itself, or a drive's fault: somebody has looked at it. Nothing moves.
+        """Clear what can be cleared after a stop or a fault; nothing moves.
+
+        ``unlock`` also clears protective stops and drives' faults: a person must have looked first.
 
         Raises:
-            SafetyStopError: it protected itself, and ``unlock`` is False.
-            DriverError: it cannot be cleared from here; the message says who must do what.
+            SafetyStopError: the robot stopped to protect itself, and ``unlock`` is False.
+            DriverError: it cannot be cleared from here; says who must do what.
         """
         self._check_connected()
         self._active = False
@@ -238,9 +241,10 @@ class Driver(Device, ABC):
         return self._position()
 
     def touch(self, q: np.ndarray, point: np.ndarray) -> Reached:
-        """Move to a pose near a known point of the world (3,) [m] and seat the tool's tip there.
-        Raises a `PlanError` if the pose or the path to it leaves the limits or the solvable region,
-        a `DriverError` if this device cannot touch, or the tip did not reach the point."""
+        """Move to the pose q (J,) near a known point of the world (3,) [m] and bring the tool's tip
+        into contact with it. Raises a `PlanError` if the pose or the path to it leaves the limits
+        or cannot be solved, a `DriverError` if this device cannot touch, or the tip misses the
+        point."""
         self.move(q).wait()
         return self._touch(np.asarray(point, dtype=float))
 
@@ -259,23 +263,23 @@ class Driver(Device, ABC):
         return self._sample(n, rate)
 
     def track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Follow joint values (N, J), one a sample, and yield the measured rows; a `PlanError` if
-        the trajectory leaves limits, the solvable region or the joints' speed."""
+        """Follow joint targets (N, J), given at ``rate`` [Hz], and yield the measured rows. Raises
+        a `PlanError` if they leave limits, joint speeds or the region that can be solved."""
         self._check_active()
         self.limits.check_motion(self.robot, targets, rate, "trajectory")
         yield from self._track(targets, rate)
 
     def full_scale(self) -> np.ndarray:
-        """Measuring range of the sensor (6,) [N, N·m]; of several calibrations the smallest."""
+        """Measuring range (6,) [N, N·m] of the sensor; of several calibrations the smallest."""
         known = registry.load("sensors", self.robot.sensor)
         return np.asarray(known.calibration().range)
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
-        """Announce the plan (N, J) that is about to run to the device; most devices ignore it."""
+        """Announce the plan's joint values (N, J) to the device before a run; most ignore it."""
 
     @abstractmethod
     def metadata(self, mode: str, rate: float) -> Metadata:
-        """Metadata of a recording by this driver in a mode (rest or motion) at ``rate`` [Hz]."""
+        """Metadata of a recording at ``rate`` [Hz]; ``mode``: rest or motion."""
 
     def _activate(self) -> None:
         """Hook of `activate`: switch the robot on; by default do nothing."""
@@ -341,7 +345,7 @@ def as_designed(
     sensor: str,
     noise_std: np.ndarray,
 ) -> Metadata:
-    """Recording metadata of the nominal robot; ``noise_std`` (6,): of a row at rest [N, N·m]."""
+    """Recording metadata of the nominal robot; ``noise_std`` (6,) [N, N·m] of one row at rest."""
     nominal = robot.parameters.nominal
     tool, values = robot.tool(nominal), robot.values(nominal)
     on_flange = "mount.position.x" in robot.parameters.names

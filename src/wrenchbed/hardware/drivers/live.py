@@ -1,8 +1,6 @@
 """Base of the live drivers: pacing, fresh readings, settling, monitored moves, streamed motions.
-
-A reading that is not fresh never enters a recording: the driver waits for it, and names the link
-when it does not come.
-"""
+A stale reading never enters a recording: the driver waits for a fresh one, and raises an error that
+names the link if none comes. Changes here move robots: run tests/hardware/test_live_motion.py."""
 
 import threading
 import time
@@ -35,44 +33,44 @@ from wrenchbed.robots.motion_limits import Limits
 
 Sample = TypeVar("Sample", ArmSample, WrenchSample)
 LIVE = Limits(speed=0.25, tracking=0.7)
-"""Default limits of a live driver, fractions of top speed: slow enough that somebody can reach the
+"""Default limits of a live driver, fractions of top speed: slow enough that a person can reach the
 emergency stop, and a margin for motions whose speed was planned."""
 _POLL_S = 0.002
-"""Time between two looks for a new state [s], a quarter of 8 ms."""
+"""Time between two checks for a new state [s], a quarter of a CB3's cycle of 8 ms."""
 _BLOCK_S = 0.25
-"""Length of the blocks of rows of a motion [s]; what a crash may lose."""
+"""Length of the blocks in which the rows of a motion are yielded [s]: a crash loses one at most."""
 _STREAM_S = (0.008, 0.1)
-"""Shortest and longest time since the last target that a streamed one may use up [s]: a cycle of a
-CB3, and no jump after a pause."""
+"""Least and largest time since the last streamed target that sets how far the next one may be [s]:
+a CB3's cycle, and no jump after a pause."""
 SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
-"""Length of the steady window that `settle` requires, in which a tool that swings with 10 Hz turns
-three times, and its deadline [s]."""
+"""Length of the steady window that `settle` requires (a load that swings with 10 Hz swings three
+times in it), and deadline of `settle` [s]."""
 _WINDOW = 1.2
-"""Length of the kept readings in units of `SETTLE_S`, so that a window is always complete."""
+"""Time of which `settle` keeps readings, in units of `SETTLE_S`: a window is always complete."""
 _STEADY_POLL_S = 0.01
-"""Time between two looks of `settle` [s]: 30 readings a window."""
+"""Time between two readings of `settle` [s]: 30 readings in a window."""
 _SIGMAS = 3.5
-"""Standard errors by which the means of a steady window's halves may differ: six channels at rest
-exceed them in one of 350 windows."""
+"""Largest difference between the means of a steady window's halves, in standard errors: six
+channels at rest exceed it in one of 350 windows."""
 CALM_SPEED = 2e-3
-"""Fastest joint at rest [rad/s or m/s]: with less the noise of speeds is a motion."""
+"""Speed of the fastest joint of a robot at rest [rad/s or m/s]: noise of speeds is below it."""
 TOLERANCE = 5e-4
-"""Farthest from its goal that a joint may come to rest [rad or m]: with less an arm that stands a
-little beside its goal never arrives."""
+"""Largest distance of a joint from its goal at the end of a move [rad or m]: with less, an arm that
+stands slightly beside its goal never arrives."""
 BLIND_S = 0.2
-"""Longest that a robot may move while its state or sensor is stale [s]; tuned on
-`scripts/reactions`: short stalls pass, and it rests 0.4 s after the last news."""
+"""Longest time that a robot may move while its state or sensor is stale [s]; tuned on
+`scripts/reactions`: short stalls pass, and the robot rests 0.4 s after the last reading."""
 STUCK_S = 3.0
-"""A move beyond its time is given up when it comes no nearer for so long [s]: speed sliders and
-safety limits may make it slow."""
+"""An overdue move is given up when it comes no nearer to its goal for this time [s]: speed sliders
+and safety limits may make it slow."""
 _NEARER = 2.0 * TOLERANCE
 _WAIT_POLL_S = 0.005
-"""Time between two looks while waiting for a move [s], less than a cycle of 125 Hz."""
+"""Time between two checks while waiting for a move [s], less than a cycle of 125 Hz."""
 
 
 def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
-    """Stop the robot after an error, hard if it is out of sight or beyond a limit; a failed stop is
-    noted in the error."""
+    """Stop the robot after an error: ``stop("hard")`` if its link failed or a limit was exceeded,
+    else ``stop("soft")``; a failed stop is noted in the error."""
     try:
         stop("hard" if isinstance(error, LimitError | LinkError) else "soft")
     except DriverError as failed:
@@ -81,7 +79,7 @@ def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
 
 def check_ready(health: Health) -> None:
     """Raise the error of a device that is not ok: `StoppedError` if the robot stopped or is in
-    fault, `LinkError` if it is silent or gone."""
+    fault, `LinkError` if the device is silent or gone."""
     if health.state in ("stopped", "fault"):
         raise StoppedError(health.detail)
     if not health.ok:
@@ -89,7 +87,7 @@ def check_ready(health: Health) -> None:
 
 
 class WatchedMove(Move):
-    """A running move that stops the robot on a problem of link, robot, wrench or deadline."""
+    """A running move of ``seconds``; stops the robot if link, robot, wrench or deadline fail."""
 
     def __init__(self, driver: "LiveDriver", goal: np.ndarray, seconds: float) -> None:
         super().__init__(goal)
@@ -132,7 +130,8 @@ class WatchedMove(Move):
 
 
 def pace(due: float, period: float) -> float:
-    """Sleep until ``due`` [s]; return the next deadline, a ``period`` [s] after it or after now."""
+    """Sleep until ``due`` [s]; return the next deadline, a ``period`` [s] later (than now, if
+    late)."""
     now = time.monotonic()
     if now < due:
         time.sleep(due - now)
@@ -142,7 +141,7 @@ def pace(due: float, period: float) -> float:
 
 
 def settled(wrench: np.ndarray) -> bool:
-    """Whether readings (n, 6) are steady: both halves have the same mean within `_SIGMAS`."""
+    """Whether wrenches (n, 6) are steady: the means of both halves agree within `_SIGMAS`."""
     first, second = np.array_split(wrench, 2)
     if len(first) < 4 or len(second) < 4:
         return False
@@ -154,15 +153,15 @@ def settled(wrench: np.ndarray) -> bool:
 class LiveDriver(Driver):
     """Base class of drivers of real-time robots with a separate transducer.
 
-    A device fills in ``_open``, ``_shut``, ``_read``, ``_begin``, ``_stream``, ``_stop``,
+    A device implements ``_open``, ``_shut``, ``_read``, ``_begin``, ``_stream``, ``_stop``,
     ``_arm_health`` and, where it has them, ``_activate``, ``_deactivate``, ``_recover``.
     """
 
     live = True
     lead: float = 0.0
-    """How long before its time a streamed target is sent to the device [s]."""
+    """Time by which a streamed target is sent to the device before it is due [s]."""
     source: str
-    """Name of the source that recordings state."""
+    """Value of ``source`` in the metadata of recordings."""
     transducer: Transducer
 
     def __init__(self, limits: Limits | None = None) -> None:
@@ -177,7 +176,7 @@ class LiveDriver(Driver):
         super().stop(kind)
 
     pace = 1.0
-    """Fraction of the speed that is asked for at which the robot moves at present."""
+    """Present speed of the robot as a fraction of the commanded speed, 0 … 1."""
 
     @abstractmethod
     def _open(self) -> None:
@@ -185,7 +184,7 @@ class LiveDriver(Driver):
 
     @abstractmethod
     def _shut(self) -> None:
-        """Release the robot's own link, which may be half open."""
+        """Release the robot's own link, which may be only partly open."""
 
     @abstractmethod
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
@@ -193,7 +192,7 @@ class LiveDriver(Driver):
 
     @abstractmethod
     def _stream(self, q: np.ndarray, at: float) -> Applied:
-        """Send a target (J,) within limits, to be reached at a `time.monotonic` time [s]."""
+        """Send a checked target (J,), to be reached at a `time.monotonic` time [s]."""
 
     @abstractmethod
     def _arm_health(self) -> Health: ...
@@ -211,12 +210,12 @@ class LiveDriver(Driver):
 
     @property
     def address(self) -> str:
-        """Address of the robot for error messages; empty if only emulators can be connected."""
+        """Address of the robot for error messages; empty if it is an emulator's."""
         return self.name
 
     @property
     def answers(self) -> Mapping[str, Any]:
-        """Facts that the connected controller reports of itself, for a recording's metadata."""
+        """Facts that the connected controller reports about itself, for a recording's metadata."""
         return {}
 
     def full_scale(self) -> np.ndarray:
@@ -251,7 +250,8 @@ class LiveDriver(Driver):
         return self._aim(q, time.monotonic())
 
     def _aim(self, q: np.ndarray, at: float, stops: int | None = None) -> Applied:
-        """Check a target (J,) for a `time.monotonic` time [s] and send it unless a stop came."""
+        """Check a target (J,) for a `time.monotonic` time [s]; send it unless the robot was stopped
+        since ``stops``, the number of stops when its stream began."""
         health, guarded = self._health(), self.limits.force or self.limits.torque
         late_sensor = health.state == "stale" and self._arm_health().ok
         if not health.ok and (guarded or not late_sensor):
@@ -319,7 +319,7 @@ class LiveDriver(Driver):
         return block_of(rows)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Stream the targets (N, J), yield the measured rows and stop at the end or on an error."""
+        """Stream the targets (N, J), yield the measured rows; stop at the end or on an error."""
         try:
             yield from self._streamed(targets, rate)
         except BaseException as error:
@@ -356,7 +356,7 @@ class LiveDriver(Driver):
         raise LinkError(f"{self.name}: {total - done} rows of the motion never came")
 
     def _collect(self, even: Resampler, due: float, period: float) -> float:
-        """Feed states that arrive by the next deadline to ``even``; return that deadline [s]."""
+        """Pass states that arrive by the next deadline to ``even``; return that deadline [s]."""
         until = due + period
         if time.monotonic() - until > max(period, self.lead):
             until = time.monotonic()  # stay late: a robot must not catch up by a jump
@@ -370,14 +370,15 @@ class LiveDriver(Driver):
             time.sleep(min(remaining, _POLL_S))
 
     def _states(self, after: float) -> Sequence[ArmSample]:
-        """States that arrived after a time [s], oldest first; by default the newest one alone."""
+        """States that arrived after a time [s], oldest first; by default only the newest one."""
         arm = self._read()
         return [arm] if arm.t > after else []
 
     def _tracked(
         self, row: EvenRow, sent: deque[tuple[float, np.ndarray]]
     ) -> dict[str, float] | None:
-        """Columns of one recorded row, with wrench and target; None until the sensor has read."""
+        """Columns of one recorded row, with wrench and target; None until the sensor's reading of
+        its time has arrived. ``sent`` are the recent targets with their times [s]."""
         wrench = self.transducer.at(row.host)
         if wrench is None:
             if time.monotonic() - row.host < GONE_S:
@@ -407,7 +408,7 @@ class LiveDriver(Driver):
         return self._fresh(self._read, self._arm_health, after)
 
     def _fresh_wrench(self) -> WrenchSample:
-        """Wait, at most `GONE_S`, for a reading newer than the last row's; return it."""
+        """Wait, at most `GONE_S`, for a reading newer than that of the last row; return it."""
         return self._fresh(self.transducer.read, self.transducer.health, self._last_row)
 
     def _fresh(

@@ -2,7 +2,7 @@
 
 At rest the wrench is exact at the joint values that the servos reached; in motion it is that of
 the servo-driven dynamics. The true ``parameters`` never enter the metadata, which state the nominal
-robot.
+robot. Seeds keep recordings repeatable: a change of the order of draws changes them all.
 
 Effects do not change the measured joint values: the robot moves without them, and their change of
 the load on the sensor is computed at the measured joints (`twin`). Effects with memory, such as
@@ -52,15 +52,15 @@ from wrenchbed.twin.twin import Twin
 
 _IMU = ("ax", "ay", "az")
 CONTROL_S = 0.008
-"""Period of the position targets in a move [s], that of a CB3."""
+"""Time between two position targets of a move [s], as on a CB3."""
 _BLOCK_S = 4.0
-"""Length of the blocks of rows of a motion [s]."""
+"""Length of the blocks in which the rows of a motion are yielded [s]."""
 _LEAST_ROWS = 12
-"""Fewest rows of a motion whose derivatives a spline gives: twice its six parameters a piece."""
+"""Fewest rows of a motion whose derivatives a spline gives: twice the six parameters of a piece."""
 _PUSH = 3.0
-"""Largest contact force of a touch along each axis [N], that of a light push by hand."""
+"""Largest contact force of a touch along each axis [N], as of a light push by hand."""
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Times (n,), joint values and speeds (n, J), loads or readings (n, 6)."""
+"""Times (n,) [s], joint values and speeds (n, J), loads or readings (n, 6) [N, N·m]."""
 
 
 class SimMove(Move):
@@ -68,8 +68,8 @@ class SimMove(Move):
 
     Args:
         goal: joint values (J,).
-        steps: joint values after each period; the last one has a duration above 0.
-        halt: brings the robot to rest after some time of the move [s].
+        steps: yields the joint values after each period; only the last has a duration above 0.
+        halt: brings the robot to rest, given the time that the move has lasted [s].
     """
 
     def __init__(
@@ -129,10 +129,8 @@ class Beside:
     """Simulates a tracker and an accelerometer that are read at rest, besides the wrench sensor.
 
     The tracker stands anywhere in the room, its target and the accelerometer are mounted anywhere
-    on the flange; the accelerometer's scales are off by 2 % and its zeros by 0.3 m/s².
-
-    The rows of a pose share an error, as of the target's seat and the air, of half the noise of a
-    row.
+    on the flange; the accelerometer's scales are off by 2 % and its zeros by 0.3 m/s². The rows of
+    a pose share an error (seat of the target, air) of half the standard deviation of a row's noise.
     """
 
     def __init__(self, twin: Twin, options: SimOptions) -> None:
@@ -170,7 +168,7 @@ class SimDriver(Driver):
 
     Raises:
         NotFoundError: the robot has no MuJoCo model.
-        ParameterError: an unknown parameter, an impossible value or kind of noise.
+        ParameterError: a parameter is unknown, or a value or the kind of noise is impossible.
     """
 
     name = "sim"
@@ -204,7 +202,7 @@ class SimDriver(Driver):
 
     @staticmethod
     def drive_faults() -> dict[str, str]:
-        """Name, as ``effects`` take it, → title of each fault that a simulated drive can have."""
+        """Faults that a simulated drive can have: name, as option ``effects`` takes it → title."""
         return {f"{PREFIX}{kind}": fault.title for kind, fault in FAULTS.items()}
 
     def _reported(
@@ -268,8 +266,8 @@ class SimDriver(Driver):
             self._playback.move((begun, self._time), start, self._plant.q)
 
     def _touch(self, point: np.ndarray) -> Reached:
-        """Move the tip to a point in the base [m], with a random error of standard deviation
-        `TOUCH_STD` an axis, and return the joint values there; an unknown force pushes the tip."""
+        """Move the tip to a point in the base (3,) [m], with a random error of standard deviation
+        `TOUCH_STD` on each axis; return the joint values there. A random force pushes the tip."""
         seat = point + self._touch_rng.normal(0.0, TOUCH_STD, 3)
         start = self._plant.q
         target = self._simulation.joints_touching(start, seat)
@@ -373,7 +371,7 @@ class SimDriver(Driver):
 
 
 def _moving(t: np.ndarray, q: np.ndarray) -> Jet:
-    """Joint values, speeds and accelerations of a complete motion (n, J), by a spline: MuJoCo's own
+    """Joint values, speeds and accelerations (n, J) of a complete motion, by a spline: MuJoCo's own
     are those of half a step before (semi-implicit Euler)."""
     if len(t) < _LEAST_ROWS:
         raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")

@@ -1,9 +1,7 @@
-"""Times of a live recording: rows at equal steps of the robot's clock.
-
-A network delivers states unevenly and drops some, but each carries the robot's time. Between two
-states joints follow the cubic that has their values and speeds (Hermite); the wrench is read at
-the same moment of this machine's clock, to which the robot's is fitted.
-"""
+"""Times of a live recording: rows at equal steps of the robot's clock. A network delivers states
+unevenly and drops some, but each carries the robot's time. Between two states joints follow the
+cubic that has their values and speeds (Hermite); the wrench is that of the same moment on this
+machine's clock, onto which the robot's clock is fitted."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -16,17 +14,18 @@ from wrenchbed.hardware.device import STALE_S, ClockFit
 from wrenchbed.hardware.drivers.base import ArmSample
 
 _LATEST = 64
-"""States that are kept to interpolate between: half a second at 125 Hz, more than rows wait."""
+"""Number of states stored for interpolation: half a second at 125 Hz, longer than rows wait."""
 _STRETCH_S = 0.4
-"""Stretch of which the least late state counts for clocks [s]: 1 of 50 at 125 Hz is on time."""
+"""Stretch whose least late state fits the clocks [s]: at 125 Hz, 1 of 50 states is on time."""
 _SAME_S = 1e-9
-"""Times less apart are the same [s]: far above the rounding of a sum of periods."""
+"""Difference below which two times are equal [s], far above the rounding of a sum of periods."""
 Pair = tuple[np.ndarray, np.ndarray]
 
 
 class EvenRow(NamedTuple):
-    """One row on an even time grid: its time [s], the same moment on this machine's clock, joint
-    values and speeds (J,), and further columns as in `ArmSample`, interpolated linearly."""
+    """One row on an even time grid: its time on the robot's clock [s], the same moment on this
+    machine's clock [s], joint values and speeds (J,), and further columns, as in `ArmSample`,
+    interpolated linearly."""
 
     t: float
     host: float
@@ -36,7 +35,7 @@ class EvenRow(NamedTuple):
 
 
 class Resampler:
-    """Resamples a robot's states to rows at equal steps of its own clock, at a rate [Hz].
+    """Resamples a robot's states to rows at equal steps of the robot's clock, at a rate [Hz].
 
     Attributes:
         newest: arrival of the newest state (`time.monotonic`, [s]); states that arrived at
@@ -62,8 +61,8 @@ class Resampler:
         self._clock.add(t - self._first, arm.t - self._origin)
 
     def rows(self, most: int) -> list[EvenRow]:
-        """Return the next rows, at most ``most``, that lie between two states; a `LinkError` if
-        these are too far apart to interpolate."""
+        """Return the next rows between states received so far, at most ``most``; a `LinkError` if
+        two states are too far apart to interpolate."""
         states = list(self._states)
         times = np.array([controller_time(state) for state in states]) - self._first
         due = self._period * np.arange(self._count, self._count + most)
@@ -87,14 +86,14 @@ class Resampler:
 
 
 def controller_time(arm: ArmSample) -> float:
-    """Time of a state on the robot's clock [s]; its arrival on this machine's if it has none."""
+    """Time of a state on the robot's clock [s]; its arrival on this machine if it has no clock."""
     return arm.t if arm.device_time is None else arm.device_time
 
 
 def hermite(q: Pair, qd: Pair, span: float, s: float) -> Pair:
-    """Joint values and speeds (J,) of the cubic through two states with values ``q`` and speeds
-    ``qd``, ``span`` [s] apart, at the fraction s, 0 … 1, of that time. CAN drives are commanded
-    along it too (`can.setpoints`): a change moves robots."""
+    """Joint values and speeds (J,) on the cubic through two states, at a fraction s, 0 … 1, of the
+    ``span`` [s] between them; ``q`` and ``qd`` are the values and speeds of both. CAN drives are
+    commanded along it too (`can.setpoints`): a change moves robots."""
     ahead, behind = s * (1 - s) ** 2, s * s * (s - 1)
     between = (1 + 2 * s) * (1 - s) ** 2 * q[0] + s * s * (3 - 2 * s) * q[1]
     slope, into, out = 6 * s * (s - 1) / span, (1 - s) * (1 - 3 * s), s * (3 * s - 2)

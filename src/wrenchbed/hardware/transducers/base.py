@@ -1,8 +1,6 @@
 """The contract of a transducer: it reads a force/torque sensor and states the age of each reading.
-
-A frozen reading is always visible: it carries its age, and `health` names what is wrong. Only
-`connect` blocks, and it has a deadline. A transducer fills in the methods with an underscore.
-"""
+A frozen reading is always visible: it has an age, and `health` says what is wrong. Only `connect`
+blocks, and it has a deadline. A transducer implements the methods with an underscore."""
 
 import time
 from abc import ABC, abstractmethod
@@ -17,11 +15,11 @@ from numpy.typing import ArrayLike
 from wrenchbed.hardware.device import STALE_S, Device
 
 CLOSE_S = 1e-3
-"""Readings closer in time are not interpolated [s]: a robot's joints move less than their noise."""
+"""Readings nearer in time are not interpolated [s]: joints move by less than their noise in it."""
 KEPT_S = 1.5
-"""Time of which readings are kept [s]: longer than a row of a motion waits for its wrench."""
+"""Age up to which readings are stored [s]: longer than a row of a motion waits for its wrench."""
 _BATCHES = 8192
-"""Batches of readings that are kept: `KEPT_S` of one a millisecond, and room."""
+"""Most batches of readings that are stored: `KEPT_S` of one a millisecond, and a margin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,16 +28,16 @@ class WrenchSample:
 
     Attributes:
         t: `time.monotonic` of this machine when it arrived [s].
-        device_time: time on the sensor's own clock [s], None where it has none.
-        sequence: number of the sensor's sample, or of the reply where it counts none.
+        device_time: time on the sensor's own clock [s], None if it has none.
+        sequence: number of the sensor's sample, or of its reply if it numbers none.
         age: time between arrival and the call that returned this [s].
-        fresh: whether it is newer than what the call before returned.
+        fresh: whether it is newer than the reading that the previous call returned.
         wrench: load on the tool side (6,) [N, N·m], in the sensor's axes about its origin.
         status: the sensor's own status word.
         saturated: bit i is set where channel i is at the end of its range.
         lost: readings known to be lost since this device was made.
         bias_id: how often the device lost its zero since this object was made.
-        faults: meaning of the status word, in words.
+        faults: faults in the status word, as texts.
     """
 
     t: float
@@ -56,8 +54,8 @@ class WrenchSample:
 
 
 class PastReading(NamedTuple):
-    """Wrench (6,) at a past time, status and saturation of the readings around it, and how far the
-    nearer one is [s]."""
+    """Sensor reading at a past time: wrench (6,) [N, N·m] interpolated between two readings, status
+    word and saturated channels of both, and the time to the nearer one [s]."""
 
     wrench: np.ndarray
     status: int
@@ -74,7 +72,7 @@ class Past:
     def add(
         self, t: ArrayLike, wrench: ArrayLike, status: ArrayLike = 0, saturated: ArrayLike = 0
     ) -> None:
-        """Append readings (n, 6) at times (n,) [s]; a time before the last one is set to that."""
+        """Append readings (n, 6) at times (n,) [s]; a time before its predecessor is set to it."""
         times = np.maximum.accumulate(np.atleast_1d(np.asarray(t, dtype=float)))
         if self._batches:
             times = np.maximum(times, self._batches[-1][0][-1])
@@ -88,12 +86,9 @@ class Past:
         self._batches.clear()
 
     def at(self, t: float) -> PastReading | None:
-        """Return the stored reading at a time [s]; None before the first, after the last and in a
-        gap.
-
-        Of two that are less than `CLOSE_S` apart the nearer one counts: a mean of both would have
-        less noise than the sensor. Else the reading is interpolated linearly.
-        """
+        """Return the stored reading at a time [s]; None before the first, after the last, in a gap.
+        Between two readings it is interpolated linearly. If they are less than `CLOSE_S` apart, the
+        nearer one counts: a mean of both would have less noise than the sensor."""
         around: list[tuple[np.ndarray, ...]] = []
         for batch in reversed(self._batches.copy()):
             around = [batch, *around[:1]]
@@ -131,9 +126,7 @@ class Transducer(Device, ABC):
 
     def at(self, t: float) -> WrenchSample | None:
         """Return the reading at a `time.monotonic` time [s], interpolated; None if none is near.
-
-        Its age is the time to the nearest reading, its flags are those of both neighbours.
-        """
+        Its age is the time to the nearest reading, its flags are those of both neighbours."""
         self._check_connected()
         return self._at(t)
 
@@ -144,7 +137,7 @@ class Transducer(Device, ABC):
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """Facts that the connected device reports of itself, for a recording's metadata."""
+        """Facts that the connected device reports about itself, for a recording's metadata."""
         return {}
 
     @abstractmethod

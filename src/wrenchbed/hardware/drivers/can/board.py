@@ -1,5 +1,4 @@
-"""The NETCANOEM board of an ATI gauge sensor: it polls the gauges, queries the calibration, and
-names what is wrong."""
+"""The NETCANOEM board of an ATI gauge sensor: polling, query of its calibration, health."""
 
 import threading
 import time
@@ -16,36 +15,37 @@ from wrenchbed.hardware.drivers.can.frames import Pairs, Reply
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 
 ANSWER_S, TRIES = 0.3, 3
-"""Deadline of an answer [s], which takes a millisecond on a free wire, and attempts at a query,
-since a frame may be lost."""
+"""Deadline of an answer [s], which takes a millisecond on a free bus, and number of attempts at a
+query, since a frame may be lost."""
 FORCE = {1: 4.4482216152605, 2: 1.0, 3: 4448.2216152605, 4: 1e3, 5: 9.80665, 6: 9.80665e-3}
-"""Code of a unit → N: lbf, N, klbf, kN, kgf, gf."""
+"""Code of a unit of force → its size [N]: lbf, N, klbf, kN, kgf, gf."""
 TORQUE = {1: 0.1129848290276167, 2: 1.3558179483314004, 3: 1.0, 4: 1e-3, 5: 0.0980665, 6: 1e3}
-"""Code of a unit → N·m: lbf·in, lbf·ft, N·m, N·mm, kgf·cm, kN·m."""
+"""Code of a unit of torque → its size [N·m]: lbf·in, lbf·ft, N·m, N·mm, kgf·cm, kN·m."""
 SILENT_S = 0.05
 """Silence after which the board may have restarted, so that its calibration is selected anew [s]:
-more than two lost frames. `CHECK_S` finds a restart that takes less."""
+longer than two lost frames. Shorter restarts are detected by `CHECK_S`."""
 CHECK_S = 0.2
-"""How often a row of the active matrix is compared with the one in use [s]: all six in 1.2 s."""
+"""Time between two comparisons of a row of the board's matrix with the one in use [s]."""
 FIRST_S = 1.0
-"""Deadline of the first reading [s]: a board that answers queries sends it within a poll."""
+"""Deadline of the first reading [s]: a board that answers queries sends it at the first poll."""
 _AGAIN_S = 0.01
 """Pause before a lost calibration is queried again [s]."""
 _RAIL = 32767
-"""Largest gauge count, by definition of 16 bits."""
+"""Largest gauge count, by definition of 16 bits; beyond it a gauge is saturated."""
 _MOST_ANSWERS = 16
-"""Answers that wait to be read; a query has three."""
+"""Most answers of the board that wait to be read; a query has three at most."""
 
 
 class GaugeCalibration(NamedTuple):
-    """Calibration matrix (6, 6) as stored on the board, and that from gauge counts to N and N·m."""
+    """Calibration of a sensor: ``raw`` (6, 6) as stored on the board, and ``matrix`` (6, 6) from
+    gauge counts to wrenches [N, N·m]."""
 
     raw: np.ndarray
     matrix: np.ndarray
 
 
 class BoardQueries:
-    """Sends queries to one sensor board, one at a time; ``base``: upper seven bits of its ids."""
+    """Sends queries to a sensor board, one at a time; ``base``: upper seven bits of its CAN ids."""
 
     def __init__(self, link: CanLink, base: int) -> None:
         self._link, self._base = link, base
@@ -60,8 +60,8 @@ class BoardQueries:
                 self._came.notify_all()
 
     def calibrate(self, slot: int) -> GaugeCalibration:
-        """Select a calibration and read its matrix, counts and units. Raises a `LinkError` if the
-        board does not answer, a `DriverError` if its calibration cannot be used."""
+        """Select the calibration in a slot, 0 … 15; read its matrix, counts and units. Raises a
+        `LinkError` if the board does not answer, a `DriverError` if the calibration is unusable."""
         (active,) = self._collect(frames.SELECT, bytes([slot]))[0].values
         if active != slot:
             raise DriverError(f"the sensor's board selected calibration {active}, not {slot}")
@@ -81,7 +81,7 @@ class BoardQueries:
         raise LinkError("the sensor's board sends another matrix each time")
 
     def row(self, axis: int) -> tuple[float, ...]:
-        """A row of the active matrix, 0 … 5 for Fx … Tz; a `LinkError` without an answer."""
+        """Read a row of the active matrix, 0 … 5 for Fx … Tz; a `LinkError` without an answer."""
         parts = dict(self._collect(frames.MATRIX, bytes([axis]), 3))
         if sorted(parts) != [2, 3, 4]:
             raise LinkError("the sensor's board sent a matrix row in pieces that do not fit")
@@ -104,7 +104,7 @@ class BoardQueries:
         )
 
     def _wait(self, opcode: int, each: int, n: int) -> list[Reply]:
-        """Return the first n answers to ``opcode`` or the ``each`` − 1 after it; fewer if late."""
+        """Return up to n answers to opcodes ``opcode`` … + ``each`` − 1 that arrive in time."""
 
         def answers() -> list[Reply]:
             return [a for a in self._answers if 0 <= a.opcode - opcode < each]
@@ -117,9 +117,9 @@ class BoardQueries:
 def in_si(
     raw: np.ndarray, counts: tuple[Any, ...], units: tuple[Any, ...], slot: int
 ) -> np.ndarray:
-    """Convert a board's calibration matrix (6, 6) in a slot to one from gauge counts to N and N·m,
-    by its counts per unit of force and torque and its codes of both units; a `DriverError` for a
-    matrix, counts or units that make no sense."""
+    """Convert a calibration as a board states it to a matrix (6, 6) from gauge counts to N and N·m:
+    ``raw`` (6, 6) is its matrix, ``counts`` are counts per unit of force and of torque, ``units``
+    their codes, ``slot`` is its number. Raises a `DriverError` for values that are unusable."""
     usable = np.isfinite(raw).all() and np.abs(raw).max() < 1e12
     if not usable or np.linalg.matrix_rank(raw / max(np.abs(raw).max(), 1e-30)) < 6:
         raise DriverError(f"calibration {slot} of the sensor's board holds no usable matrix")
@@ -134,8 +134,9 @@ def in_si(
 
 
 class GaugeBoard(Transducer):
-    """Transducer of an ATI sensor on a NETCANOEM board, polled by the owner of its bus; ``base``:
-    upper seven bits of its ids; ``slot``: that of its calibration, 0 … 15."""
+    """Transducer of an ATI sensor on a NETCANOEM board, polled by the owner of its CAN bus;
+    ``base``: upper seven bits of the board's ids; ``slot``: number of the sensor's calibration, 0 …
+    15."""
 
     name = "netcanoem"
     title = "ATI sensor on a NETCANOEM board over CAN"
@@ -153,8 +154,7 @@ class GaugeBoard(Transducer):
         self._pairs = Pairs()
         self._running = False
         self._calibration: GaugeCalibration | None = None
-        """Calibration in force on the board; None while it is in doubt, and no reading is
-        published."""
+        """Calibration active on the board; None while it is uncertain: no reading is published."""
         self._suspect = threading.Event()
         self._newest: WrenchSample | None = None
         self._past.clear()
@@ -165,7 +165,7 @@ class GaugeBoard(Transducer):
         self._unusable = ""
 
     def use(self, link: CanLink) -> None:
-        """Set the open CAN bus that the next `connect` uses."""
+        """Set the open CAN bus for the next `connect`."""
         self._link = link
 
     def poll(self) -> None:
@@ -242,8 +242,8 @@ class GaugeBoard(Transducer):
         self._suspect.set()
 
     def _check(self) -> None:
-        """Run in a thread: select the calibration anew after a restart of the board, and read its
-        matrix again and again to detect restarts without silence."""
+        """Run in a thread: select the calibration anew after a restart of the board, and compare
+        its matrix all the time to detect restarts without silence."""
         axis = 0
         while self._running:
             doubted, known = self._suspect.wait(CHECK_S), self._calibration

@@ -1,8 +1,6 @@
-"""A CAN bus of python-can with one reader that passes frames on and detects a lost bus.
-
-With a socketcand server that died, python-can receives nothing at full speed for ever; with a
-silent one its constructor waits for ever. Both are detected here.
-"""
+"""A CAN bus of python-can with one reader that passes frames on and detects a lost bus. If a
+socketcand server dies, python-can receives nothing at full speed for ever; if one is silent,
+python-can's constructor waits for ever. Both are detected here."""
 
 import contextlib
 import errno
@@ -18,22 +16,22 @@ from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.registry import require
 
 Listener = Callable[[float, int, bytes], None]
-"""Called with the time of arrival (`time.monotonic` [s]), an 11-bit id and its data."""
+"""Called with the time of arrival (`time.monotonic` [s]), an 11-bit CAN id and the frame's data."""
 OPENING_S = 3.0
-"""Deadline of a server's answer [s]: a machine on the same network answers within 0.1 s."""
+"""Deadline of a socketcand server's answer [s]: one on the same network answers within 0.1 s."""
 _WAIT_S, _SEND_S, _AGAIN_S = 0.02, 0.05, 5e-4
 """Longest wait for a frame, after which a server that hung up is noticed; longest wait for sending,
-the drives' usual watchdog; pause while the queue is full, five frames at 1 Mbit/s [s]."""
+the drives' usual watchdog; pause while the transmit queue is full, five frames at 1 Mbit/s [s]."""
 
 
 class CanLink:
     """An open CAN bus of python-can, with one reader thread.
 
     Attributes:
-        dead: why no frame will come any more, empty while the bus works.
+        dead: reason why no frame will come any more, empty while the bus works.
         error_frames: number of error frames received.
-        full: how often the kernel's transmit queue took nothing and was tried again.
-        failures: exceptions of listeners, which do not affect other listeners.
+        full: number of attempts to send that the kernel's full transmit queue refused.
+        failures: number of exceptions of listeners, which do not affect other listeners.
     """
 
     def __init__(self, bus: Any) -> None:
@@ -58,7 +56,7 @@ class CanLink:
         self._listeners = (*self._listeners, heard)
 
     def leave(self, heard: Listener) -> None:
-        """Unregister a function that `listen` registered."""
+        """Unregister a function that `listen` has registered."""
         self._listeners = tuple(one for one in self._listeners if one != heard)
 
     def send(self, can_id: int, data: bytes) -> None:
@@ -113,9 +111,9 @@ class CanLink:
 
 
 def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -> CanLink:
-    """Open a bus: socketcand where a host is given, else ``interface`` or the kernel's SocketCAN.
-    Raises a `LinkError` if it is not there, or does not answer within `OPENING_S`, a
-    `MissingExtraError` if python-can is not installed."""
+    """Open a bus: socketcand if a host is given, else python-can's ``interface`` or, if that is
+    empty, SocketCAN. Raises a `LinkError` if it does not exist or does not answer within
+    `OPENING_S`, a `MissingExtraError` if python-can is not installed."""
     can = require("can", "hil")
     logging.getLogger("can").addHandler(logging.NullHandler())
     kind = interface or ("socketcand" if host else "socketcan")

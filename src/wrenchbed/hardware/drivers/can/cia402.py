@@ -1,7 +1,5 @@
-"""CiA 402: statusword, controlword, error codes, and the state of one drive.
-
-Source of all codes: CiA 301 and CiA 402.
-"""
+"""CiA 402: statusword, controlword, error codes, and the state of one drive as its master knows it.
+Source of all codes: CiA 301 and CiA 402 (robot_emulators/medrue is written anew from them)."""
 
 import enum
 import struct
@@ -10,13 +8,14 @@ from dataclasses import dataclass
 from wrenchbed.hardware.device import State as HealthState
 
 Problem = tuple[HealthState, str]
-"""State of health and its reason."""
+"""State of health, and the reason in words."""
 MISSED = 2
-"""Cycles without an answer, while others answer, of a mute drive: one frame may be lost."""
+"""Cycles without an answer, while others answer, after which a drive is mute: one may be lost."""
 BEATS = 18
-"""Heartbeats of the five others, 3.5 periods, without its own after which it is lost."""
+"""Heartbeats of the five others (3.5 periods) without one of its own after which a drive is
+lost."""
 OPERATIONAL, PRE_OPERATIONAL = 0x05, 0x7F
-"""NMT states (CiA 301); a drive without its master's heartbeat goes to the second one (0x1029)."""
+"""NMT states (CiA 301); drives enter the second when the master's heartbeat is lost (0x1029)."""
 SHUTDOWN, SWITCH_ON, ENABLE, VOLTAGE_OFF, QUICK_STOP, FAULT_RESET = 6, 7, 0x0F, 0, 2, 0x80
 """Controlwords (0x6040); source: CiA 402."""
 ERRORS = {
@@ -33,13 +32,14 @@ ERRORS = {
     0x8612: "position limit",
     0x8700: "SYNC lost or of wrong period",
 }
-"""Error codes (0x603F, EMCY) of CiA 301 and 402, and their meaning."""
+"""Error code (0x603F, EMCY) of CiA 301 and 402 → its meaning."""
 SILENCE = (0x8130, 0x8250, 0x8700)
-"""Error codes of drives that stopped because their master was silent."""
+"""Error codes of drives that stopped because their master was silent, which no person must
+clear."""
 
 
 class DriveStatus(enum.Enum):
-    """State of a CiA 402 drive, with the standard's name as value."""
+    """State of a CiA 402 drive; the value is the standard's name."""
 
     NOT_READY = "not ready to switch on"
     DISABLED = "switch on disabled"
@@ -71,7 +71,7 @@ _MASKED = (
     (0x4F, 0x0F, DriveStatus.REACTING),
     (0x4F, 0x08, DriveStatus.FAULT),
 )
-"""Mask and value of the statusword in each state; source: CiA 402."""
+"""Mask of the statusword, its value under the mask, and the state; source: CiA 402."""
 
 
 IN_FAULT = (DriveStatus.FAULT, DriveStatus.REACTING)
@@ -81,7 +81,7 @@ _CLIMB = {
     DriveStatus.SWITCHED_ON: ENABLE,
     DriveStatus.ENABLED: ENABLE,
 }
-"""State of a drive → the controlword that brings it nearer to following targets."""
+"""State of a drive → controlword for the next step towards "operation enabled"."""
 
 
 def state_of(statusword: int) -> DriveStatus:
@@ -93,10 +93,9 @@ def state_of(statusword: int) -> DriveStatus:
 
 
 def controlword(want: Want, state: DriveStatus, last: int) -> int:
-    """Controlword (0x6040) that takes a drive one step from ``state`` to what the master wants.
-
-    A fault is cleared by the rising edge of its bit, so every other word is without it.
-    """
+    """Return the controlword (0x6040) that takes a drive a step from ``state`` towards ``want``;
+    ``last`` is the one sent before. A fault is cleared by the rising edge of a bit, which others
+    lack."""
     if want is Want.QUICK_STOP:
         return QUICK_STOP
     if want is Want.RESET and state in IN_FAULT and last == VOLTAGE_OFF:
@@ -117,13 +116,13 @@ class DriveState:
         node: CANopen node id.
         statusword: object 0x6041 in its last answer.
         position: object 0x6064 in its last answer [count].
-        torque: 0x6077 of it, thousandths of the rated torque; or 0x6078, of the rated current.
-        answers, answered: how many answers it sent, and whether since the last SYNC.
-        missed: complete rounds in a row in which others answered and it did not.
+        torque: object 0x6077 [1e-3 of the rated torque] in its last answer; or 0x6078, current.
+        answers, answered: number of answers so far, and whether one came since the last SYNC.
+        missed: consecutive rounds in which other drives answered and this one did not.
         round: number of the last round that it answered.
-        error, hint: its EMCY code; error code from before it was connected (0x603F); 0 for none.
-        rebooted: whether it sent a boot-up since it was configured.
-        others: heartbeats of other drives since its last one; a silent bus does not count.
+        error, hint: code of its last EMCY; error code from before `connect` (0x603F); 0: none.
+        rebooted: whether it sent a boot-up message since it was configured.
+        others: heartbeats of other drives since its own last one; a silent bus does not count.
         nmt: NMT state in its last heartbeat.
         sent: the last controlword sent to it.
     """
@@ -172,11 +171,9 @@ class DriveState:
             self.rebooted = self.rebooted or self.nmt == 0x00
 
     def trouble(self, enabled: bool) -> Problem | None:
-        """Health state and reason why this drive must not move; None if it may.
-
-        A drive that is gone is ``lost``; one that stopped because of silence, or does not follow
-        targets where it should (``enabled``), is ``stopped``.
-        """
+        """Health state and reason why this drive must not move; None if it may. A drive that is
+        gone is ``lost``. One that stopped because its master was silent, or is not in "operation
+        enabled" although ``enabled`` says that it should be, is ``stopped``."""
         name = f"drive {self.node}"
         if self.error and self.error not in SILENCE:
             error = error_words(self.error)

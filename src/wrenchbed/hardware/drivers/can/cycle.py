@@ -1,12 +1,12 @@
 """The cyclic exchange with the drives: one thread, absolute deadlines.
 
 Each cycle first evaluates the answers to the last SYNC, then sends the six RPDOs, the request to
-the sensor and SYNC. A drive in error, or silent while others answer, makes every other drive stop
-in the same cycle. When the complete bus is silent, the targets brake and the drives' watchdogs
-stop.
+the sensor and SYNC. If a drive is in error, or silent while others answer, all drives stop in the
+same cycle. If the whole bus is silent, the targets brake and the drives' watchdogs stop them.
 
 A drive monitors its own following error, but cannot detect an encoder that froze; `Following` does.
-No voltage is switched off while an axis moves (`Rest`).
+Voltage is never switched off while an axis moves (`Rest`). A change here moves robots or fails to
+stop them: run tests/hardware/test_can_safety.py and scripts/reactions.
 """
 
 import contextlib
@@ -38,31 +38,31 @@ from wrenchbed.hardware.drivers.can.cia402 import (
 from wrenchbed.hardware.drivers.can.setpoints import Setpoints
 
 SYNC = 0x080
-"""Id of SYNC; source: CiA 301."""
+"""CAN id of SYNC; source: CiA 301."""
 STUCK_S = 0.01
-"""A target may move this long at top speed while the position stays [s]: a drive that
+"""A target may move for this time at top speed while the position stays constant [s]: a drive that
 follows has moved after two and a half cycles of 250 Hz."""
 FAR_S = 0.15
-"""Farthest that a position may be behind its target, as motion at top speed for this time [s];
-drives lag by a few cycles."""
+"""Largest lag of a position behind its target, as time at top speed [s]: drives lag by few
+cycles."""
 REST_S = 0.5
-"""Longest time that a quick stop from top speed is granted before an axis counts as at rest without
-answers [s]: too short releases an axis that moves, too long delays each stop of a mute bus."""
+"""Time that a quick stop from top speed may take, after which an axis without answers counts as at
+rest [s]: too short releases a moving axis, too long delays each stop of a mute bus."""
 _SPEED_OVER = 6
-"""Answers from which speeds are computed; fewer are dominated by the encoder's last count."""
+"""Number of answers that a speed is computed from; with fewer the last count dominates."""
 _SLOW = 0.02
-"""Fraction of top speed below which an axis stands still."""
+"""Fraction of top speed below which an axis counts as at rest."""
 _FLICKER = 0.3
-"""Apparent speed of an axis at rest whose encoder steps by one count [count a cycle]: 0.26 by a
-line through `_SPEED_OVER` positions."""
+"""Apparent speed of a resting axis whose encoder flickers by one count [count a cycle], rounded
+up."""
 _SWITCH_S = 5e-4
-"""Longest time that another thread of this process delays the cycle [s], an eighth of 4 ms."""
+"""Longest time that another thread of this process may delay the cycle [s], an eighth of 4 ms."""
 
 
 class CycleAnswers(NamedTuple):
-    """Answers of all drives to one SYNC: time of the SYNC [s], positions (J,) and speeds (J,) in
-    units of the joints, torque in thousandths of the rated one (J,), and the number of complete
-    sets of answers so far."""
+    """Answers of all drives to one SYNC: time of the SYNC [s], positions (J,) and speeds (J,) of
+    the joints [m or rad, a second], torque or current (J,) in thousandths of the rated one, and the
+    number of complete sets of answers so far."""
 
     t: float
     q: np.ndarray
@@ -86,10 +86,9 @@ class Following:
     def check(
         self, counts: np.ndarray, q: np.ndarray, target: np.ndarray
     ) -> tuple[int, str] | None:
-        """Number of the first joint that does not follow, and a description; None if all follow.
-
-        Takes positions (J,) in counts and in units of the joints, and commanded values (J,).
-        """
+        """Return the number of the first joint that does not follow, and a description, or None.
+        ``counts`` and ``q`` (J,) are measured positions, in counts and in [m or rad], ``target``
+        (J,) the commanded ones."""
         if self._last is None:
             self._last, self._reference = counts, np.array(target)
             return None
@@ -105,11 +104,11 @@ class Following:
 
 
 class Rest:
-    """Judges from the drives' newest answers whether all axes stand still.
+    """Judges from the drives' newest answers whether all axes are at rest.
 
     Args:
-        speed: top speed of each joint (J,).
-        counts: encoder counts per unit of each joint (J,).
+        speed: top speed of each joint (J,) [m/s or rad/s].
+        counts: encoder counts per m or rad of each joint (J,).
         period: duration of a cycle [s].
         watchdog: silence after which drives stop [s].
     """
@@ -122,11 +121,11 @@ class Rest:
         """Silence after which every drive has stopped by its watchdog [s]."""
 
     def moving(self, answers: CycleAnswers | None) -> np.ndarray:
-        """Booleans (J,): which joints move by the drives' newest answers."""
+        """Booleans (J,): which joints move according to the drives' newest answers."""
         return (np.zeros_like(self._slow) if answers is None else np.abs(answers.qd)) > self._slow
 
     def reached(self, answers: CycleAnswers | None) -> bool:
-        """Whether all axes stand still: by their answers, or by a silence in which all stop."""
+        """Whether all axes are at rest: by their answers, or by a silence after which all stop."""
         if answers is None:
             return True
         age = time.monotonic() - answers.t
@@ -141,7 +140,7 @@ class Cycle:
     Args:
         link: CAN bus of the drives.
         drives: drives in the order of the joints.
-        counts: encoder counts per unit of each joint (J,).
+        counts: encoder counts per m or rad of each joint (J,).
         setpoints: source of the targets.
         poll: requests a reading of the sensor.
         follow: detects drives that do not follow.
@@ -152,9 +151,10 @@ class Cycle:
         want: command to all drives.
         latched: health state and reason of the first problem since `clear`.
         answers: the newest complete set of answers.
-        following: whether every drive takes targets.
-        cycles: begun; ``incomplete``: without all drives' answers; ``overruns``: a period late.
-        began: when the last cycle began [s].
+        following: whether every drive follows targets.
+        cycles: number of cycles begun; ``incomplete``: of those that lack a drive's answer;
+            ``overruns``: of those that began a period late or more.
+        began: when the last cycle began (`time.monotonic`, [s]).
     """
 
     def __init__(
@@ -206,7 +206,7 @@ class Cycle:
                 drive.round = self._rounds
 
     def halt(self, state: HealthState, why: str) -> None:
-        """Quick-stop every drive; keep the health state and reason unless there is one already."""
+        """Quick-stop every drive; store health state and reason unless one is stored."""
         with self._lock:
             self.latched = self.latched or (state, why)
             if self.want is Want.ENABLE:
@@ -247,7 +247,7 @@ class Cycle:
             self.answers = CycleAnswers(self._synced, q, _slope(self._recent), torque, sequence)
 
     def _count_round(self, drive: DriveState) -> None:
-        """Update how many rounds each drive missed, by the order of answers, not by their times."""
+        """Update how many rounds each drive missed, from the order of answers, not their times."""
         if drive.node in self._round:
             self._round.clear()
             self._rounds += 1

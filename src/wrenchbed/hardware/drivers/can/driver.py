@@ -1,9 +1,7 @@
-"""MedRUE by CiA 402 drives on CAN, with its sensor's board on the same bus.
-
-Python's threads share one lock: another thread that computes without pause delays the cycles by up
-to its switch interval (5 ms) each time. Late cycles are counted; the drives stop by themselves
-when no targets arrive for longer than the option ``watchdog``.
-"""
+"""Driver of MedRUE: CiA 402 drives on CAN, with its sensor's board on the same bus. Python's
+threads share one lock: another thread that computes without pause delays each cycle by up to its
+switch interval (5 ms). Late cycles are counted; drives stop by themselves when no targets arrive
+for longer than the option ``watchdog``."""
 
 import time
 from collections.abc import Callable
@@ -31,12 +29,12 @@ from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.robots.base import Robot
 
 FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
-"""Deadlines: first state; all drives enabled, which climb three states and may release brakes;
-faults cleared; at rest, as long as a quick stop takes (`cycle.REST_S`) [s]."""
+"""Deadlines [s]: first state; all drives enabled, which climb three states and may release brakes;
+faults cleared; at rest, as long as a quick stop takes (`cycle.REST_S`)."""
 _POLL_S = 0.002
-"""Time between two looks while waiting [s], half a cycle."""
+"""Time between two checks while waiting for drives [s], half a cycle of 250 Hz."""
 _STUCK = (*IN_FAULT, DriveStatus.QUICK_STOP, DriveStatus.ENABLED)
-"""States that a recovered drive has left."""
+"""CiA 402 states in which no recovered drive may be."""
 
 
 class CanDriver(LiveDriver):
@@ -120,7 +118,8 @@ class CanDriver(LiveDriver):
             raise DriverError(f"cannot enable the drives: {cycle.latched[1]}")
 
     def _check_start(self) -> None:
-        """Raise `DriverError` for drives without a watchdog for targets or impossible positions."""
+        """Raise `DriverError` for drives that move, lack a watchdog or are at impossible
+        positions."""
         cycle, network, q = self._running(), self._network, self._read().q
         if not self._at_rest(cycle, self._rest.longest):
             raise DriverError("cannot enable the drives: the robot moves; call recover()")
@@ -188,7 +187,7 @@ class CanDriver(LiveDriver):
         self._last_target = None
 
     def _reopen(self) -> None:
-        """Open the CAN bus again after it was lost; the drives have stopped by their watchdogs."""
+        """Open the lost CAN bus again, after the drives' watchdogs have stopped them."""
         began = 0.0 if self._cycle is None else self._cycle.began
         try:
             self._close()
@@ -200,7 +199,7 @@ class CanDriver(LiveDriver):
         self._last_target = None
 
     def _come_to_rest(self) -> None:
-        """Brake all axes and wait until they stand, before their power is switched off."""
+        """Brake all axes and wait until they are at rest, before their power is switched off."""
         cycle, longest = self._running(), 2.0 * self._rest.longest
         cycle.halt("stopped", "recover() stops the robot first")
         if not cycle.all_in(DriveStatus.DISABLED):

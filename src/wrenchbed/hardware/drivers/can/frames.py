@@ -1,8 +1,8 @@
 """Frames of a NETCANOEM board, and gauge readings of two frames each.
 
-Source: ATI 9610-05-1030, sections 7 and 10. The frames carry no number, so at most one request is
-under way. One without a complete answer is given up after `PATIENCE_S`; frames that still arrive
-until the next request are dropped.
+Source: ATI 9610-05-1030, sections 7 and 10. The frames carry no number, so that at most one request
+is sent at a time. A request without a complete answer is given up after `PATIENCE_S`; frames that
+arrive after that and before the next request are dropped.
 """
 
 import struct
@@ -10,30 +10,31 @@ from typing import Any, NamedTuple
 
 GAUGES, ODD, MATRIX, SELECT, COUNTS, UNITS = 0, 1, 2, 6, 7, 8
 """Opcodes of requests and answers; a matrix row is answered by three frames, 2 to 4. Reset (0xC),
-set base (0xD) and set baud rate (0xE) are left out on purpose: the latter two outlast power."""
+set base (0xD), set baud rate (0xE) are left out on purpose: the latter two outlast power."""
 STATUS = (
     "watchdog reset", "converter high", "converter low", "artificial ground", "supply high",
     "supply low", "bad active calibration", "EEPROM", "configuration invalid", "", "",
     "temperature high", "temperature low", "", "CAN bus error", "any error",
 )  # fmt: skip
-"""Meaning of each bit of the status word."""
+"""Meaning of each bit of the board's status word, from bit 0."""
 CRITICAL = 0b0001_1000_1111_1110
-"""Bits with which readings cannot be trusted; the board sends them all the same."""
+"""Status bits with which readings cannot be trusted, although the board sends them."""
 BAD_CALIBRATION, WATCHDOG_RESET = 1 << 6, 1 << 0
 PATIENCE_S = 0.02
-"""How long the two frames of an answer may take [s]; on the wire they take 0.3 ms at 1 Mbit/s, and
-a stalled reader some milliseconds."""
+"""Deadline of the two frames of an answer [s]; on the wire they take 0.3 ms at 1 Mbit/s, and a
+stalled reader takes some milliseconds."""
 _SHAPES = {
     GAUGES: struct.Struct(">Hhhh"), ODD: struct.Struct(">hhh"),
     MATRIX: struct.Struct(">ff"), 3: struct.Struct(">ff"), 4: struct.Struct(">ff"),
     SELECT: struct.Struct("B"), COUNTS: struct.Struct(">II"), UNITS: struct.Struct("BB"),
 }  # fmt: skip
-"""Opcode → its answer: status word and gauges 0, 2, 4; gauges 1, 3, 5; two values of a matrix row;
-slot of the active calibration; counts per unit of force and torque; codes of their units."""
+"""Opcode → layout of its answer: status word and gauges 0, 2, 4; gauges 1, 3, 5; two values of a
+matrix row; slot of the active calibration; counts per unit of force and torque; codes of their
+units."""
 _OUTSTANDING = 250
-"""Requests that may still be answered: a second of them."""
+"""Most unanswered requests that are counted: those of one second."""
 _EXCESS_S, _EXCESS = 1.0, 2
-"""Unrequested answers within a time [s] that reveal a second node; one may be a late answer."""
+"""Number of unrequested answers within a time [s] that reveal a second node; one may be late."""
 
 
 class Reply(NamedTuple):
@@ -52,7 +53,8 @@ class GaugeReading(NamedTuple):
 
 
 def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
-    """Decode a CAN frame as a reply of the board at ``base``; None if it is none."""
+    """Decode a CAN frame as a reply of the board at ``base`` (upper seven id bits); None if
+    none."""
     shape = _SHAPES.get(arbitration_id & 0xF)
     if arbitration_id >> 4 != base or shape is None or len(data) != shape.size:
         return None
@@ -83,7 +85,7 @@ class Pairs:
         self._excess: list[float] = []
 
     def poll(self, t: float) -> bool:
-        """Whether to send a request for a reading at time t [s]; False while one is unanswered."""
+        """Whether to send a request at time t [s]; False while one is unanswered."""
         if self._waiting:
             if t - self._asked > PATIENCE_S:
                 self.lost += 1
@@ -111,7 +113,7 @@ class Pairs:
         return GaugeReading(begun, status, (g0, g1, g2, g3, g4, g5))
 
     def clash(self, t: float) -> bool:
-        """Whether answers outnumber requests by time t [s]: a second node uses the board's ids."""
+        """Whether answers outnumber requests at time t [s]: a second node uses the board's ids."""
         return sum(t - when < _EXCESS_S for when in self._excess) >= _EXCESS
 
     def _count(self, t: float) -> None:

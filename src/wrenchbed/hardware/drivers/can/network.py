@@ -1,7 +1,7 @@
 """Configuration of the drives by CANopen SDO: identity, process data, periods and watchdogs.
 
-canopen does the SDO transfers only; the one reader of the bus passes their answers to it. The
-cyclic exchange and the states are in ``cycle.py``.
+Library canopen does the SDO transfers only; the one reader of the bus passes their answers to it.
+The cyclic exchange is in ``cycle.py``, drives' states are in ``cia402.py``.
 
 A drive must stop when its master falls silent. The deadline of its targets (event timer of RPDO1,
 0x1400:5) is required and read back. Where a drive has them, these are set too: its reaction to a
@@ -22,32 +22,32 @@ from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S, CanOptions
 from wrenchbed.registry import require
 
 ANSWER_S, TRIES = 0.3, 3
-"""Deadline of an answer [s], which takes a millisecond on a free wire, and attempts at a question,
+"""Deadline of an SDO answer [s], which takes a millisecond on a free bus, and number of attempts,
 since a frame may be lost."""
 TIMER, ABORT, QUICK, EXPECTED, AFTER = 0x1400, 0x6007, 0x605A, 0x1016, 0x1029
-"""Objects that make a drive stop by itself."""
+"""Objects by which a drive stops by itself: see the module's text."""
 PRE_OPERATIONAL, START = 0x80, 0x01
 """NMT commands; source: CiA 301."""
 _QUICK_STOP = 3
-"""Option of 0x6007."""
+"""Value of 0x6007: quick stop when the connection breaks; source: CiA 402."""
 _RAMPS = (2, 6)
-"""Options of 0x605A: the quick-stop ramp, then voltage off, or staying in QUICK STOP ACTIVE."""
+"""Values of 0x605A: quick-stop ramp, then voltage off, or then QUICK STOP ACTIVE; CiA 402."""
 _LONGER = 1.1
-"""Factor by which a drive may round its deadline up; some count it in cycles of their own."""
+"""Factor by which a drive may round its deadline up; some count it in their own cycles."""
 _BEATS = 3
 """Heartbeats of the master that may be missing beyond the watchdog: a stalled computer sends no
 targets either, and their deadline is shorter."""
 _OFF = 1 << 31
-"""Bit of a PDO's id by which it is switched off; source: CiA 301."""
+"""Bit of the word with a PDO's CAN id that switches the PDO off; source: CiA 301."""
 _WRONG_STATE = 0x08000022
-"""SDO abort code: not in this state; source: CiA 301."""
+"""SDO abort code "not in this state of the device"; source: CiA 301."""
 _CYCLIC, _PROFILE = 8, 402
-"""Mode of operation (cyclic synchronous position) and number of the profile; source: CiA 402."""
+"""Operation mode (cyclic synchronous position) and device profile number; source: CiA 402."""
 _CONTROL, _TARGET = 0x60400010, 0x607A0020  # source: CiA 402
 _STATUS, _ACTUAL = 0x60410010, 0x60640020
-"""Mapped objects with their bits; source: CiA 402."""
+"""Objects that a PDO carries, as index, subindex and number of bits; source: CiA 402."""
 _EFFORTS = {"torque": (0x60770010, 0x6076), "current": (0x60780010, 0x6075)}
-"""Mapped object with its bits, and rated value in thousandths of N·m, N or A; source: CiA 402."""
+"""Option ``effort`` → mapped object, and object of its rated value [1e-3 N·m, N or A]; CiA 402."""
 _MS = 1e3  # by definition
 
 
@@ -59,8 +59,8 @@ class Drives:
     """Configures the drives of a CAN bus by CANopen SDO.
 
     Attributes:
-        unguarded: node → why its targets have no deadline, so that it would not stop by itself when
-            this program falls silent.
+        unguarded: node → reason why a drive has no deadline for targets, so that it would not stop
+            by itself when this program falls silent.
     """
 
     def __init__(self, link: CanLink, options: CanOptions) -> None:
@@ -89,7 +89,7 @@ class Drives:
 
     def configure(self, nodes: Sequence[int]) -> None:
         """Configure these drives for the cyclic exchange and start them. Raises as `read`, and a
-        `DriverError` for a drive that lacks what is needed."""
+        `DriverError` for a drive that lacks a required object, profile or mode."""
         for node in nodes:
             self._command(PRE_OPERATIONAL, node)
         for node in nodes:
@@ -104,20 +104,20 @@ class Drives:
         return None if lower is None or upper is None or lower >= upper else (lower, upper)
 
     def error_code(self, node: int) -> int:
-        """Error code that a drive has (0x603F), 0 where it has none or does not report one."""
+        """Error code of a drive (0x603F), 0 if it has none or does not report it."""
         return self.optional(node, 0x603F) or 0
 
     def rated(self, node: int) -> float:
-        """Read a drive's rated torque [N·m or N], or current [A] if recordings keep currents."""
+        """Read a drive's rated torque [N·m or N], or current [A] if ``effort`` is current."""
         return self.read(node, _EFFORTS[self._options.effort][1]) * 1e-3
 
     @property
     def counters(self) -> dict[str, float]:
-        """Number of drives that lack or refuse an object, by ``without 0x…``, for `health`."""
+        """Counters for `health`: ``without 0x…`` → number of drives without that object."""
         return {f"without 0x{index:04X}": float(len(n)) for index, n in self._lacking.items() if n}
 
     def release(self) -> None:
-        """Disable the drives' monitoring of this master's heartbeat, which is about to end."""
+        """Switch off the drives' monitoring of this master's heartbeat, which is about to end."""
         with contextlib.suppress(DriverError):
             while self._expecting:
                 self.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
@@ -126,7 +126,7 @@ class Drives:
         self._link.send(0x000, bytes([order, node]))
 
     def _map(self, node: int) -> None:
-        """Check a drive's profile, map the PDOs of targets and answers, switch off the others."""
+        """Check a drive's profile, map its PDOs of targets and answers, switch off the others."""
         profile = self.read(node, 0x1000) & 0xFFFF
         if profile != _PROFILE:
             raise DriverError(f"node {node} has device profile {profile}, it is no CiA 402 drive")
@@ -152,7 +152,7 @@ class Drives:
                     self.write(node, index + further, 1, now % (1 << 32) | _OFF, 4)
 
     def _set(self, node: int) -> None:
-        """Write a drive's mode and periods, and the objects that make it stop if it has them."""
+        """Write a drive's mode and periods, and the objects (if it has them) by which it stops."""
         options = self._options
         ticks, power = options.interpolation or (0, 0)
         beats = round((options.watchdog + _BEATS * HEARTBEAT_S) * _MS)
@@ -188,7 +188,7 @@ class Drives:
             )
 
     def _try(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
-        """Write an object that a drive may lack; return False, and note it, if it is refused."""
+        """Write an object that a drive may lack; if it refuses, note that and return False."""
         without = self._lacking.setdefault(index, set())
         without.discard(node)
         try:

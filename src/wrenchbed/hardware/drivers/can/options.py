@@ -1,8 +1,8 @@
 """Options of the driver, checked before anything is sent: ids that do not collide, and bus load.
 
-A sensor that shares an id with a drive would take targets for commands. Source of the ids: CiA 301.
-A classic CAN frame (ISO 11898-1, 11-bit id) has 47 bits and 8 per data byte, intermission included,
-and at most one stuff bit for every four of the 34 + 8 n bits that can be stuffed, except the first.
+A sensor board that shares an id with a drive would take targets for commands. Source of ids: CiA
+301. A classic CAN frame (ISO 11898-1, 11-bit id) with n data bytes has 47 + 8 n bits, intermission
+included, and at most one stuff bit per four of the 34 + 8 n bits that can be stuffed, minus one.
 """
 
 from collections.abc import Sequence
@@ -17,32 +17,32 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.robots.motion_limits import Limits
 
 EMCY, TPDO1, RPDO1, HEARTBEAT = 0x080, 0x180, 0x200, 0x700
-"""First ids of services of nodes; source: CiA 301, predefined connection set."""
+"""First CAN id of each service of nodes; the node id is added; source: CiA 301."""
 SERVICES = {
     EMCY: "EMCY", TPDO1: "TPDO1", RPDO1: "RPDO1", 0x280: "TPDO2", 0x300: "RPDO2",
     0x380: "TPDO3", 0x400: "RPDO3", 0x480: "TPDO4", 0x500: "RPDO4", 0x580: "SDO answer",
     0x600: "SDO request", HEARTBEAT: "heartbeat",
 }  # fmt: skip
-"""First id of each service of nodes → its name; source: CiA 301, predefined connection set."""
+"""First CAN id of each service of nodes → its name; source: CiA 301, predefined connection set."""
 _SHARED = {0x000: "NMT", 0x080: "SYNC", 0x100: "TIME", 0x7E4: "LSS", 0x7E5: "LSS"}
-"""Ids that belong to no node; sources: CiA 301, CiA 305."""
+"""CAN ids that belong to no node → their service; sources: CiA 301, CiA 305."""
 MOST_NODE = 127
-"""Highest node id; source: CiA 301."""
+"""Highest CANopen node id; source: CiA 301."""
 SAFE = 0x68
-"""A base whose ids no CANopen service uses: 0x680 … 0x68F."""
+"""Base of a sensor board whose ids, 0x680 … 0x68F, no CANopen service uses; source: CiA 301."""
 HEARTBEAT_S = 0.1
-"""Period of every heartbeat [s]: seven of them need less than 0.5 % of a bus of 1 Mbit/s."""
+"""Period of every heartbeat [s]: those of seven nodes need less than 0.5 % of a bus of 1 Mbit/s."""
 MOST = 0.9
-"""Largest fraction of the wire that the cyclic exchange may need in the worst case: error frames
-and SDO need the rest."""
+"""Largest fraction of the bus for the cyclic exchange, at worst; error frames and SDO need the
+rest."""
 ROBOT = "medrue"
 _DRIVES = 6
 _SLOTS = 16
-"""Calibrations that a sensor's board has room for; source: ATI 9610-05-1030."""
+"""Number of calibrations that a sensor's board can store; source: ATI 9610-05-1030."""
 _PER_TURN = (1 << 20) / tau
-"""Default counts per radian, of a 20-bit encoder: MedRUE's own are not public."""
+"""Default counts per radian, of a 20-bit encoder: those of MedRUE are not published."""
 _WORD = 1 << 31
-"""Range of a target in counts, 32 bits with sign, by definition of 0x607A (CiA 402)."""
+"""Limit of a target [count], a signed 32-bit integer by definition of 0x607A (CiA 402)."""
 
 
 def _need(fits: bool, refusal: str) -> None:
@@ -51,15 +51,15 @@ def _need(fits: bool, refusal: str) -> None:
 
 
 def master(base: int, nodes: Sequence[int]) -> int:
-    """Return the node id for this program's heartbeat: the highest one that nobody uses."""
+    """Return the node id for this program's heartbeat: the highest that no drive or board uses."""
     return next(
         n for n in range(MOST_NODE, 0, -1) if n not in nodes and (HEARTBEAT + n) >> 4 != base
     )
 
 
 def check(base: int, nodes: Sequence[int]) -> None:
-    """Check that node ids are possible and the sensor's CAN ids collide with none of theirs; a
-    `ParameterError` names an id, both of its users, and the remedy."""
+    """Check that node ids are possible and that the sensor board's CAN ids, ``base`` × 16 + 0 … 15,
+    are used by none of them. A `ParameterError` names an id, both of its users, and the remedy."""
     different = len(set(nodes)) == len(nodes) and all(1 <= node <= MOST_NODE for node in nodes)
     _need(different, f"nodes {tuple(nodes)}: give different numbers from 1 to {MOST_NODE}")
     _need(0 <= base <= 0x7F, f"base 0x{base:X} must be 0 … 0x7F")
@@ -83,21 +83,21 @@ class CanOptions:
     Attributes:
         robot: registry name; only MedRUE has these drives.
         channel: name of the bus.
-        interface: python-can's name of it; if empty SocketCAN, or socketcand where a host is given.
+        interface: python-can's interface; if empty SocketCAN, or socketcand where a host is given.
         host: address of a socketcand server.
         port: TCP port of a socketcand server.
         bitrate: bit rate of the bus [bit/s].
         nodes: CANopen ids of the drives, in the order of the joints.
         base: upper seven bits of the sensor board's ids. The maker's 0x20 collides with CANopen.
-        slot: place of the sensor's calibration on its board, 0 … 15.
+        slot: number of the sensor's calibration on its board, 0 … 15.
         rate: rate of the cyclic exchange [Hz].
         counts_per_unit: counts of each drive per m or rad, negative if it counts the other way;
             1 µm and 2²⁰ per turn unless given.
-        effort: ``torque``: drives report it (0x6077, 0x6076) and recordings keep it as tau1…
+        effort: ``torque``: drives report torque (0x6077, 0x6076), which recordings keep as tau1…
             [N·m or N]; ``current``: they report current (0x6078, 0x6075), kept as i1… [A];
             ``off``: neither.
         watchdog: time without targets after which a drive stops [s].
-        limits: limits of its motion; a quarter of top speed anywhere if None.
+        limits: limits of the robot's motion; None: a quarter of top speed, anywhere.
     """
 
     robot: str = ROBOT
@@ -160,12 +160,12 @@ class CanOptions:
 
     @property
     def torque(self) -> bool:
-        """Whether the drives report torque; False if they report current or nothing."""
+        """Whether the drives report torque or current (``effort`` is not off)."""
         return self.effort != "off"
 
     @property
     def interpolation(self) -> tuple[int, int] | None:
-        """Period of the targets for 0x60C2 (CiA 402): a number up to 255, a power of ten [s]."""
+        """Period of targets for object 0x60C2 (CiA 402): integer up to 255, power of ten [s]."""
         for power in (-3, -4):
             ticks = 10.0**-power / self.rate
             if abs(ticks - round(ticks)) < 1e-6 and 1 <= round(ticks) <= 255:

@@ -1,14 +1,14 @@
-"""Setpoints of each cycle: holds, minimum-jerk moves, streamed targets with times, and braking.
+"""Joint targets of each cycle: hold, minimum-jerk move, targets streamed with times, and braking.
 
 A path is followed by the count of cycles, not by time: a late cycle does not make the next one
 jump. No joint goes further in a cycle than its top speed allows, or beyond its limits; a joint
 outside its limits stays where it is until it is commanded to come inside.
 
-Between two targets with times joints follow the cubic that has their values and the speeds of the
-straight lines between their neighbours, so when and between which cycles a target arrives does not
-matter. That path has a clock of its own. Where targets fail to come it runs slower and comes to
-rest at the last one, on the path; where cycles were lost it runs faster, a little, until nothing is
-missing.
+Between two timed targets the joints follow the cubic that has their values and, as speeds, the
+slopes between their neighbours. So it does not matter when a target arrives, or between which
+cycles. The path has its own clock. If targets fail to come the clock slows down, and the joints
+come to rest on the path at the last target; after lost cycles the clock runs slightly faster until
+it has caught up. A change here moves robots: run tests/hardware/test_can_setpoints.py.
 """
 
 import math
@@ -22,30 +22,27 @@ from wrenchbed.hardware.drivers.timing import hermite
 from wrenchbed.robots.motion_limits import minimum_jerk
 
 BRAKE_S = 0.15
-"""Time in which a motion is braked to rest [s]: from top speed by 6.7 times that speed a second."""
+"""Time in which a motion is braked to rest [s]: at top speed, 6.7 times that speed per second."""
 OUTSIDE = 1e-3
-"""How far beyond a limit a resting joint still counts as inside [rad or m]: joints that rest at
-their limit flicker by some counts."""
+"""Distance beyond a limit at which a resting joint still counts as inside [rad or m]: positions of
+joints that rest at their limit flicker by some counts."""
 _MARGIN = 1.1
-"""Factor on top speed in a single cycle: a path at top speed is a little faster between cycles."""
+"""Factor on top speed in a single cycle: a path at top speed is a bit faster between cycles."""
 _SLOW_S = 0.06
-"""Time in which the clock comes to rest from its usual rate [s]: joints at top speed need 16 times
-their top speed as acceleration."""
+"""Time in which the path's clock stops from its usual rate [s]: joints at top speed then decelerate
+by 16 times their top speed per second."""
 _AT_ONCE_S = 0.01
-"""Longest time of lost cycles after which the next target is where it would be without [s]:
-drives go on along their lines for so long."""
+"""Longest loss of cycles [s] after which the next target is as if none were lost: drives have gone
+on along their lines for that long."""
 _CATCH_UP_S, _HASTE = 0.5, 0.05
-"""Time constant of making up for lost cycles [s], and largest excess of the clock's rate for it,
-half of `_MARGIN`'s."""
+"""Time constant of catching up after lost cycles [s], and largest excess of the clock's rate."""
 Path = Callable[[float], np.ndarray]
-"""Joint values (J,) some time [s] after the path began."""
+"""Joint values (J,) as a function of the time [s] since the path began."""
 
 
 class TimedTargets:
-    """A smooth path through targets that arrive before their times, sampled once a cycle.
-
-    The path starts at joint values q (J,) with a speed (J,), at the time ``now`` [s].
-    """
+    """A smooth path through targets that arrive before their times, sampled once a cycle. It starts
+    at joint values q (J,) with a speed (J,), at the time ``now`` [s]."""
 
     def __init__(self, q: np.ndarray, speed: np.ndarray, now: float) -> None:
         self._clock, self._rate, self._lag, self._lost = now, 1.0, 0.0, 0.0
@@ -53,15 +50,15 @@ class TimedTargets:
         self._end, self._two, self._arrives = now, self._one, self._leaves
         self._coming: deque[tuple[float, np.ndarray]] = deque()
         self.passed = 0.0
-        """Time that the last step took [s]."""
+        """Time step of the last call of `step`, with lost cycles [s]."""
 
     def add(self, q: np.ndarray, at: float) -> None:
-        """Append a target q (J,) for a time [s]; it is ignored if not later than the last one."""
+        """Append a target q (J,) for a time [s]; ignore it if not later than the last one."""
         if at > self._last:
             self._coming.append((at, np.array(q)))
 
     def lose(self, seconds: float) -> None:
-        """Take ``seconds`` of lost cycles into account: the path catches up at once or slowly."""
+        """Note ``seconds`` of lost cycles: the path catches up, at once if few, else slowly."""
         if seconds <= _AT_ONCE_S:
             self._lost += seconds
         else:
@@ -73,7 +70,7 @@ class TimedTargets:
         return self._clock >= self._last
 
     def step(self, seconds: float) -> np.ndarray:
-        """Advance the path by a time [s]; return the joint values (J,) to command then."""
+        """Advance the path by a time [s]; return the joint values (J,) to command at its end."""
         seconds, self._lost = seconds + self._lost, 0.0
         self.passed = seconds
         remaining = self._last - self._clock
@@ -104,10 +101,8 @@ class TimedTargets:
 
 
 class Setpoints:
-    """Computes the joint values to command in each cycle; several threads may use it.
-
-    Arguments: period of a cycle [s], joint limits and top speeds, (J,) each.
-    """
+    """Computes the joint values to command in each cycle of a period [s], within limits and top
+    speeds (J,) of the joints [rad or m, a second]; several threads may use it."""
 
     def __init__(
         self, period: float, lower: np.ndarray, upper: np.ndarray, speed: np.ndarray
@@ -135,7 +130,7 @@ class Setpoints:
         return self._path is not None
 
     def outside(self, q: np.ndarray) -> tuple[int, float, float] | None:
-        """Index and limits of the first joint beyond its limits at q (J,); None if none is."""
+        """Index and limits of the first joint beyond its limits at q (J,); None if all are in."""
         beyond = (q < self._lower - OUTSIDE) | (q > self._upper + OUTSIDE) | ~np.isfinite(q)
         for joint in np.flatnonzero(beyond)[:1]:
             return int(joint), float(self._lower[joint]), float(self._upper[joint])
@@ -166,13 +161,13 @@ class Setpoints:
             self._timed.add(q, at)
 
     def lose(self, seconds: float) -> None:
-        """Take ``seconds`` of lost cycles into account: streamed targets catch up by that time."""
+        """Note ``seconds`` of lost cycles, by which streamed targets have to catch up."""
         with self._lock:
             if self._timed is not None:
                 self._timed.lose(seconds)
 
     def brake(self) -> None:
-        """Begin to brake to rest within `BRAKE_S`; while braking, further calls change nothing."""
+        """Begin to brake to rest within `BRAKE_S`; no effect while already braking."""
         with self._lock:
             if self._braking:
                 return

@@ -1,8 +1,6 @@
 """Connection to one UR robot: its options, the stream of states, and the process that commands.
-
-ur_rtde can hang and crash, so it commands the robot in a process of its own. Both links are tried
-again within a deadline, and replaced when they fail.
-"""
+ur_rtde can hang and crash, so it commands the robot in a process of its own. Stream and process
+are started again on failure, within a deadline, and replaced when they fail later."""
 
 import contextlib
 import json
@@ -33,13 +31,13 @@ PERIOD_S = 0.05
 _JOINTS = 6
 """Number of joints of every UR robot."""
 _FIRST_PAUSE_S = 0.1
-"""Pause before the second attempt [s]; it doubles each time."""
+"""Pause before the second attempt to connect [s]; it doubles after each attempt."""
 _FRESH_S = 1.0
-"""Time within which a new stream must deliver a state [s], a hundred cycles."""
+"""Time within which a new stream must deliver a state [s], a hundred cycles of a CB3."""
 _LEAST_S = 1.0
-"""Time that must remain for another attempt [s], in which a process can start and connect."""
+"""Least time before the deadline for another attempt [s]: a process can start and connect in it."""
 _LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
-"""Remedy of errors when the robot cannot be reached."""
+"""Remedy in errors when the robot cannot be reached."""
 _IN_USE = "another client controls this robot: close it"
 _LOCAL = "the robot is in local control: switch it to remote control at its pendant"
 _NO_START = "the robot does not start the program that it was sent: look at its pendant"
@@ -48,11 +46,11 @@ _REFUSALS: tuple[tuple[str, type[DriverError], str], ...] = (
     ("remote control", StoppedError, _LOCAL),
     ("start control script", StoppedError, _NO_START),
 )
-"""What ur_rtde says, the error to raise, and its message."""
+"""Part of a text that ur_rtde prints, error to raise for it, and message of that error."""
 _POLL_S, _ANSWER_POLL_S = 0.01, 0.001
-"""Time between two looks for the first event and for an answer [s]; a stop must not wait longer."""
+"""Time between two checks for the first event and for an answer [s]; no stop must wait longer."""
 _END_S = 5.0
-"""Time that a killed process gets to end [s]; it ends at once unless the kernel is stuck."""
+"""Longest wait for a killed process to end [s]; it ends at once unless the kernel is stuck."""
 
 
 @dataclass(frozen=True)
@@ -62,16 +60,16 @@ class RtdeOptions:
     Attributes:
         robot: registry name.
         host: address of the robot's controller; its ports are fixed (30004, 30003, 29999).
-        sensor: empty or ``netft`` for a Net F/T at the robot's host,
+        sensor: empty or ``netft`` for a Net F/T box at the robot's host,
             ``netft://HOST[:PORT][?http=PORT]`` elsewhere, ``rtde`` for the robot's own wrench.
         frequency: rate of states and streamed targets [Hz]; None: the controller's own, 125 Hz on a
             CB3 and 500 Hz on an e-Series.
-        watchdog_hz: the robot stops its program when it hears nothing for 1/watchdog_hz [Hz].
-        limits: limits of its motion; a quarter of top speed anywhere if None.
+        watchdog_hz: the robot stops its program if no signal of life comes for 1/watchdog_hz [s].
+        limits: limits of the robot's motion; None: a quarter of top speed, anywhere.
         power_on: whether `activate` may switch the robot on and release its brakes.
         connect_s: deadline of `connect` and of each reconnection [s].
-        effort: ``current``: recordings keep motor currents i1… [A], and what the controller wants
-            of its joints; ``off``: neither. A UR robot reports no joint torques.
+        effort: ``current``: recordings keep motor currents i1… [A] and the controller's targets of
+            joints; ``off``: neither. A UR robot reports no joint torques.
     """
 
     robot: str = "ur5"
@@ -106,13 +104,13 @@ class RtdeOptions:
 
 
 class ControlProcess:
-    """The child process that commands the robot by ur_rtde, and its shared memory.
+    """The child process that commands the robot by ur_rtde.
 
     Attributes:
         pid: process id.
-        ready: whether it controls the robot.
+        ready: whether the process controls the robot.
         refused: why the newest streamed target was refused.
-        program_ended: whether it saw its program on the robot ended.
+        program_ended: whether the process saw that its program on the robot has ended.
     """
 
     def __init__(self, setting: dict[str, Any], shared: SharedNumbers) -> None:
@@ -136,11 +134,11 @@ class ControlProcess:
         self._kill = weakref.finalize(self, _end, self._process)
 
     def wait_ready(self, seconds: float) -> None:
-        """Wait until the process controls the robot; kill it if it does not in time [s].
+        """Wait until the process controls the robot; kill it if that takes over ``seconds``.
 
         Raises:
-            LinkError: it does not in time, or the robot cannot be reached.
-            DriverError: it does not let itself be controlled; the message says why.
+            LinkError: the process is late, or the robot cannot be reached.
+            DriverError: the robot refuses to be controlled; says why.
         """
         if not wait_until(
             lambda: bool(self.gone()) or self.ready or bool(self._last_words), seconds, _POLL_S
@@ -161,7 +159,7 @@ class ControlProcess:
         """Send a command and return its answer: empty on success, else the reason for refusal.
 
         Raises:
-            LinkError: the worker is gone or did not answer in time [s].
+            LinkError: the process is gone or did not answer within ``timeout`` [s].
         """
         number = next(self._numbers)
         if not self.send(do, id=number, **more):
@@ -205,7 +203,7 @@ class ControlProcess:
             self._wire.close()
 
     def _drain(self) -> None:
-        """Read the messages that the process sent; the last eight answers are kept."""
+        """Read the messages that the process sent; store the last eight answers."""
         with self._lock, contextlib.suppress(Closed):
             while (message := self._wire.receive(0.0)) is not None:
                 why = str(message.get("why", ""))
@@ -293,8 +291,8 @@ class Links:
         """Start and return a process that controls the robot, with the robot's watchdog on.
 
         Raises:
-            StoppedError: the robot does not take a program.
-            DriverError: someone else controls it.
+            StoppedError: the robot does not accept a program.
+            DriverError: another client controls it.
             LinkError: it cannot be reached within the deadline.
         """
         options, state = self._options, self.state
@@ -335,7 +333,7 @@ class Links:
             self.shared.beat("driver")
 
     def _try(self, attempt: Callable[[float], T]) -> T:
-        """Return ``attempt(deadline)``, called again after a transient failure until then [s]."""
+        """Return ``attempt(deadline)``; after a transient failure call it again, until then [s]."""
         options = self._options
         deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
         failure: DriverError | None = None

@@ -1,13 +1,14 @@
 """The process that commands the robot, one call of ur_rtde at a time, and feeds its watchdog.
 
 ``control_worker.py SETTING`` with the setting as JSON; messages are JSON objects over a pair of
-local sockets. The robot-side watchdog is kicked only while the driver's heartbeat is young. Moves
-and their stops are asynchronous, since the watchdog stops what blocks longer than its period. When
+local sockets. The robot-side watchdog is kicked only while the driver's heartbeat is recent. Moves
+and their stops are asynchronous, since the watchdog stops a call that blocks for its period. When
 the driver is gone the robot is stopped, the kicks end, and so does this process.
 
 The driver sends streamed targets ahead of their time; this process passes each on when it is due.
 It ends by `os._exit`, since destructors of ur_rtde throw after the controller died, and imports the
-standard library only, so that it starts quickly.
+standard library only, so that it starts quickly. A change moves or stops robots: run
+tests/hardware/test_rtde_control.py and scripts/reactions.
 """
 
 import contextlib
@@ -28,46 +29,46 @@ from typing import Any, Self
 
 Message = dict[str, Any]
 _LONGEST = 4096
-"""Bytes of the longest message; the longest sent have some hundred."""
+"""Most bytes of a message on the channel; the longest ones sent have some hundred."""
 _MS = 1e3  # by definition
 _PRIORITY = -10
-"""Nice value of this process: before other programs, behind real-time ones."""
+"""Nice value of this process: ahead of other programs, behind real-time ones."""
 LOST = 3
-"""Exit code of a process that lost the controller."""
+"""Exit code of this process after it lost the controller."""
 _LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed the connection")
-"""What ur_rtde prints before it reconnects by itself, which ends in a crash."""
+"""Texts that ur_rtde prints before it reconnects by itself, which ends in a crash."""
 _NUMBERS = ("driver", "control", "state", "speed")
 KICKS = 6.0
-"""Kicks of the watchdog in its period: five of them may be late."""
+"""Number of kicks within the watchdog's period: five of them may be late."""
 DRIVER_SILENT_S = 0.5
-"""Age of the driver's heartbeat at which the robot is stopped [s], ten heartbeats."""
+"""Age of the driver's last heartbeat at which the robot is stopped [s], ten periods of it."""
 BLIND_S = 1.0
-"""Age of the newest state at which a robot that moves is stopped [s]: its link is lost then."""
+"""Age of the newest state at which a moving robot is stopped [s]: its link counts as lost then."""
 _MOST = 256
-"""Streamed targets that may wait: half a second at 500 Hz, more than the driver's lead."""
+"""Most streamed targets that wait: half a second at 500 Hz, more than the driver's lead."""
 _PHASE_GAIN, _PHASE = 0.02, 0.4
-"""Fraction of the phase error that a target corrects, so that the jitter of 50 targets averages;
+"""Fraction of the phase error that each target corrects (jitter of 50 targets averages), and wanted
 phase of targets after a state in periods."""
 _ALIKE = 0.01
-"""Relative difference up to which the target period counts as the state period."""
+"""Relative difference below which the periods of targets and of states count as equal."""
 _STUCK_S, _MIND_S = 0.4, 0.02
-"""Time for a hanging call after the driver is gone, longer than any but a hanging one takes, and
-period of that check [s]."""
+"""Time that a hanging call gets after the driver is gone, longer than any other call takes, and
+period of the check for that [s]."""
 _TICK_S = 1e-3
 """Resolution of the message channel's poll [s], by definition milliseconds."""
 _REST = 5e-3
-"""Fastest joint at rest [rad/s]: with less the noise of speeds is a motion."""
+"""Speed of the fastest joint of a robot at rest [rad/s]: noise of speeds is below it."""
 _REST_S, _LAST_S, _SERVO_S, _POLL_S = 2.0, 0.15, 0.4, 0.005
-"""Deadlines of coming to rest: any motion, the end of a move, a stream before its stop; and time
-between two looks [s]."""
+"""Deadlines of rest: any motion, end of a move, stream before its stop; time between checks [s]."""
 _SOFT, _HARD, _SERVO_SOFT, _SERVO_HARD = 3.0, 15.0, 4.0, 15.0
-"""Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them: a
-stop from 1 rad/s takes 0.3 s, and 0.07 s hard."""
+"""Decelerations of joints [rad/s²] or of the tool [m/s²], as the robot's script takes them: a stop
+from 1 rad/s takes 0.3 s, a hard one 0.07 s."""
 _LOOKAHEAD_S, _GAIN = 0.1, 300.0
 """Arguments of ``servoj``; source: defaults of the URScript manual (0.1 s, 300)."""
 _OVER = "the robot's program does not run"
 _BEGINS_S = 0.05
-"""Time in which a move or a stop surely reports that it is under way [s], six cycles of a CB3."""
+"""Time after which a move or stop surely reports that it is in progress [s], six cycles of a
+CB3."""
 
 
 class Closed(Exception):  # noqa: N818
@@ -84,7 +85,7 @@ class MessageChannel:
         self._poll.register(end.fileno(), select.POLLIN)
 
     def send(self, message: Message) -> bool:
-        """Send a message without waiting; return False if the other end does not take it."""
+        """Send a message without waiting; return False if the other end does not accept it."""
         with contextlib.suppress(OSError):
             self._end.send(json.dumps(message).encode()[:_LONGEST])
             return True
@@ -115,10 +116,9 @@ class MessageChannel:
 
 class SharedNumbers:
     """Named numbers in memory that the driver and the control process share; each has one writer.
-
     ``driver`` and ``control`` are heartbeats, ``state`` is when the newest state arrived (all
-    `time.monotonic`, [s]), ``speed`` is its fastest joint [rad/s].
-    """
+    `time.monotonic` [s]), ``speed`` is the speed of the fastest joint [rad/s]. ``descriptor`` is
+    the file descriptor of the memory."""
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
@@ -145,7 +145,7 @@ class SharedNumbers:
         self._numbers[_NUMBERS.index(name)] = value
 
     def get(self, name: str) -> float:
-        """Read the number called ``name``; 0 before it was written."""
+        """Read the number called ``name``; 0 if it was never written."""
         return self._numbers[_NUMBERS.index(name)]
 
     def beat(self, name: str) -> None:
@@ -159,7 +159,8 @@ class SharedNumbers:
 
 
 def printed(lost: Callable[[str], None]) -> deque[str]:
-    """Capture what ur_rtde prints; return its last lines; call ``lost`` with one on a lost link."""
+    """Capture what ur_rtde prints; return a deque of its last lines. ``lost`` is called with a line
+    that reports a lost link."""
     last: deque[str] = deque(maxlen=8)
     out, into = os.pipe()
     for standard in (1, 2):
@@ -179,11 +180,9 @@ def printed(lost: Callable[[str], None]) -> deque[str]:
 
 class TargetStream:
     """Holds streamed targets until their time, so that each reaches the robot in its own cycle.
-
-    Where targets are as far apart as states, a period [s], their times are shifted slowly until
+    If targets and states have the same ``period`` [s], the targets' times are slowly shifted until
     they lie between two states. Clocks that drift apart would otherwise put two targets into one
-    cycle of the robot and none into the next.
-    """
+    cycle of the robot and none into the next."""
 
     def __init__(self, period: float) -> None:
         self._period = period
@@ -207,8 +206,8 @@ class TargetStream:
         self._waiting.clear()
 
     def take(self, now: float, state: float) -> list[float] | None:
-        """Return the newest target due at ``now`` [s] and drop it and earlier ones; None if none is
-        due. The robot's newest state arrived at ``state`` [s]."""
+        """Return the newest target (6,) due at ``now`` [s], and drop it and earlier ones; None if
+        none is due. ``state`` is the arrival of the robot's newest state [s]."""
         q = None
         while self.due <= now:
             q = self._waiting.popleft()[1]
@@ -225,7 +224,8 @@ class TargetStream:
 
 
 class Control:
-    """Executes the driver's commands in the control process; `serve` makes all calls of ur_rtde."""
+    """Executes the driver's commands in the control process; `serve` makes all calls of ur_rtde.
+    ``hz`` is the rate of the robot's watchdog [Hz], ``period`` that of streamed targets [s]."""
 
     def __init__(
         self, robot: Any, shared: SharedNumbers, wire: MessageChannel, hz: float, period: float
@@ -274,7 +274,7 @@ class Control:
             self._ended()
 
     def _idle(self) -> float:
-        """Time that `serve` may wait for a message [s]; the channel polls in whole milliseconds."""
+        """Longest wait of `serve` for a message [s]; the channel polls in whole milliseconds."""
         idle = min(self._kick_due, self._stream.due) - time.monotonic()
         if idle < _TICK_S:
             time.sleep(max(0.0, idle))
@@ -311,7 +311,7 @@ class Control:
         self._wire.send({"id": message["id"], "why": why})
 
     def _servo(self, q: list[float]) -> str:
-        """Send one streamed target (6,) [rad] to the robot; return why it was refused, else ""."""
+        """Send a streamed target (6,) [rad] to the robot; return why it was refused, else ""."""
         if not self._playing:
             return _OVER
         if not is_six_numbers(q):
@@ -341,7 +341,7 @@ class Control:
         return ""
 
     def _halt(self, hard: bool) -> str:
-        """Begin to brake, hard or softly; return "" before the robot is at rest."""
+        """Begin to brake, hard or softly; return "" without waiting for rest."""
         self._stream.clear()
         if not self._playing:
             return ""
@@ -351,7 +351,7 @@ class Control:
         return ""
 
     def _brake(self, hard: bool) -> None:
-        """Send the stop command; a hard stop in progress stays hard: the script would soften it."""
+        """Send the stop command; a soft one would soften a hard stop and is left out then."""
         if self._servoing:
             self._servoing = False
             if not self._robot.servoStop(_SERVO_HARD if hard else _SERVO_SOFT):
@@ -361,7 +361,7 @@ class Control:
             self._moving, self._hard, self._began = True, hard, time.monotonic()
 
     def _under_way(self) -> bool:
-        """Whether a move, or the stopping of one, is in progress."""
+        """Whether a move or the stop of a move is in progress."""
         if not self._moving or time.monotonic() - self._began < _BEGINS_S:
             return self._moving
         if not self._robot.getAsyncOperationProgressEx().isAsyncOperationRunning():
@@ -380,7 +380,7 @@ class Control:
 
 
 def is_six_numbers(q: object) -> bool:
-    """Whether q is six finite numbers; ur_rtde checks nothing and waits 300 s if not."""
+    """Whether q is six finite numbers; ur_rtde does not check and waits 300 s for others."""
     return (
         isinstance(q, list)
         and len(q) == 6

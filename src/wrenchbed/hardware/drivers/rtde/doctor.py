@@ -1,8 +1,6 @@
-"""Look at a UR robot and its sensor before a first session: what would fail, and what to do.
-
-Nothing moves and nothing is set: ports are opened, pages and outputs are read, and a stream is
-watched for some seconds.
-"""
+"""Check a UR robot and its sensor before a first session: what would fail, and what to do. Nothing
+moves and nothing is set: ports are opened, pages and outputs are read, and a stream is watched for
+some seconds. Its texts (`wrenchbed doctor`) are listed in docs/reference/messages.txt."""
 
 import contextlib
 import math
@@ -22,19 +20,19 @@ from wrenchbed.hardware.transducers.netft.transducer import at_address
 from wrenchbed.robots.base import Robot
 
 Grade = Literal["ok", "note", "fails"]
-"""``fails``: a recording run would not start or not end; ``note``: look at it."""
+"""``fails``: a recording run would not start or not end; ``note``: a person should look at it."""
 _PORTS = {states.PORT: "RTDE", 30003: "scripts", ur_health.PORT: "dashboard"}
-"""TCP port of the controller → the service that answers there; Universal Robots fixes the numbers.
-A recording run needs all three."""
+"""TCP port of the controller → service, fixed by Universal Robots; recording runs need all
+three."""
 _SPARSE = 0.9
-"""Fraction of the states that must arrive: fewer make a recording run wait for its rows."""
+"""Fraction of the states that must arrive: with fewer, a recording run waits for its rows."""
 _NEEDED_HZ, _LONGEST_S = 100.0, 600.0
-"""Readings of a box that a recording at rest needs [1/s], its usual rate, and longest look [s]."""
+"""Readings of a box that a recording at rest needs [1/s], its usual rate, and longest check [s]."""
 _HEAVY = 0.05
-"""Relative difference between the pendant's payload and the tool's mass that is noted: with less
-every cable is noted, with more the arm stops to protect itself unannounced."""
+"""Relative difference between the pendant's payload and the tool's mass that is reported: a smaller
+limit would report cables; with a larger one the arm might stop to protect itself unannounced."""
 _SHOWN = ("serial", "firmware", "calibration")
-"""Fields of a sensor's identity that the report shows."""
+"""Fields of a sensor's identity that the report contains."""
 _UNSAID, _ANOTHER = "the controller does not say it", "give --robot as the arm is"
 
 
@@ -49,19 +47,18 @@ class Line:
 
 
 def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
-    """Check a robot's controller, a sensor's box, or both; return the findings, one `Line` each.
-
-    They stand in the order in which a recording run would fail.
+    """Check a robot's controller, a sensor's box, or both; return one `Line` for each finding, in
+    the order in which a recording run would fail.
 
     Args:
         robot: robot with which recordings will be made.
-        host: address of the controller; it is left out if empty.
-        sensor: address of the sensor, for instance ``netft://HOST``, or the HOST of a Net F/T; left
-            out if empty.
+        host: address of the controller; not checked if empty.
+        sensor: address of the sensor, for instance ``netft://HOST``, or the HOST of a Net F/T; not
+            checked if empty.
         seconds: time for which each stream is watched [s].
 
     Raises:
-        ParameterError: nothing to look at, no such sensor, or no time.
+        ParameterError: neither is given, the sensor is unknown, or the time is out of range.
     """
     if not (host or sensor) or not 0.1 <= seconds <= _LONGEST_S:
         raise ParameterError(
@@ -154,8 +151,8 @@ def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
 def _stream(
     times: Sequence[tuple[float, float]], least: float, what: str, *, clocked: bool
 ) -> Iterator[Line]:
-    """Yield findings on the rate, gaps and clock of a stream of (arrival, device clock or NaN) [s],
-    which needs a ``least`` rate [Hz] and, if ``clocked``, a device clock."""
+    """Yield findings on the rate, gaps and clock of a stream. ``times`` are arrival and device
+    clock (or NaN) [s]; ``least`` is the required rate [Hz]; ``clocked`` requires a device clock."""
     at, clock = np.transpose(times) if len(times) > 2 else (np.zeros(2), np.zeros(2))
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf

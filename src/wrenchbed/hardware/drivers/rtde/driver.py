@@ -29,39 +29,37 @@ from wrenchbed.hardware.drivers.rtde.identity import Flange
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
-"""Bounds of the speed [rad/s] and acceleration [rad/s²] of a move: ``movej`` refuses 0, and stops
-brake with the last one."""
+"""Bounds of the speed [rad/s] and acceleration [rad/s²] of a move: ``movej`` refuses 0, and hard
+stops brake with the last one."""
 _PEAK = 1.5
-"""Peak speed over mean speed of a trapezoid whose ramps take a third each, by definition."""
+"""Ratio of peak to mean speed of a trapezoid with ramps of a third of its time, by definition."""
 _WINDOW_S, _LAG_S = 0.6, 0.2
-"""Length of the compared stream and greatest delay of the controller [s], twice its look-ahead."""
+"""Length of the compared stream, and greatest delay of the controller, twice its look-ahead [s]."""
 _MOVED, _FOLLOWED = 0.02, 0.2
-"""Least motion of the sent targets [rad] and fraction of it that the controller must follow."""
+"""Least motion of sent targets that is judged [rad]; fraction of it that must be followed."""
 _EVERY = 8
-"""Targets between two comparisons: 64 ms."""
+"""Number of targets between two comparisons of sent and followed ones: 64 ms at 125 Hz."""
 _MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
-"""Deadlines of answers: move, after another one came to rest; soft stop, after a stream ended; hard
-stop, which waits for nothing; stop by the dashboard [s]."""
+"""Deadlines of answers [s]: move, after another one came to rest; soft stop, after a stream ended;
+hard stop, which waits for nothing; stop by the dashboard."""
 _REST_S, _QUIT_S, _ENDED_S = 3.0, 4.0, 1.0
-"""Deadlines: robot at rest, worker ended, program ended [s]; each longer than its worker's own."""
+"""Deadlines [s]: robot at rest, process ended, program ended; its own ones are shorter."""
 _EVIDENCE = {
     "i": "current", "q_target": "target_q", "qd_target": "target_qd",
     "tau_target": "target_moment", "joint_temperature": "temperatures",
 }  # fmt: skip
-"""Columns that a recording keeps beside the joints, and the field of a state of each."""
+"""Column that a recording keeps besides joint values → field of a `Snapshot`."""
 _FULL, _SLOWEST = 0.99, 0.05
-"""Fraction of the speed from which a slider stands at its end, as `doctor` judges, and the least by
-which the time of a move is divided: slower, a move is given up."""
+"""Fraction of the speed from which a slider counts as at its end, as in `doctor`, and least
+fraction by which the duration of a move is divided: a slower move is given up."""
 _MOST_HZ = 500.0
 """States per second of an e-Series; source: Universal Robots, RTDE guide."""
 
 
 def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float]:
     """Peak speed [rad/s] and acceleration [rad/s²] of a move over a distance [rad] in a time [s].
-
-    Accelerating and braking take a third of the time each, unless that needs more than ``top``
-    [rad/s] or 15 rad/s²; then the move takes longer.
-    """
+    Accelerating and braking take a third of the time each. If that needs a speed above ``top``
+    [rad/s] or more than 15 rad/s², the move takes longer."""
     speed = min(_PEAK * distance / seconds, top)
     acceleration = max(3.0 * speed / seconds, _LEAST_ACCELERATION)
     return max(speed, _LEAST_SPEED), min(acceleration, _MOST_ACCELERATION)
@@ -75,8 +73,8 @@ class Followed:
         self._count = 0
 
     def add(self, t: float, sent: np.ndarray, target: np.ndarray) -> str:
-        """Compare a sent target (J,) at time t [s] with the controller's own target (J,); return a
-        sentence if it does not follow, else ""."""
+        """Compare a target (J,) sent at time t [s] with the controller's own target (J,); return an
+        error text if the controller does not follow, else ""."""
         pairs = self._pairs
         if pairs and t - pairs[-1][0] > _LAG_S:  # a stream begins anew
             pairs.clear()
@@ -98,7 +96,7 @@ class RtdeDriver(LiveDriver):
     """Driver of a UR robot over RTDE, with a Net F/T sensor or the robot's own wrench.
 
     Raises:
-        ParameterError: an impossible option.
+        ParameterError: an option is impossible.
     """
 
     name = "rtde"
@@ -247,7 +245,7 @@ class RtdeDriver(LiveDriver):
             raise StoppedError(trouble[1] if trouble else f"{why}: call recover()")
 
     def _heed_slider(self, scaling: float) -> None:
-        """Set `pace` from the speed scaling, 0 … 1, and warn when the speed slider was moved."""
+        """Set `pace` from the speed scaling, 0 … 1; warn if the speed slider was moved."""
         before, self.pace = self.pace, max(scaling, _SLOWEST)
         if self.pace < _FULL and abs(self.pace - before) > 1.0 - _FULL:
             warnings.warn(

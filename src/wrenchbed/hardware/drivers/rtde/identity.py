@@ -1,7 +1,5 @@
 """Which robot answers: its model by the dashboard, its settings by RTDE, its lengths by its TCP.
-
-A plan for another arm would be checked against wrong reach, workspace and collisions.
-"""
+A plan for another arm would be checked against wrong reach, workspace and collisions."""
 
 import re
 import time
@@ -21,24 +19,24 @@ SETTINGS = (
     "timestamp", "payload", "payload_cog", "tcp_offset", "safety_mode", "robot_mode",
     "speed_scaling",
 )  # fmt: skip
-"""RTDE outputs that are read once; an older controller lacks some."""
+"""RTDE outputs that are read once per recording; an older controller lacks some."""
 _ASKED = {
     "model": "get robot model", "serial": "get serial number", "software": "PolyscopeVersion",
 }  # fmt: skip
-"""Fields of a recording's ``controller``, and commands; source: Universal Robots, "Dashboard
-server": model from 3.12 and 5.6 on, serial number from 5.6 on."""
+"""Field of ``controller`` in a recording's metadata → dashboard command; source: Universal Robots,
+"Dashboard server": model from 3.12 and 5.6 on, serial number from 5.6 on."""
 _UNKNOWN = "could not understand"
 _ANSWER_S, _SETTINGS_S = 0.5, 1.0
-"""Deadlines of an answer of the dashboard, and of settings [s], of which ten a second are sent; a
-controller that has none delays `connect` by them."""
+"""Deadlines of a dashboard answer and of the settings, which come ten times a second [s]; they
+delay `connect` to a controller that has none."""
 _NAMED = re.compile(r"ur(\d+)(e?)(?:[ _]?l(?:ong)?)?(?![a-z0-9])", re.IGNORECASE)
 _REPORTED_AS = {"7": "5", "12": "10"}
-"""Sizes whose controller reports an older arm of equal lengths; source: Universal Robots' client
-library, ``robotTypeFromString``."""
+"""Size of an arm → the older size of equal lengths that its controller reports; source: Universal
+Robots' client library, ``robotTypeFromString``."""
 _BOTH = ("3", "5", "10")
-"""Sizes that exist as CB3 and as e-Series, with other lengths."""
+"""Sizes of arms that exist as CB3 and, with other lengths, as e-Series."""
 _MOVED_M, _MOVED_RAD = 0.02, 0.05
-"""Distance [m] and angle [rad] by which a flange may be off that of the nominal robot: an arm's own
+"""Distance [m] and angle [rad] by which a flange may differ from the nominal robot's: an arm's own
 calibration moves it by some mm, the nearest other arm by 24 mm and more."""
 _APART_M, _APART_RAD = 5e-3, 0.02
 """Distance [m] and angle [rad] within which the TCP counts as the flange; a tool is longer."""
@@ -48,12 +46,9 @@ _REMEDY = "check --host, or plan for that arm: wrenchbed robot FILE --frame NAME
 
 
 def settings(host: str) -> dict[str, Any]:
-    """Read the controller's settings for a recording's metadata; those that it does not report are
-    left out.
-
-    Payload [kg] and its centre of gravity (3,) in flange axes [m], TCP in the flange x y z [m] and
-    rotation vector [rad], modes in words, the controller's clock [s], speed scaling 0 … 1.
-    """
+    """Read the controller's settings, as far as it reports them, for a recording's metadata:
+    payload [kg] and its centre of gravity (3,) in flange axes [m], TCP in the flange x y z [m] and
+    rotation vector [rad], modes in words, the controller's clock [s], speed scaling 0 … 1."""
     try:
         with states.Outputs(host, SETTINGS, _SETTINGS_S) as stream:
             values = stream.next(time.monotonic() + _SETTINGS_S)[1] or {}
@@ -63,7 +58,7 @@ def settings(host: str) -> dict[str, Any]:
 
 
 def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
-    """Rename a controller's outputs to the metadata's names, with modes as texts."""
+    """Rename a controller's outputs to the metadata's names; modes become words."""
     values: dict[str, Any] = {
         name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
     }
@@ -76,7 +71,8 @@ def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
 
 
 def stated(host: str) -> dict[str, str]:
-    """Name → answer of the dashboard to questions for model, serial and software, if it answers."""
+    """Ask the dashboard for ``model``, ``serial`` and ``software``; return name → answer, if
+    any."""
     answers = {}
     for name, command in _ASKED.items():
         try:
@@ -92,10 +88,10 @@ def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange:
     """Check that the controller's arm is the named robot (``ur5``, ``ur10e`` …).
 
     Args:
-        robot: what the plan is for.
-        answers: see `stated`.
+        robot: robot that the plan is for.
+        answers: name → the dashboard's answer, from `stated`.
         major: software version of the controller: 3 is a CB3, from 5 on an e-Series.
-        at_flange: whether the reported pose is the flange's of this robot.
+        at_flange: whether the reported pose is that of this robot's flange.
 
     Raises:
         DriverError: it is another arm; says what to change.
@@ -122,12 +118,12 @@ def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange:
 class Flange:
     """Tracks where the controller's TCP is in the flange of the nominal robot, twice a second.
 
-    RTDE does not report the TCP's offset. It must stay constant while joints move; where it does
-    not, the arm has other lengths than the robot, or its TCP was changed.
+    RTDE does not report the TCP's offset. It must stay constant while joints move; if it does not,
+    the arm has other lengths than the robot, or its TCP was changed.
 
     Attributes:
         at_tcp: whether the TCP counts as the flange.
-        trouble: why the arm is not the robot, by its poses; empty where it may be.
+        trouble: reason why the arm's poses do not fit the robot; empty if they do.
     """
 
     def __init__(self, robot: Robot) -> None:

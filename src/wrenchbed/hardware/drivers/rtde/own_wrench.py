@@ -1,8 +1,8 @@
 """Sensors of a UR robot: the transducer of an option, and the robot's own wrench over RTDE.
 
-Where the controller has it (e-Series from 5.9), ``ft_raw_wrench``: the flange's sensor, not
-compensated for the payload, taken as it is. Else ``actual_TCP_force``: in the base's axes, without
-the payload's weight; about the TCP on a CB3, which estimates it from motor currents to some ten
+If the controller has ``ft_raw_wrench`` (e-Series from 5.9), it is used as it is: the flange sensor,
+not compensated for the payload. Else ``actual_TCP_force``: in the base's axes, without the
+payload's weight; about the TCP on a CB3, which estimates it from motor currents to some ten
 newtons, and about the flange on an e-Series. Both count as the load of the world on the tool side;
 check the sign once on the robot's software version by a push.
 """
@@ -26,11 +26,11 @@ from wrenchbed.hardware.transducers.netft.transducer import (
 from wrenchbed.robots.base import Robot
 
 OWN = ("rtde", "ur-wrench")
-"""Option values for the robot's own wrench."""
+"""Values of the option ``sensor`` for the robot's own wrench."""
 _MOST = 64
-"""States that one reading looks back on: an eighth of a second at 500 Hz, in some milliseconds."""
+"""Most past states that one reading converts: 1/8 s at 500 Hz, which takes some milliseconds."""
 CB3_END, E_END = (150.0, 30.0), (50.0, 10.0)
-"""Where a robot's own wrench ends, force [N] and torque [N·m]; sources: a CB3's usual force limit,
+"""Ranges of a robot's own wrench, force [N] and torque [N·m]; sources: a CB3's usual force limit,
 whose torque is that force 0.2 m from the flange, and the sensor's range in UR5e's data sheet."""
 
 
@@ -69,10 +69,10 @@ class OwnWrench(Transducer):
 
 
 def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
-    """Make the transducer that the option ``sensor`` names.
+    """Make the transducer that option ``sensor`` names; ``own`` is that of the robot's own wrench.
 
     Raises:
-        ParameterError: it names none.
+        ParameterError: the option names no sensor.
     """
     if sensor in OWN:
         return own
@@ -99,7 +99,7 @@ def reading(state: Snapshot, robot: Robot) -> WrenchSample:
 
 def facts(state: Snapshot, controller: Mapping[str, Any]) -> Mapping[str, Any]:
     """Recording metadata on how the controller states its wrench: source output, axes, reference
-    point and, if it compensates a payload, which."""
+    point and, if it compensates for a payload, which payload."""
     if np.isfinite(state.raw).all():
         raw = {"source": "ft_raw_wrench", "frame": "flange", "reference": "flange"}
         return raw | {"compensated": False}

@@ -1,9 +1,7 @@
-"""RTDE: named outputs over a connection of its own, and the robot's newest state from them.
-
-The controller's own types say how each output is packed. A state counts only when its time stamp is
-new and a robot can have sent its values. Source of the protocol: Universal Robots, "RTDE guide":
-header uint16 size, uint8 type, big endian.
-"""
+"""RTDE: named outputs over a connection of its own, and the robot's newest state from them. The
+controller reports the type of each output, which says how it is packed. A state is used only if
+its time stamp is new and its values are possible for a robot. Source of the protocol: Universal
+Robots, "RTDE guide": header uint16 size, uint8 type, big endian."""
 
 import contextlib
 import math
@@ -22,21 +20,21 @@ from wrenchbed.hardware.device import connected
 PORT = 30004
 """TCP port of RTDE; source: Universal Robots, "RTDE guide"."""
 NATIVE_HZ = {False: 125.0, True: 500.0}
-"""States per second of a CB3 and of an e-Series; source: Universal Robots, "RTDE guide"."""
+"""Whether an e-Series → states per second; source: Universal Robots, "RTDE guide"."""
 ANSWER_S = 2.0
-"""Time in which the controller must start its stream [s]; a healthy one needs 10 ms."""
+"""Time within which the controller must start its stream [s]; a healthy one needs 10 ms."""
 PRIORITY = -10
-"""Nice value of the thread of states: before other programs, behind real-time ones."""
+"""Nice value of the thread that receives states: ahead of other programs, behind real-time ones."""
 _HEADER = struct.Struct(">HB")
 _PROTOCOL, _VERSION, _TEXT = ord("V"), ord("v"), ord("M")
 _OUTPUTS, _START, _DATA = ord("O"), ord("S"), ord("U")
 _LONGEST = 4096
-"""Bytes of the longest packet that is taken; a longer one is no RTDE."""
+"""Bytes of the longest packet that is accepted; a longer one is not RTDE."""
 _TYPES = {
     "BOOL": "?", "UINT8": "B", "UINT32": "I", "UINT64": "Q", "INT32": "i", "DOUBLE": "d",
     "VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I",
 }  # fmt: skip
-"""Type that the controller names, and how it is packed; source: Universal Robots, "RTDE guide"."""
+"""RTDE type → its packing in `struct`; source: Universal Robots, "RTDE guide"."""
 _MISSING = "NOT_FOUND"
 _FIELDS = {
     "stamp": "timestamp", "q": "actual_q", "qd": "actual_qd", "current": "actual_current",
@@ -49,23 +47,23 @@ _FIELDS = {
 _OPTIONAL = {"ft_raw_wrench"}
 """Outputs that older controllers lack: e-Series have it from 5.9 on."""
 _SPEED, _SLACK = 7.0, 0.05
-"""Fastest joint [rad/s], above the 6.3 of a UR3's wrists, and jump beyond that [rad] of a plausible
-state, since arrival and time stamp may differ by some milliseconds."""
+"""Fastest joint [rad/s], above the 6.3 of a UR3's wrists, and jump beyond it [rad] that are
+plausible, since arrival and time stamp may differ by some milliseconds."""
 _LARGEST = {
     "q": 7.0, "target_q": 7.0, "qd": 50.0, "target_qd": 50.0, "current": 500.0,
     "target_moment": 1e4, "temperatures": 200.0, "pose": 10.0, "force": 1e5,
 }  # fmt: skip
-"""Largest plausible values [rad, rad/s, A, N·m, °C, m and rad, N and N·m], above what UR has."""
+"""Field → largest plausible value [rad, rad/s, A, N·m, °C, m and rad, N and N·m] of any UR."""
 _TINY = 1e-200
-"""Numbers nearer to zero, and not zero, are bytes of something else."""
+"""Magnitude below which a number other than zero is bytes of something else."""
 _PLAYING = 2
 _PROTECTIVE = 1 << 2
 _KEPT = 512
-"""States that are kept for who reads them late: a second of an e-Series."""
+"""Number of recent states that are stored for late readers: a second of an e-Series."""
 _RESTART_S = 1.0
-"""Least backward step of a restarted controller's clock [s]; others are states in wrong order."""
+"""Least backward step of a restarted controller's clock [s]; smaller: states out of order."""
 _GAP = 1.5
-"""Step of the time stamps in periods from which states are missing."""
+"""Step between two time stamps, in periods, from which states are missing between them."""
 Values = tuple[float, ...]
 _ZERO, _NAN = (0.0,) * 6, (math.nan,) * 6
 
@@ -75,15 +73,15 @@ class Outputs:
 
     Args:
         host: address of the controller.
-        names: output names; those that it lacks are left out.
-        timeout: within which the stream starts [s].
+        names: output names; those that the controller lacks are left out.
+        timeout: time within which the stream must start [s].
         rate: rate of the stream [Hz]; the controller's own if None.
 
     Attributes:
-        names, version, rate: outputs that it has, its software in four numbers, rate [Hz].
+        names, version, rate: outputs received, software in four numbers, rate [Hz].
 
     Raises:
-        LinkError: it cannot be reached, or does not answer in time.
+        LinkError: the controller cannot be reached, or does not answer in time.
         DriverError: its answer is not RTDE, or it has none of the outputs.
     """
 
@@ -130,11 +128,11 @@ class Outputs:
             raise LinkError("the controller refuses to start: it sends no states")
 
     def next(self, end: float = math.inf) -> tuple[float, dict[str, Values] | None]:
-        """Receive the next data packet: arrival [s] and name → value, None if its length is wrong.
+        """Receive the next data packet: arrival [s], and name → value, None if its length is wrong.
 
         Raises:
-            LinkError: none comes by ``end`` (`time.monotonic`, [s]).
-            DriverError: what comes is not RTDE.
+            LinkError: no packet comes by ``end`` (`time.monotonic`, [s]).
+            DriverError: a packet is not RTDE.
         """
         kind, content = self._packet(end)
         while kind != _DATA:
@@ -161,7 +159,7 @@ class Outputs:
         self.close()
 
     def _ask(self, kind: int, body: bytes, end: float) -> bytes:
-        """Send a request and return the body of its answer; text messages before it are skipped."""
+        """Send a request and return the body of its answer; skip text messages before it."""
         try:
             self._link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
         except OSError as error:
@@ -202,23 +200,24 @@ class Snapshot(NamedTuple):
     """One state of the robot, with counts of the stream up to it.
 
     Attributes:
-        t: `time.monotonic` when it arrived [s].
-        stamp: the controller's own clock [s].
-        q, qd, current: angles, speeds and motor currents of the joints [rad, rad/s, A].
-        target_q, target_qd, target_moment: joint angles, speeds and torques that the controller
-            commands [rad, rad/s, N·m].
-        temperatures: temperatures of the joints [°C].
-        pose: pose of the TCP in the base, x y z [m] and rotation vector [rad].
-        force: ``actual_TCP_force`` [N, N·m], as the controller gives it.
-        raw: ``ft_raw_wrench`` [N, N·m], NaN where the controller has none.
+        t: `time.monotonic` when the state arrived [s].
+        stamp: time on the controller's own clock [s].
+        q, qd, current: angles, speeds and motor currents (6,) of the joints [rad, rad/s, A].
+        target_q, target_qd, target_moment: joint angles, speeds and torques (6,) that the
+            controller commands [rad, rad/s, N·m].
+        temperatures: temperatures of the joints (6,) [°C].
+        pose: pose of the TCP in the base (6,), x y z [m] and rotation vector [rad].
+        force: ``actual_TCP_force`` (6,) [N, N·m], as the controller reports it.
+        raw: ``ft_raw_wrench`` (6,) [N, N·m], NaN if the controller has none.
         scaling: speed scaling 0 … 1.
-        mode, safety, bits, runtime: the controller's words of the same names, see `_FIELDS`.
-        major: version of the controller.
-        protective: `time.monotonic` when a protective stop was first seen, 0 without one [s].
+        mode, safety, bits, runtime: RTDE's ``robot_mode``, ``safety_mode``,
+            ``safety_status_bits`` and ``runtime_state``.
+        major: first number of the controller's software version.
+        protective: `time.monotonic` when a protective stop was first seen [s], 0 without one.
         halts: how often a program stopped playing.
         received, skipped, bad: number of states received, known to be lost, and refused.
-        wrong: why the newest received state was refused; empty: it was not.
-        back: by how much the controller's clock went back [s], 0 if it never did.
+        wrong: why the newest received state was refused; empty if it was not.
+        back: step by which the controller's clock went back [s], 0 if it never did.
     """
 
     t: float = 0.0
@@ -248,8 +247,8 @@ class Snapshot(NamedTuple):
     back: float = 0.0
 
     def followed_by(self, new: "Snapshot", period: float) -> "Snapshot":
-        """Check and count the next state ``new``, a ``period`` [s] later; return it, or this one if
-        it is refused."""
+        """Check and count the next state ``new``, a ``period`` [s] later; return it, or this state
+        with the refusal noted."""
         wrong = implausible(new, self)
         if wrong:
             return self._replace(bad=self.bad + 1, wrong=wrong)
@@ -267,16 +266,17 @@ class Snapshot(NamedTuple):
 
 
 class StateReceiver:
-    """Thread that receives the states of a robot; ``rate`` [Hz], the controller's own if None.
+    """Thread that receives the states of a robot.
 
     Args:
-        before: the newest state of an earlier connection, whose counts go on.
+        rate: rate of the states [Hz], the controller's own if None.
+        before: newest state of an earlier connection, whose counts are continued.
         published: called with each new state, in the thread.
 
     Attributes:
-        newest: the newest state, without arrival (0) before the first one.
+        newest: the newest state; its ``t`` is 0 before the first one arrived.
         recent: the last states, the newest one at the end.
-        ended: why nothing more will come; empty while the stream goes on.
+        ended: reason why no more states will come; empty while the stream goes on.
 
     Raises:
         LinkError: the controller cannot be reached, or does not answer within `ANSWER_S`.
@@ -328,7 +328,7 @@ class StateReceiver:
 
 
 def implausible(new: Snapshot, last: Snapshot) -> str:
-    """Reason why no robot can have sent the state ``new`` after ``last``; empty if one can."""
+    """Reason why no robot can have sent the state ``new`` after ``last``; empty if a robot can."""
     sixes = [(most, getattr(new, name)) for name, most in _LARGEST.items()]
     if not all(math.isfinite(v) for _, six in sixes for v in six) or not math.isfinite(new.stamp):
         return "numbers that are not finite"

@@ -21,7 +21,7 @@ _BITS = {
     0b111 << 5: "emergency stop", 0b11 << 8: "safety fault", 1 << 2: "protective stop",
     1 << 4: "safeguard stop",
 }  # fmt: skip
-"""Bits of ``safety_status_bits``, the gravest first, and what they mean."""
+"""Bits of ``safety_status_bits`` → what they mean, the gravest first."""
 MODES = {
     -1: "no controller", 0: "disconnected", 1: "confirm safety", 2: "booting", 3: "off",
     4: "powering on", 5: "idle", 6: "backdrive", 7: "running", 8: "updating firmware",
@@ -48,21 +48,21 @@ _REMEDIES: dict[str, tuple[State, str]] = {
 
 
 PORT = 29999
-"""TCP port; source: Universal Robots, "Dashboard server"."""
+"""TCP port of the dashboard; source: Universal Robots, "Dashboard server"."""
 UNLOCK_AFTER_S = 5.1
-"""The controller refuses to unlock a protective stop within 5 s [s]; source: Universal Robots,
-"Dashboard server"; 0.1 s more, since states arrive late."""
+"""Time after a protective stop before which it is not unlocked [s]: the controller requires 5 s
+(source: Universal Robots, "Dashboard server"), and states arrive late."""
 IDLE = 5
 """``robot_mode`` with power and closed brakes; source: Universal Robots, RTDE guide."""
 _LONGEST = 4096
-"""Bytes of the longest answer, which is a line."""
+"""Most bytes of a dashboard answer, which is one line."""
 _CLEARED_S, _STOPPED_S, _POWER_S, _BRAKES_S = 3.0, 2.0, 15.0, 20.0
-"""Deadlines: stop cleared, program ended, power on after a boot, brakes released one by one [s]."""
+"""Deadlines [s]: stop cleared, program ended, power on after a boot, brakes released one by one."""
 Look = Callable[[], Snapshot]
 
 
 def mode(state: Snapshot) -> str:
-    """Robot mode of a state in a word: ``running``, ``off`` …"""
+    """Robot mode of a state in words: ``running``, ``off`` …"""
     return MODES.get(int(state.mode), f"mode {state.mode:g}")
 
 
@@ -80,7 +80,7 @@ def program(state: Snapshot) -> str:
 
 
 def problem(state: Snapshot) -> tuple[State, str] | None:
-    """Health state, and reason with remedy, that keep a robot from moving; None if it may."""
+    """Health state, and reason with remedy, that prevent a robot from moving; None if it may."""
     word = safety(state)
     if word not in HARMLESS:
         kind, remedy = _REMEDIES.get(word, ("stopped", "look at the pendant"))
@@ -92,9 +92,9 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
 
 
 class Control(NamedTuple):
-    """State of the control process: why it is gone (empty while it runs), time since its heartbeat
-    [s], whether it saw its program ended, and how many programs had stopped when the robot was
-    activated."""
+    """State of the control process: why it has ended (empty while it runs), time since its
+    heartbeat [s], whether it saw that its program has ended, and the number of programs that had
+    stopped when the robot was activated."""
 
     gone: str
     silent: float
@@ -109,8 +109,8 @@ def judge(
 
     Args:
         state: newest state of the robot, None before the first.
-        ended: why no more states will come, empty while they do.
-        control: None where the robot was not made ready to move.
+        ended: reason why no more states will come, empty while they do.
+        control: state of the control process; None if the robot is not active.
         counters: counters of the link, which the health reports.
     """
     if ended or state is None:
@@ -148,7 +148,7 @@ def request(host: str, command: str, timeout: float = 1.0) -> str:
     """Send one command to the robot's dashboard server and return its answer.
 
     Raises:
-        LinkError: none came in time [s].
+        LinkError: no answer came within ``timeout`` [s].
     """
     try:
         with connected(host, PORT, timeout) as link:
@@ -176,17 +176,17 @@ def _line(link: socket.socket, end: float) -> bytes:
 
 
 def _done(host: str, command: str, done: Callable[[], bool], seconds: float, trouble: str) -> None:
-    """Send a dashboard command and wait for ``done``; after ``seconds`` raise with ``trouble``."""
+    """Send a dashboard command and wait for ``done``; after ``seconds`` raise `StoppedError`."""
     answer = request(host, command)
     if not wait_until(done, seconds):
         raise StoppedError(f"{trouble}, the dashboard says {answer!r}")
 
 
 def clear(host: str, look: Look) -> None:
-    """Unlock a protective stop and stop any program, by the dashboard.
+    """Unlock a protective stop and stop any program, by the dashboard; ``look`` reads the state.
 
     Raises:
-        StoppedError: it cannot be cleared from here; the message says what to do.
+        StoppedError: the stop cannot be cleared from here; says what to do.
         LinkError: the dashboard does not answer.
     """
     state, trouble = look(), problem(look())
@@ -207,7 +207,7 @@ def clear(host: str, look: Look) -> None:
 
 
 def switch_on(host: str, look: Look) -> None:
-    """Power the robot on and release its brakes, by the dashboard.
+    """Power the robot on and release its brakes, by the dashboard; ``look`` reads the state.
 
     Raises:
         StoppedError: the robot does not come up in time.

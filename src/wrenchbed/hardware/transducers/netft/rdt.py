@@ -1,8 +1,5 @@
 """RDT over UDP, big endian: requests, 36-byte records and their two counters, status words, and the
-thread that receives records and repeats the request.
-
-Source: ATI 9620-05 Net F/T manual (RDT, system status codes).
-"""
+thread that receives records and repeats the request. Source: ATI 9620-05 Net F/T manual."""
 
 import contextlib
 import select
@@ -20,29 +17,29 @@ from wrenchbed.hardware.device import ClockFit
 
 START, STOP = 0x0002, 0x0000
 _REQUEST = struct.Struct(">HHI")
-"""A request: its mark 0x1234, a command, and the number of records, 0 for an endless stream."""
+"""Layout of a request: mark 0x1234, command, and number of records, 0 for an endless stream."""
 _RECORD = np.dtype([("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("counts", ">i4", 6)])
 SIZE = _RECORD.itemsize
-"""Bytes of a record: 36."""
+"""Size of a record [byte]: 36."""
 LARGEST = 40 * SIZE
-"""Bytes of the longest datagram that a box sends."""
+"""Size of the longest datagram that a box sends [byte]."""
 _ANY = 1 << 31
 _WINDOW = 64
-"""How late a record may come [records]; a network swaps neighbours."""
+"""Number of records by which one may come too late; a network swaps neighbours."""
 _AFTER = 8
-"""Records within which another one must follow a jump before it is believed."""
+"""Number of records within which a jump of the counters must be confirmed by another one."""
 SILENT_S, _PATIENCE_S = 0.25, 2.0
-"""Silence until the request is repeated [s], doubled each time up to a longest: a box that starts
-must not be flooded."""
+"""Silence until the request is repeated [s], doubled each time up to the second one: a box that
+starts must not be flooded."""
 _PAUSE_S, _WAIT_S = 1e-3, 0.05
-"""Pause between two drains: the age that it adds to a reading; and longest wait for a datagram,
-after which `Receiver.stop` is noticed [s]."""
+"""Pause between two readings of the socket, which adds to the age of a reading; longest wait for a
+datagram, after which `Receiver.stop` is noticed [s]."""
 _ROOM = 128 * 1024
-"""Bytes of the receive buffer: half a second of records at 7 kHz."""
+"""Size of the receive buffer [byte]: half a second of records at 7 kHz."""
 _STRETCH_S = 0.1
-"""Stretch of which the least late reading counts [s], a hundred `_PAUSE_S`."""
+"""Length of the stretches of which the least late reading fits the clocks [s], 100 × `_PAUSE_S`."""
 _HELD_S = 0.1
-"""Greatest delay of a reading [s]; where the clocks are further apart one of them has jumped."""
+"""Greatest delay of a reading [s]; a larger difference of the clocks means that one has jumped."""
 
 
 _WORDS = {
@@ -60,9 +57,9 @@ _WORDS = {
 }  # fmt: skip
 """Bit of the status word → its meaning."""
 SATURATED = 1 << 17
-"""Bit of a reading that left the sensor's range."""
+"""Status bit of a reading outside the sensor's range."""
 _NO_ERROR = SATURATED | 1 << 16 | 1 << 1
-"""Bits with which the reading can be used."""
+"""Status bits with which the reading can be used."""
 
 
 def faults(status: int) -> tuple[str, ...]:
@@ -97,15 +94,15 @@ def signed(difference: int) -> int:
 class Tracker:
     """Follows one stream of RDT records and counts those lost, repeated or impossible.
 
-    A far jump of the numbers is believed only when the next record confirms it. Records come at a
-    rate [Hz], one every so many samples of the box.
+    A far jump of the counters is accepted only if the next record confirms it. ``rate`` is that of
+    records [Hz], ``every`` the number of the box's samples per record.
 
     Attributes:
         last: (rdt_sequence, ft_sequence) of the newest record.
-        lost: records that did not come in time, known from gaps.
-        disordered: records that came twice, or after a newer one; they are left out.
-        implausible: records with an impossible number, left out.
-        restarts: restarts of the device, seen from an ft_sequence that went back.
+        lost: number of records that did not come in time, known from gaps.
+        disordered: number of records that came twice, or after a newer one; they are left out.
+        implausible: number of records with impossible counters, left out.
+        restarts: number of restarts of the device, when ft_sequence went back.
     """
 
     def __init__(self, rate: float, every: float) -> None:
@@ -117,7 +114,7 @@ class Tracker:
         self._jump: tuple[int, int] | None = None
 
     def asked(self) -> None:
-        """Note that a new request was sent, after which the numbers may start again at 1."""
+        """Note that a new request was sent, after which the counters may start again at 1."""
         self._asked = True
 
     def take(self, records: np.ndarray) -> np.ndarray:
@@ -151,7 +148,7 @@ class Tracker:
         return True
 
     def _begin(self, pair: tuple[int, int]) -> None:
-        """Accept a jump to this pair of numbers; the device's clock tells how many were lost."""
+        """Accept a jump to this pair of counters; compute from ft_sequence how many were lost."""
         if self._begun:
             samples = signed(pair[1] - self.last[1])
             if samples > 0:
@@ -191,7 +188,7 @@ class DeviceClock:
 @dataclass(frozen=True, eq=False)
 class Received:
     """The newest RDT record: arrival [s], device time [s], sample number, status word, counts (6,),
-    since when these are unchanged [s], and for how many records."""
+    since when the counts are unchanged [s], and for how many records."""
 
     t: float
     device_time: float
@@ -206,10 +203,10 @@ class Receiver:
     """Thread that receives the RDT records of one box.
 
     Args:
-        box: host and UDP port of its RDT.
+        box: host and UDP port of the box's RDT.
         rate, internal_rate: rates of its records and of its samples [Hz].
-        keep: called in its thread with times (n,) [s] at which records would have arrived without
-            delay, and the records (n,).
+        keep: called in the thread with the times (n,) [s] at which records would have arrived
+            without delay, and the records (n,).
 
     Raises:
         LinkError: there is no way to this address.
@@ -247,7 +244,7 @@ class Receiver:
         self._socket.close()
 
     def flagged(self) -> int:
-        """Return the status bits, of all records since the last call, combined by "or"."""
+        """Return the status bits of all records since the last call, combined by "or"."""
         with self._lock:
             word, self._status = self._status, 0
         return word

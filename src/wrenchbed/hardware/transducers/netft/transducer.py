@@ -1,8 +1,5 @@
-"""An ATI sensor behind a Net Box, read through RDT.
-
-The box's web page netftapi2.xml states counts per newton, the rate of RDT, full scale and zero.
-Source of its fields: ATI 9620-05 Net F/T manual (CGI variables, netftapi2.xml).
-"""
+"""An ATI sensor behind a Net Box, read through RDT. The box's web page netftapi2.xml states counts
+per newton, the rate of RDT, full scale and zero. Source: ATI 9620-05 Net F/T manual."""
 
 import contextlib
 import math
@@ -31,13 +28,13 @@ from wrenchbed.hardware.transducers.netft.rdt import (
 from wrenchbed.physics.wrench import CHANNELS
 
 FORM = "netft://HOST[:PORT][?http=PORT]"
-"""Address of a box, for people."""
+"""Form of a box's address, as messages show it."""
 RDT_PORT = 49152
 """UDP port of RDT; source: ATI 9620-05."""
 PAGE_S = 2.0
-"""Deadline of the page [s]; `connect` may try two ports, and says so within twice that."""
+"""Deadline of a web page [s]; `connect` may try two ports, and reports failure in twice that."""
 LARGEST = 65536
-"""Bytes of the longest page taken; real ones have a few thousand."""
+"""Most bytes of a web page; real ones have a few thousand."""
 _NEWTON = {
     "n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605,
     "kgf": 9.80665, "gf": 9.80665e-3,
@@ -52,25 +49,25 @@ _IDENTITY = {
     "force_unit": "scfgfu", "torque_unit": "scfgtu", "counts_per_force": "cfgcpf",
     "counts_per_torque": "cfgcpt", "bias": "setbias", "tool_transform": "cfgtfx",
 }  # fmt: skip
-"""Fields of a recording's ``sensor_box``, and elements."""
+"""Field of ``sensor_box`` in a recording's metadata → element of netftapi2.xml."""
 _LONGEST = 100
-"""Characters of an element that are kept; a damaged page must not swell a recording."""
+"""Most characters of an element that are stored; a damaged page must not swell a recording."""
 INTERNAL_RATE = 7000.0
-"""Samples per second where the page does not report them [Hz]; source: ATI 9620-05."""
+"""Samples per second if the page does not report them [Hz]; source: ATI 9620-05."""
 FROZEN_S, _SAME = 0.1, 20
-"""Readings whose six counts stay equal for this time [s] and for so many records are frozen: noise
-changes the last counts of a sensor that lives."""
+"""A sensor is frozen if its six counts stay equal for this time [s] and this number of records:
+noise changes the last digits of a working sensor."""
 _FIRST_S = 1.5
 """Deadline of the first record [s]: the request is repeated twice within it."""
 _ALL = 0x3F
 """Bits of all six channels."""
 _FULL, _BEYOND = 0.9999, 1.05
-"""Fractions of full scale: saturated, and impossible unless the box reports it as saturated."""
+"""Fractions of full scale: saturated; impossible unless the box reports saturation."""
 _PPM = 1000.0
-"""Drift of the clock that is reported [ppm]; a quartz drifts by 100 ppm at most."""
+"""Drift of the box's clock from which it is reported [ppm]; a quartz drifts by 100 ppm at most."""
 _LATE_S, _DRIFT = 0.5, 1e-3
-"""How far a count of samples may be off its time without a restart: records that arrive late [s],
-and relative drift of the clock, `_PPM`."""
+"""How far a sample counter may be off its time without a restart: lateness of records [s], and
+relative drift of the clock, as `_PPM`."""
 
 
 def get(host: str, port: int, target: str) -> bytes:
@@ -120,9 +117,9 @@ class Configuration:
         per_si: (6,) counts per newton and newton metre.
         rate, internal_rate: rates of RDT records and of ft_sequence [Hz].
         enabled: whether RDT is on.
-        bias: the software bias as written; empty where it is not shown.
-        rating: (6,) full scale [N, N·m], None where it is not shown.
-        identity: serial numbers, firmware and filter as recordings state them, as far as shown.
+        bias: text of the page's software bias; empty if not shown.
+        rating: (6,) full scale [N, N·m], None if not shown.
+        identity: serial numbers, firmware, filter … under metadata names, as far as shown.
     """
 
     per_si: np.ndarray
@@ -219,10 +216,8 @@ class NetftOptions:
 
 
 class NetftTransducer(Transducer):
-    """Transducer of a Net F/T box: reads its newest RDT record, however fast the box sends.
-
-    A box that was switched off and on has lost its zero: the bias id changes then.
-    """
+    """Transducer of a Net F/T box: reads its newest RDT record, however fast the box sends. A box
+    that was switched off and on has lost its zero: `WrenchSample.bias_id` changes then."""
 
     name = "netft"
     title = "ATI Net F/T over UDP (RDT)"
@@ -374,10 +369,10 @@ class NetftTransducer(Transducer):
 
 
 def at_address(address: str) -> NetftTransducer:
-    """Make a transducer, not yet connected, for the box at an address of `FORM`.
+    """Make a transducer, not yet connected, for the box at an address of the form `FORM`.
 
     Raises:
-        ParameterError: the address has not this form.
+        ParameterError: the address has another form.
     """
     why = ""
     try:
@@ -392,8 +387,8 @@ def at_address(address: str) -> NetftTransducer:
 
 
 def _restarted(last: Received, first: Received, rate: float) -> bool:
-    """Whether a box restarted between two records: its sample count, at a rate [Hz] and modulo 2³²,
-    went back or does not match the time between them."""
+    """Whether a box restarted between two records: its sample counter, at a rate [Hz] and modulo
+    2³², went back or does not fit the time between them."""
     due, counted = (first.t - last.t) * rate, first.ft - last.ft
     off = abs(signed(round(due) - counted))
     return (signed(counted) < 0 and due < 2**31) or off > _LATE_S * rate + _DRIFT * due
