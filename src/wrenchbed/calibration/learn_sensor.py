@@ -23,7 +23,7 @@ from wrenchbed.sensors.base import Sensor, SensorCalibration
 from wrenchbed.sensors.described import text
 
 UNKNOWN_SENSOR = "generic"
-"""Gives range, resolution and mass where the recording does not know its sensor."""
+"""Name of the sensor that gives range, resolution and mass where a recording names none."""
 _BAND = NoiseModel()
 MAINS_HZ = (50.0, 60.0)
 _MAINS_OFF_HZ = 0.2

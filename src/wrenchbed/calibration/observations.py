@@ -20,15 +20,16 @@ from wrenchbed.physics.wrench import CHANNELS
 _WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
 """Savitzky–Golay window [s, samples] and order that turn joint values into acceleration."""
 _WIDER, _BENT = (1, 2, 4), 1.25
-"""Factors on the window where the joints' noise would outweigh the sensor's, and the growth of that
-noise, as a window shows it, from which it bends the path itself: white noise shows alike in all."""
+"""Factors by which the window grows where joint noise would outweigh the sensor's, and largest
+growth of the apparent joint noise with it: more is bending of the path; white noise stays the
+same."""
 _LEVER = 1.0
 """Lever [m] by which joint accelerations are turned into accelerations of the tool."""
 _BETWEEN = 0.2
 """Least mean distance of readings from the nearest count, in counts, at which they are not on
 counts: 0.25 if all places are alike, 0 on counts."""
 _SCALE = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-"""Relative weight of force [N] and torque [N·m] where nothing is known of the noise."""
+"""Relative standard deviation of forces [N] and torques [N·m] where their noise is unknown."""
 FALLBACK_COVARIANCE = np.diag(_SCALE**2)
 """Relative covariance (6, 6) of a row [N², (N·m)²] where nothing is known of the noise."""
 

@@ -11,8 +11,8 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.sensors.base import STATUS_SATURATED
 
 LEAST_ROWS, LEAST_S = 256, 0.9
-"""Fewer rows tell a standard deviation to no better than 5 %, and less time than about 1 s no
-colour below 1 Hz. A minute is meant."""
+"""Fewest rows and shortest time of a rest: fewer rows tell a standard deviation to no better than 5
+%, and less time than about 1 s no colour below 1 Hz. A minute is meant."""
 _UNEVEN, _GAP = 0.2, 2.5
 """Largest standard deviation of the time steps, and largest single step, over the median step:
 jitter of an ordinary logger passes, two lost rows do not."""

@@ -12,7 +12,7 @@ from wrenchbed.errors import CalibrationError
 from wrenchbed.simulation.closed_form import Model, robot_of
 
 GENERAL = ("not one load", "another robot")
-"""Reasons that a fit with more parameters than a load may still answer."""
+"""Reasons of findings that a fit with more parameters than a load may still explain."""
 OUTLIERS = ("spike", "contact")
 """Reasons of findings that a robust loss remedies."""
 _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"})

@@ -33,7 +33,7 @@ TRANSFORMS = "transforms"
 METADATA = "metadata.yaml"
 """Name of the file that marks a folder as a ROS 2 bag."""
 KEY = "wrenchbed"
-"""Metadata record that keeps the recording's own metadata as JSON."""
+"""Name of the MCAP metadata record that holds the recording's own metadata as JSON."""
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _LONGEST_DEFINITION = 2**18
 """Longest definition of a kind of messages that is parsed [characters]: 20 times the longest of

@@ -61,7 +61,7 @@ _MARKS = (
     (rb"style-src 'unsafe-inline'", Kind.PAGE), (rb": twin as plain MJCF", Kind.NOTES),
     (rb"exported by wrenchbed", Kind.EXPORT),
 )  # fmt: skip
-"""What the first bytes of a file of each kind hold."""
+"""Pattern in the first bytes of a file, and the kind of such files."""
 
 
 def kind_of(path: Path) -> Kind | None:

@@ -21,7 +21,7 @@ from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.wrench import CHANNELS
 
 QUATERNION = ("qw", "qx", "qy", "qz")
-"""Orientation of the sensor in the base, for robots without a model."""
+"""Columns of the sensor's orientation in the base, for robots without a model."""
 POINT = ("px", "py", "pz")
 """Columns of a known point in the world [m] that the tool's tip touched; such rows are touches."""
 TOUCH_STD = 5e-5

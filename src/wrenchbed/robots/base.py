@@ -104,7 +104,7 @@ class Robot(ArmBodies):
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
     zero_names: tuple[str, ...] = ()
-    """Names of the parameters that are added to the joint values, by joint; () of none."""
+    """Names of the parameters that are added to the joint values, by joint; empty if none."""
     twists: tuple[str, ...] = ()
     lengths: tuple[str, ...] = ()
     """Names of parameters that are angles (``twists``), and lengths, between adjacent joints."""

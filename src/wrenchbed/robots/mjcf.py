@@ -21,7 +21,7 @@ _FILES = 8
 _TOUCHING = ("collision", "touched")
 """Names of the classes of collision shapes in robots' MJCF files."""
 STIFFNESS, DAMPING = 20000.0, 400.0
-"""Stiffness and damping of a servo [N·m/rad, N·m·s/rad; N/m, N·s/m]: chosen, it holds still."""
+"""Stiffness and damping of a servo [N·m/rad, N·m·s/rad; N/m, N·s/m], chosen to hold it still."""
 
 
 def bare(path: Path) -> mujoco.MjSpec:

@@ -30,7 +30,8 @@ makes one in one recording of twenty, at 20 a light tool on a noisy sensor count
 LEAST_WEIGHT, LITTLE = 0.01, 0.05
 """Least measured over stated weight at which a load counts as present and not subtracted."""
 LEAST_SPREAD = 0.05
-"""Least spread of gravity's direction, as the sensor sees it, along the second of its axes."""
+"""Least standard deviation of gravity's direction in sensor axes, along the second principal
+axis."""
 PUSHED = 0.5
 """Least change of forces, over the weight, that is a contact while gravity hardly turns."""
 LARGEST_KG, LARGEST_M = 50.0, 2.0
@@ -41,7 +42,7 @@ FROZEN, FEW = 1e-3, 8
 """Least residual over swing with a column that may be frozen, and fewest observations that judge
 the rest of the recording."""
 CLEAR = 6.0
-"""Least load on a channel, in its noise, that must show."""
+"""Least load on a channel, over the channel's noise, whose absence counts."""
 APART = 3.0
 """Least load on a channel over what the residual of the other channels may make of it: 3 σ."""
 LONG = 0.5

@@ -23,7 +23,7 @@ from wrenchbed.physics.wrench import CHANNELS
 MENDED = 0.15
 """Largest residual after a mistake is undone, over that before, at which it is named."""
 CLEAN = 0.03
-"""Largest residual of an undone mistake, over the swing of the readings."""
+"""Largest residual after a mistake is undone, over the readings' swing, at which it is named."""
 TIE = 0.02
 """Residuals that differ by less than this fraction of the limit count as equal."""
 WRONG, CLEARLY = 0.01, 0.1

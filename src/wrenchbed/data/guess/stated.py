@@ -101,7 +101,7 @@ class Stated:
 
 
 NOTHING = Stated()
-"""Nothing is known besides the files."""
+"""Facts of a user who knows nothing besides the files."""
 
 
 @dataclass(frozen=True, eq=False)
