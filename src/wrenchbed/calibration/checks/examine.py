@@ -30,8 +30,7 @@ makes one in one recording of twenty, at 20 a light tool on a noisy sensor count
 LEAST_WEIGHT, LITTLE = 0.01, 0.05
 """Least measured over stated weight at which a load counts as present and not subtracted."""
 LEAST_SPREAD = 0.05
-"""Least standard deviation of gravity's direction in sensor axes, along the second principal
-axis."""
+"""Least spread of gravity's direction, in sensor axes, along its second principal axis."""
 PUSHED = 0.5
 """Least change of forces, over the weight, that is a contact while gravity hardly turns."""
 LARGEST_KG, LARGEST_M = 50.0, 2.0
