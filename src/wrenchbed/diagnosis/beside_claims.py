@@ -87,8 +87,8 @@ def _instead(
     Args:
         name: the effect.
         beside: effects of the explanation that contains it.
-        effects: of each explanation.
-        small: those effects of each explanation that add less gap than a cause.
+        effects: names of each explanation's effects.
+        small: names of those effects of each explanation that add less gap than a cause.
     """
     result = dict[str, list[int]]()
     for k, (of, names) in enumerate(zip(effects, small, strict=True)):

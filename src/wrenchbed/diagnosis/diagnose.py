@@ -67,10 +67,10 @@ OFTEN = "the rows set aside disagree at many times, each differently: an intermi
 AGAIN = "the rows set aside show the jump of the zero again: a fault that comes and goes"
 """Note on a recording whose zero jumps to and fro."""
 LOUD = "there is a gap beyond the noise that no effect between rows explains"
-"""Sign of a gap where no cause is named."""
+"""Text on a gap that remains where no cause is named."""
 PROBABLE = 0.8
-"""Probability that another cause needs beside a contact, which leaves few rows to separate them;
-below the 0.85 that is believed of recordings unlike those that taught."""
+"""Least probability of another cause beside a contact, which leaves few rows to separate causes;
+below `RIGHT_ELSEWHERE`, the most that is believed of recordings unlike the learning cases."""
 CLEARER = 0.3
 """Largest share of the remaining gap that an answer without outliers leaves; else they stay."""
 UNLIKE = (
@@ -255,8 +255,8 @@ class Weighed(NamedTuple):
 
     Attributes:
         twin: simulator with the causes; without any, with fitted bias, mass and CoG.
-        p_value: that a recording like the learning cases is as unlike them; of several recordings
-            the smallest times their number, at most 1; 0 where one has no wrench.
+        p_value: conformal p-value that the recording is like the learning cases; of several the
+            smallest times their number, at most 1; 0 where one has no wrench.
         refuted: sentence on a cause that comes nearest and is refuted; empty without one.
     """
 

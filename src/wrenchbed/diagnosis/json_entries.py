@@ -1,4 +1,4 @@
-"""Entries of ``diagnosis.json``: causes with their parameters, places, probabilities, notes."""
+"""Entries of ``diagnosis.json`` (docs/contracts.md): causes, parameters, places, notes."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
 
 Place = tuple[str, str, float, float]
-"""Effect, detail, share and p-value of an entry of ``where``."""
+"""Effect, detail, share (0…1) and p-value of an entry of ``where`` of diagnosis.json."""
 _HALVINGS = 5
 """Bisections for the edge of a variable's range within which no reading changes."""
 _FINEST = 2.0**-14

@@ -1,4 +1,4 @@
-"""A diagnosis as people and programs read it: the contents of ``diagnosis.json``."""
+"""A diagnosis as people and programs read it: ``diagnosis.json`` (docs/contracts.md)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -66,7 +66,7 @@ def rival(effect: str, probability: float, numbers: Mapping[str, Any]) -> dict[s
 
 
 def families(gap: Closure) -> dict[str, float]:
-    """Share of the closed gap by family of channels, as `family` names them."""
+    """Share of the closed gap, 0…1, by family of channels (force, torque …, as in `family`)."""
     closed = dict.fromkeys((family(c) for c in gap.per_channel), 0.0)
     for channel, gaps in gap.per_channel.items():
         closed[family(channel)] += max(gaps["before"] - gaps.get("after", gaps["before"]), 0.0)

@@ -58,8 +58,8 @@ def diagnose_several(
 ) -> Findings:
     """Diagnose one robot from several recordings: where, which, how far, and what next.
 
-    The twin is the robot with its shared effects and the tool of the first recording, which figures
-    and places are of too. The gap is over the rows of all recordings.
+    The twin is the robot with its shared effects and the tool of the first recording; figures and
+    places are of the first recording, too. The gap is over the rows of all recordings.
 
     Args:
         recordings: two or more, with tool, payload, temperature and poses alike or not.
@@ -109,8 +109,8 @@ def diagnose_several(
 
 
 def _added_loads(recordings: Sequence[Recording]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Entries of ``fitted`` on what is carried in recordings of torques at rest alone beyond what
-    the first of them carries, and sentences on why they do not tell it."""
+    """Entries of ``fitted`` of diagnosis.json on loads that recordings of joint torques at rest
+    carry beyond the first one's, and sentences on loads that these data do not determine."""
     first, *others = recordings
     entries, untold = list[dict[str, Any]](), list[str]()
     if not all(r.effort == "tau" and not r.has_wrench for r in recordings):
@@ -304,7 +304,7 @@ def _same(refitters: Sequence[Refitter], f: Finalist, k: int, name: str, share: 
 
 
 def _between(each: Sequence[Examined], names: Sequence[str]) -> tuple[RowFinding, ...]:
-    """Findings between rows of all recordings, the surest of each effect."""
+    """Effects that show between rows of any recording: of each effect the most probable finding."""
     best: dict[str, RowFinding] = {}
     every = [(r, name) for e, name in zip(each, names, strict=True) for r in e.between]
     for r, name in sorted(every, key=lambda of: -of[0].probability):

@@ -25,7 +25,7 @@ SURE = 1e-4
 ALIKE = 1e-5
 """Least eigenvalue of the design, over its trace, with which poses separate A from N."""
 GRID = 4
-"""Trial frequencies per 1/(length of a group)."""
+"""Trial frequencies per width of a spectral line, 1/(length of a group [s])."""
 LOWEST_HZ = 3.0
 """Lowest frequency of a line [Hz]: below it drift within a hold, and the sway of an arm that has
 just stopped, look like a line; bases and tables shake faster."""

@@ -26,7 +26,7 @@ too rough to compare; more leave out short recordings."""
 TAIL = 5.0
 """Largest distance of a row, in median distances; rows further out are scaled down to it."""
 QUIET = 0.4
-"""Least power of a motion's quieter quarter, over the mean, that is noise: friction bursts."""
+"""Least ratio of the first quartile of a motion's scatter to its mean that is steady noise."""
 STEADY = 1.15
 """Largest variance of a hold's rows over the median group's: more is bursts, not noise."""
 _Gathered = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

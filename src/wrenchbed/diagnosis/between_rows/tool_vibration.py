@@ -17,7 +17,7 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 SMOOTH_S = 0.008
 """Averaging window of force and acceleration [s]: an accelerometer passes to about 50 Hz."""
 GROUPS = 12
-"""Stretches of time, each left out once for the standard uncertainty: fewer make it rough, more
+"""Number of stretches of time, each left out once for the std: fewer make it rough, more
 leave stretches shorter than the vibration's memory."""
 FOLLOWS = 0.3
 """Least share of the fast force that the accelerometer must explain."""

@@ -126,8 +126,8 @@ def _word(causes: Iterable[Cause]) -> str:
 def small(gap: Closure) -> bool:
     """Whether the calibrated gap is so small that there may be no cause.
 
-    The larger counts of the mean gap of single channels (imperfections lack the correlation that
-    noise has between channels) and the lower end of the gap's 95 % interval.
+    It takes the larger of two: the mean gap of single channels (imperfections lack the correlation
+    that noise has between channels), and the lower end of the gap's 95 % interval.
     """
     floor = max(gap.floor, 0.0)
     return max(gap.channels, gap.calibrated.low) - floor <= LARGEST_NONE
@@ -298,7 +298,7 @@ def conclude(
     """Final verdict, with the findings that means of readings do not show.
 
     Args:
-        decision: on the means of readings.
+        decision: decision on the means of readings.
         elements: joints, links or axes that explain as well as the claimed one, by cause.
         signs: sentences on unusual noise; with one of them the answer is not ``none``.
         between: effects that show between rows only, with probabilities, surest first.
@@ -360,7 +360,7 @@ def withdrawn(verdict: Verdict[S], instead: str) -> Verdict[S]:
 def only(verdict: Verdict[S], kept: tuple[Cause, ...]) -> Verdict[S]:
     """Verdict with the causes ``kept``, of which the first leads.
 
-    It leads with no more than the probability that it is present; the rest goes to ``unknown``.
+    The first keeps at most the probability that it is present; the rest goes to ``unknown``.
     """
     probability = dict(verdict.probabilities)
     before, now = ("|".join(c[0].names) for c in (verdict.causes, kept))

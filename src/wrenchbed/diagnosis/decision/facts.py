@@ -16,7 +16,7 @@ class Decision(Generic[S]):
 
     Attributes:
         verdict: word, causes with rivals, and probabilities.
-        gap: on held-out rows, with the causes of ``verdict``.
+        gap: gaps on held-out rows, with the causes of ``verdict``.
     """
 
     verdict: Verdict[S]

@@ -1,6 +1,6 @@
 """Regressor columns of joint efforts: of each joint, each wrench channel, and the whole arm.
 
-Causes without a name (`Block.outside`) have columns too: if they explain best, it is unknown.
+Unnamed causes (`Block.outside`) have columns too: if they explain best, the verdict is ``unknown``.
 """
 
 from dataclasses import replace
@@ -31,7 +31,7 @@ warm-up within some minutes, few enough that each amplitude is determined."""
 LIMITS = (0.5, 0.75, 0.9)
 """Quantiles of |effort| at which it may be limited: a limit below the median stops the robot."""
 ENDS = (0.15, 0.85)
-"""Quantiles of the joint's value beyond which something may resist: near its ends, with rows."""
+"""Quantiles of a joint's value beyond which something may resist motion: near the ends it used."""
 LIGHT = 0.01
 """Least tool mass [kg] by which a first moment is divided: a lighter one weighs below 0.1 N."""
 _GAIN = 0.01
@@ -60,7 +60,7 @@ Made = tuple[list[Column], list[Block]]
 
 
 def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
-    """Columns (effort per unit of a parameter) and causes of one joint, but those that `scan`."""
+    """Columns (effort per unit of a parameter) and causes of one joint, without those by scans."""
     columns, blocks = list[Column](), list[Block]()
     if rows.command is not None:  # setpoints of limited speed trail by the square of the speed
         speed = np.gradient(rows.command, rows.t)
@@ -155,7 +155,7 @@ def of_sensor(scene: EffortScene, channel: int) -> Made:
     """Columns and causes without a name of one channel of the wrench, numbered from 0.
 
     Tool and tilt have columns in all channels, so that torques and wrench are evidence together.
-    What only the sensor sees is ordinary, or has no name here: a diagnosis of the wrench names it.
+    Errors of the sensor alone get columns without a name; a diagnosis of the wrench names them.
     """
     total, t, name = scene.load, scene.signals.t, CHANNELS[channel]
     alike = range(3) if channel < 3 else range(3, 6)

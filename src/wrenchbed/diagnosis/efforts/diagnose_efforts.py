@@ -34,7 +34,7 @@ from wrenchbed.twin.twin import Twin
 
 Progress = Callable[[str], None]
 STEPS = 4
-"""Number of steps of a diagnosis of efforts that ``progress`` reports as they begin."""
+"""Number of steps of a diagnosis of efforts reported by ``progress`` (bar of cli/diagnose.py)."""
 
 
 @dataclass(frozen=True, eq=False)

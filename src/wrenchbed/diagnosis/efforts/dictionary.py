@@ -69,8 +69,8 @@ class Dictionary:
         joint: index of the channel that each column belongs to (P,), −1 for the arm.
         std: prior standard deviation of each amplitude (P,) unless a cause sets it free.
         free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
-        size: rms that an amplitude of 1 adds, in row noises (P,): in its joint, or the root mean
-            square over joints times √J.
+        size: rms that an amplitude of 1 adds, over a row's noise (P,): in its joint, or the root
+            mean square over joints times √J.
         blocks: causes, with and without a name; those that cannot show here have no columns.
     """
 
@@ -86,7 +86,7 @@ class Dictionary:
 
     @cached_property
     def at(self) -> tuple[np.ndarray, ...]:
-        """Indices of each cause's columns among all, one array a cause."""
+        """Indices of each cause's columns in `names`, one array per cause of `blocks`."""
         place = {name: k for k, name in enumerate(self.names)}
         return tuple(np.array([place[n] for n in b.columns], dtype=int) for b in self.blocks)
 

@@ -55,8 +55,8 @@ class Simulator:
 
     @cached_property
     def errors(self) -> np.ndarray:
-        """Errors (S, P) of P amplitudes when one of S stated values is off as in healthy robots (1
-        σ), its own true change subtracted."""
+        """Errors (S, P) of P fitted amplitudes if one of S stated values is off by its standard
+        deviation in healthy robots, which for its own amplitude is no error."""
         level, at = self._fit[1], np.flatnonzero(self._bounded)
         errors = level.held(level.gram[:, at]).T
         errors[np.arange(len(at)), at] -= 1.0

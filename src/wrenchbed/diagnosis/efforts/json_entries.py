@@ -108,7 +108,7 @@ def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
 def notes(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = (), outside: str = ""
 ) -> tuple[str, ...]:
-    """Notes on data, noise and remaining gap; ``outside``: unnamed cause that it resembles."""
+    """Notes on data, noise and remaining gap; ``outside``: unnamed cause that the gap resembles."""
     scene, noise = d.scene, [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
     stated = ", ".join(k for k in scene.drives.value if scene.drives.known(k).any())
     fitted = scene.currents and not scene.drives.known("drive.constant").all()

@@ -15,7 +15,7 @@ _REACH = "record poses with the arm stretched and folded, at rest in both direct
 
 
 class Carried(NamedTuple):
-    """Description of an effect of links, tool or base; fields as in `DriveEffect`."""
+    """Effect of links, tool or base: title, definition of its size, and how to tell its rivals."""
 
     title: str
     size: Size

@@ -64,7 +64,7 @@ class EffortScene:
         regressor: torques per unit of each inertial parameter of L links (N, J, 10 L).
         drives: stated values of the drives.
         currents: whether currents were recorded and turned into torques.
-        step: one of so many rows is kept.
+        step: number of rows from one kept row to the next.
         wrench: measured (N, 6) [N, N·m] where used as evidence too, else None.
     """
 
@@ -161,8 +161,7 @@ class EffortScene:
         return np.asarray(columns[self.kept()])
 
     def moving(self) -> np.ndarray:
-        """Whether to use each kept row of each channel (M, C): for joints if clear of rest,
-        boolean."""
+        """Which kept rows of each channel to use (M, C), boolean: of joints those clear of rest."""
         use = [moving(v, self.signals.rate) for v in self.q.d.T]
         use += [np.ones(len(self.q.d), dtype=bool)] * (len(self.channels) - self.joints)
         return np.stack(use, axis=-1)[self.kept()]

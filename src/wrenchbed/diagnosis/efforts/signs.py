@@ -21,14 +21,15 @@ _EPISODE = 4.5
 """Variance of the noisiest stretch over the median's: 98 % of 107 ordinary arms of the development
 seeds stay below 4.2."""
 _PEAK = 4.5
-"""Least power of a reported peak over its neighbours' median: arms of development seeds: 4.3."""
+"""Least power of a reported peak over its neighbours' median; healthy arms of development seeds
+reach 4.3."""
 _SEGMENT, _NEIGHBOURS = 256, 31
 """Rows of a segment of the spectrum, two seconds at 125 Hz, and frequencies of which the median is
 taken: a quarter of them."""
 _FIRST = 2
 """Number of lowest frequencies left out: the window's main lobe leaks from zero to them."""
 _KURTOSIS = 15.0
-"""Least fourth moment over squared variance that is reported: arms of development seeds: 12."""
+"""Least reported kurtosis of a residual; healthy arms of the development seeds reach 12."""
 _HELD_S, _HELD_ROWS = 0.15, 12
 """Shortest time [s] and rows over which a moving joint's effort repeats exactly: twice what
 quantised noise reaches, 0.07 s."""

@@ -71,7 +71,7 @@ def _flowing(prepared: Prepared) -> np.ndarray:
 
 
 def variables(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Functions (H, k) of each variable (orientation, time …) at the observations."""
+    """Functions (H, k) of each variable (orientation, time …) at the H observations, by name."""
     scene, held = prepared.scene, prepared.scene.held
     rotation, position = (value(x) for x in scene.pose)
     result: dict[str, np.ndarray] = {}
@@ -161,7 +161,7 @@ class EffectDictionary:
         size: typical size of each column's parameter (n,), SI.
         label: (effect, parameter) of each column, or (kernel, '') of a feature.
         hypotheses: variants of effects that may be claimed; ``invisible``: names of the others.
-        kernels: indices of the unknown's columns, by the variable that they depend on.
+        kernels: indices of smooth functions' columns, by the variable that they depend on.
         stated: indices of the numbers that every user fits; ``tolerance`` in typical sizes.
         nuisance: indices of columns of unknown numbers of sensors, which every fit frees.
         imperfections: indices of columns of imperfections of healthy sensors.
@@ -267,7 +267,7 @@ class EffectDictionary:
 
     @cached_property
     def gap_of_channel(self) -> np.ndarray:
-        """`configured_gap` of each channel alone (F, n)."""
+        """Gap that each of n columns adds in each of F channels (F, n), as `configured_gap`."""
         return self.mean_square(self.E)
 
     @cached_property
@@ -278,7 +278,7 @@ class EffectDictionary:
         return np.asarray(np.maximum(self.configured_gap - of_channel @ taken, 0.0))
 
     def of_stated(self, effect: str) -> np.ndarray:
-        """Whether each stated column (S,) belongs to an effect, boolean."""
+        """Whether each of S columns of bias, mass and CoG belongs to ``effect`` (S,), boolean."""
         return np.array([self.label[k][0] == effect for k in self.stated], dtype=bool)
 
     def fitted(self, signal: np.ndarray) -> np.ndarray:
@@ -322,8 +322,8 @@ class EffectDictionary:
 
     @cached_property
     def imperfect(self) -> Mapping[str, np.ndarray]:
-        """Column indices, by effect, of small imperfections of any robot: no form-free variants
-        (kernels stand for them), no stated numbers (they have tolerances)."""
+        """Column indices, by effect, of small imperfections of any robot: no variants with a free
+        curve (smooth functions stand for them), no stated numbers (they have tolerances)."""
         stated = {self.label[k][0] for k in self.stated}
         columns = {e: np.setdiff1d(k, self.free_form) for e, k in self._of_effects.items()}
         return {e: k for e, k in columns.items() if e not in stated}

@@ -57,20 +57,20 @@ class OfProducts:
         return np.sqrt(self.V[self._on])
 
     def _beside(self) -> np.ndarray:
-        """G D (n, b), of the columns `_on` with D = V½."""
+        """Product G D (n, b) of the Gram matrix G = Eᵀ v₀⁻¹ E with D = V½ of the columns `_on`."""
         result = np.take(self._gram, self._on, axis=1)
         result *= self._root
         return result
 
     def _inner(self) -> np.ndarray:
-        """D G D (b, b), of the columns `_on` with D = V½."""
+        """Product D G D (b, b), Gram matrix G = Eᵀ v₀⁻¹ E, D = V½, of the columns `_on`."""
         result = self._beside()[self._on]
         result *= self._root[:, None]
         return result
 
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
-        """Cholesky factor of I + D G D."""
+        """Cholesky factor of I + D G D, with the Gram matrix G = Eᵀ v₀⁻¹ E and D = V½."""
         return factored(self._inner())
 
     def held(self, u: np.ndarray) -> np.ndarray:
@@ -98,7 +98,7 @@ class OfProducts:
 
 @dataclass(frozen=True, eq=False)
 class Products(OfProducts):
-    """Background given by the products themselves: G (n, n) and the variances V (n,)."""
+    """Background given by the Gram matrix G (n, n) of n columns and prior variances V (n,)."""
 
     gram: np.ndarray
     V: np.ndarray
@@ -157,7 +157,7 @@ class BackgroundLevel(OfProducts):
 
     @cached_property
     def log_det(self) -> float:
-        """Log determinant log |K₀|."""
+        """Log determinant log |K₀| of the covariance of noise and background."""
         diagonal = np.diagonal(self._factor[0])
         return float(2 * np.log(diagonal).sum() + np.log(self.v0).sum())
 
@@ -232,7 +232,7 @@ class BackgroundLevel(OfProducts):
 
 
 class Whitened(NamedTuple):
-    """Factors of columns x from which `products` computes x'ᵀ K₀⁻¹ x, with the covariance K₀.
+    """Factors of columns x for products x'ᵀ K₀⁻¹ x, K₀ the covariance of noise and background.
 
     Attributes:
         rows: columns over the noise (m, k).

@@ -90,7 +90,7 @@ class Candidates:
         Args:
             rung: index of the background level.
             base: log posterior of the set of causes alone.
-            score: w of all columns (n,), beside these causes.
+            score: derivatives w of the log likelihood by all columns (n,), beside these causes.
             known: H (m, n), where HᵀH is the information of the columns that these causes take up;
                 None if there are none.
         """
@@ -191,7 +191,7 @@ class Searcher(Candidates):
         return self._scored(y)[1]
 
     def _scored(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Scores w (n,) of n columns at each background level, and `nulls`; the last y's cached."""
+        """Scores w (n,) of n columns at each background level, and `nulls`; the last are cached."""
         if self._last is None or self._last[0] is not y:
             both = [r.level.scored(y[:, None]) for r in self.rungs]
             null = np.array([float(n[0]) for _, n in both]) + self.rung_prior(y)

@@ -30,7 +30,7 @@ ENERGY = 0.3
 ALIKE = 4.0
 """Largest ratio of mean square errors of blocks set aside together: half and twice the size."""
 LEVER_M = 0.5
-"""Longest lever of a force at a tool [m]; a larger torque is named instead: tools are shorter."""
+"""Longest lever [m] of a force at a tool; beyond it an outlier's torque is reported instead."""
 NEAR = 0.966
 """Cosine from which a direction counts as along an axis: 15°."""
 AGAIN = 1e-4

@@ -108,7 +108,7 @@ class Refitter(ReadingsModel):
 
     def like(self, h: Hypothesis, source: "Refitter") -> Hypothesis:
         """This recording's effect variant that matches ``h`` of another recording; without columns
-        if its slopes have yet to be computed."""
+        if its derivatives have yet to be computed."""
         if source is self:
             return h
         alike = [o for o in self.d.hypotheses if o.name == h.name]

@@ -119,8 +119,8 @@ class Reliability:
         return 1.0 if taught is None else familiarity.p_value(design, taught)
 
     def unlike(self, p_value: float, mode: str) -> bool:
-        """Whether a recording with a p-value is unlike the learning cases of a mode: less like them
-        than 99 % of them, or than each of fewer."""
+        """Whether a recording with a p-value is unlike the learning cases of a mode: less typical
+        than 99 % of them, or, where they are fewer than 100, than all of them."""
         count = len(self.designs.get(mode, ()))
         return p_value < familiarity.LEAST_P or p_value * max(count, 1) <= 1.0
 
@@ -192,7 +192,7 @@ def conformal(shares: Sequence[float], weights: Sequence[float]) -> float:
 
 
 def credible(probabilities: Mapping[str, float], level: float) -> tuple[str, ...]:
-    """Names of the likeliest answers that sum to ``level``; classes by their members."""
+    """Names of the likeliest answers that sum to ``level``; of a class the names of its members."""
     total, names = 0.0, dict[str, None]()
     for name, share in sorted(probabilities.items(), key=lambda kv: -kv[1]):
         names |= dict.fromkeys(name.split("|"))

@@ -30,7 +30,7 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 MARGIN = 3.0
 """Difference of two scores (natural logarithm) from which one explanation predicts better."""
 SINGLES, EXTENDED, LONGER = 6, 4, 5
-"""Single effects that are refitted, how many are extended, and by how many effects each."""
+"""Number of single effects refitted, of those extended by others, and of effects added to each."""
 AT_ONCE = 3
 """Largest number of effects that are named together."""
 MINOR = 1

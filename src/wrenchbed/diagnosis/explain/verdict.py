@@ -55,7 +55,7 @@ class Option(Generic[S]):
 
     Attributes:
         explanation: the set of causes.
-        probability: of the set; all options' and that of an unknown cause sum to 1.
+        probability: probability of the set; those of all options and of an unknown cause sum to 1.
         parts: parts that may be claimed from it, largest first.
     """
 

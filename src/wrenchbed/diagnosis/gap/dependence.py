@@ -24,7 +24,7 @@ _DEGREE_2 = 8
 _TURN = 1e-5
 """Finite-difference step of a joint for the derivative of gravity's direction [rad or m]."""
 _DUPLICATE = 1e-3
-"""Part of a unit vector below which it counts as explained by those before it."""
+"""Squared rest of a unit vector, beyond earlier functions, below which it counts as explained."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -293,8 +293,8 @@ def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
 def _spot(
     d: EffectDictionary, name: str, ways: Sequence[tuple[Hypothesis, float]]
 ) -> BlindSpot | None:
-    """Blind spot of one element of an effect, by its usual variant (of several such the one hardest
-    to see); None if a typical size is reported."""
+    """Blind spot of one element of an effect, by the usual of its variants ``ways`` (of several the
+    one hardest to see), each with its size s95; None if a typical size is reported."""
     seen = [(w, size) for w, size in ways if np.isfinite(size)]
     if not seen:
         before = max(float(d.configured_gap[w.columns].sum()) for w, _ in ways)

@@ -339,7 +339,7 @@ def separate(
 
 def explore(prepared: Prepared, kernel: str, seed: int = 0) -> tuple[Experiment, ...]:
     """Propose experiments that show whether the residual depends on a variable (a kernel's name),
-    the shortest first. Their gain for an unknown cause is not a number."""
+    the shortest first. Their gain is 0, since it is not defined for an unknown cause."""
     known = [action for action in actions(prepared, seed) if kernel in action.variables]
     shows = f"it shows whether the residual depends on {kernel}"
     some = sorted(known, key=lambda action: action.minutes)[:MOST_PROPOSED]

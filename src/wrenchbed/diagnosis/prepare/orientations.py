@@ -151,8 +151,7 @@ def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndar
 def accelerations(
     recording: Recording, means: Averages, q: np.ndarray, t: np.ndarray, gravity: np.ndarray
 ) -> Mapping[str, np.ndarray]:
-    """Acceleration, spin and its derivative (M, 3) of the tool in sensor axes; empty if not
-    measured."""
+    """Acceleration, spin and its derivative (M, 3), SI, of the tool in sensor axes; else empty."""
     measured = accelerometer_rows(recording)
     if measured is None:
         return {}

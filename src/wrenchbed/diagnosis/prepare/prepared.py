@@ -27,8 +27,8 @@ from wrenchbed.simulation.closed_form import Model
 FOLDS = 4
 """Number of folds (sets of blocks): each is held out once, from fits on all the others."""
 BLOCKS_IN_MOTION = 24
-"""Number of blocks of time that a motion is split into: each must outlast the noise's memory, and
-be one of many that are held out."""
+"""Number of blocks of time of a motion (docs/reference/nomenclature.md): each must outlast the
+noise's memory, and be one of many that are held out."""
 SAME_POSE = 4
 """Decimals [rad, m] to which joint values of two visits of one pose agree."""
 RATES_HZ = (10.0, 25.0)
