@@ -79,7 +79,7 @@ UNLIKE = (
 )
 """Text on a recording unlike the cases from which the probabilities were learnt."""
 Progress = Callable[[str], None]
-"""Called with the name of each step as it begins."""
+"""Function that is called with the name of each step as it begins."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,10 @@
 """Effects that show only between rows: noise, coarse counts, stale rows, vibration of the base.
 
 A cause counts when it raises a channel's row variance by half, against the stated noise of a row
-(contract, "When a cause counts"). The stated noise itself holds within about 10 %, so a measured
-rise counts from `COUNTS` on, which lies between that and a half. A stale row adds the square of its
-error by lateness; as repeated rows are also not independent, a share of `STALE` is reported
-whatever it adds, with its rise.
+(docs/contracts.md, "When a cause counts"). The stated noise is right within about 10 %, so a
+measured rise counts from `COUNTS` on, between that and a half. A stale row (repeat of an old value)
+adds the square of its error by lateness; as repeated rows are also not independent, a share of
+`STALE` is reported whatever it adds, with its rise.
 """
 
 from collections.abc import Iterable, Sequence

@@ -345,8 +345,8 @@ def withdrawn(verdict: Verdict[S], instead: str) -> Verdict[S]:
     """Verdict ``instead`` (`none` or `unknown`) of an answer that is withdrawn; the answer keeps a
     small probability.
 
-    If causes give way to `unknown` there is a gap, so that `none` falls with them; if an unknown
-    gap gives way to `none`, so do all causes of one.
+    Causes that become `unknown` lower the probability of `none` as well, since there is a gap; an
+    `unknown` that becomes `none` lowers those of all causes.
     """
     probability = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
     fallen = {NONE} if verdict.word == NONE else set(probability) - {instead}

@@ -32,8 +32,8 @@ WRONG = 5.0
 ODDS = 0.15
 """Prior odds of a stated number being wrong."""
 HOLDS = 0.1
-"""Least gap of a small cause that is examined for causes that replace each other: a tenth of what
-counts; a cause that adds nothing cannot be replaced."""
+"""Least gap of a small cause that is examined as one of several that replace each other: a tenth of
+what counts; others cannot replace a cause that adds nothing."""
 MANY = 9
 """Number of columns from which an effect may imitate stated numbers, as torques from forces."""
 

@@ -85,7 +85,7 @@ def spells(outliers: Sequence[Outlier]) -> int:
 
 
 def comes_again(outliers: Sequence[Outlier], made: np.ndarray, scale: np.ndarray) -> bool:
-    """Whether outliers have the direction of a fitted jump of the zero, which so comes and goes.
+    """Whether outliers' errors have the direction of a fitted jump of the zero: it comes and goes.
 
     The squared cosine between independent directions is Beta(½, (C − 1)/2).
 

@@ -114,7 +114,7 @@ class Structure:
 
     @property
     def log_prior(self) -> float:
-        """Log prior of the set of causes; each counts once, in the recording with its largest."""
+        """Log prior of the set of causes; each counts once, with its largest over recordings."""
         result = (len(self.parts[0]) - 1) * float(np.log(MORE / PRIOR["one"]))
         for same in zip(*self.parts, strict=True):
             both = zip(self.cases, same, strict=True)

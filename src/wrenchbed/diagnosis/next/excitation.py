@@ -36,8 +36,8 @@ _CHECKS = 250
 _TRIES, _STEPS = 30, 250
 """Random series to begin with, and random changes of the best: some seconds of search."""
 _CHANGE = 0.35
-"""Size of a change, over that of the coefficients: smaller ones stay near a poor start, larger ones
-begin anew."""
+"""Size of a random change of coefficients, over their mean size: smaller ones stay near a poor
+start, larger ones begin anew."""
 _WIDEST = 2.0
 """Largest excursion of a joint from its middle [rad]: wider winds cables, shows nothing new."""
 
