@@ -122,7 +122,8 @@ class Plant(Protocol):
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the flange sensor's readings (n, 6) [N, N·m] and its saturated channels (n,), as
-        bits 0 … 5, at simulated times t (n,) [s], increasing; the newest state is the last."""
+        bits 0 … 5, at simulated times t (n,) [s], increasing; later times get the newest
+        state's."""
 
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray

@@ -99,10 +99,10 @@ class LoopThread:
 
 
 class Listener(Generic[C]):
-    """Serves the clients of one TCP port in the loop of a thread; the port can be closed for a
-    while.
+    """Serves the clients of one TCP port in a thread's loop; the port can be closed for a while.
 
     Args:
+        thread: thread that runs the loop.
         address: host and port number, 0 for any free port.
         what: name of the service, for error messages.
         connect: makes the connection object of a new client.

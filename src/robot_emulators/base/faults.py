@@ -31,7 +31,7 @@ class TimedFault:
     """One fault that an emulator shall have, and when.
 
     Attributes:
-        link: link of the emulator that fails, for instance ``rtde``; empty: the first with it.
+        link: link of the emulator that fails, for instance ``rtde``; empty: the first possible.
         kind: kind of fault, for instance ``stall``.
         at: start, seconds after the emulator was ready.
         seconds: duration [s]; 0 for a fault that happens once or lasts for ever.

@@ -18,8 +18,7 @@ _MISSED = 2
 _LATEST = 0.9
 """Lateness [periods] up to which a SYNC counts as late; from here on one before it is missing."""
 _LOCKED = 0.5
-"""How much too early a SYNC may come [periods]; an earlier one shows that its predecessor was
-late."""
+"""How much too early a SYNC may come [periods]; an earlier one shows that the last one was late."""
 _LINES = 4
 """Number of recent lines that are stored: the control loop may run some cycles late."""
 
@@ -96,7 +95,7 @@ class Interpolation:
         return bool(self._lines)
 
     def at(self, t: float) -> float:
-        """Return the commanded position of the axis at time t [count]."""
+        """Return the commanded position [count] of the axis at time t [s]."""
         begin, start, end, period, step = next(
             (line for line in reversed(self._lines) if line.begin <= t), self._lines[0]
         )

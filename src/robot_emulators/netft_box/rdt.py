@@ -161,7 +161,7 @@ class Pace:
     on: bool = True
 
     def every(self, internal: int) -> int:
-        """Number of samples from one record to the next, at ``internal`` [Hz] samples a second."""
+        """Samples (``internal`` a second) per record; rounding makes the record rate higher."""
         return max(1, int(internal / self.rate))
 
 

@@ -58,8 +58,7 @@ class BoxSettings(Settings):
 
 
 class Sensing:
-    """A force/torque sensor and its electronics; samples at `INTERNAL_RATE` are numbered
-    (ticks)."""
+    """A force/torque sensor and its electronics; its samples at `INTERNAL_RATE` are numbered."""
 
     def __init__(self, body: Plant, settings: BoxSettings, faults: Faults) -> None:
         self._body, self._faults = body, faults

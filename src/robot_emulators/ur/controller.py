@@ -101,8 +101,7 @@ class Controller:
 
     def upload(self, programs: Iterable[str]) -> None:
         """Run URScript programs; each stops the running one, unless it is a secondary program.
-        Dropped are programs for an arm that is not ready, and those under
-        ``script_never_starts``."""
+        Programs are dropped while the arm is not ready or a fault keeps them from starting."""
         for text in programs:
             secondary = is_secondary(text)
             if self.now < self.script_denied_until or not (secondary or self.modes.ready):
@@ -162,8 +161,7 @@ class Controller:
             self.arm.brake(SAFE_DECELERATION / 3)
 
     def protective_stop(self, error: Event = PROTECTIVE_STOP) -> None:
-        """Brake at once, announce ``error``, and pause the program until it is unlocked and
-        played."""
+        """Brake at once, announce ``error`` and pause the program, until a client unlocks it."""
         stopped = self.modes.protective_stop()
         self._say_safety()
         if stopped:

@@ -80,8 +80,7 @@ def error(code: int, argument: int, text: str) -> Event:
 
 
 def key(title: str, text: str) -> Event:
-    """Make the message that a program began or ended: title (`STARTED` …) and the program's
-    name."""
+    """Make the message that a program began or ended; ``title`` as `STARTED`, ``text`` its name."""
     return Event(KEY, _INTERFACE, struct.pack(">ii", 0, 0) + _titled(title), text)
 
 

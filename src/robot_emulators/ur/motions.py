@@ -208,8 +208,7 @@ class ToPose(_Planned):
 
 
 class ToArc(ToPose):
-    """movec: the TCP moves on a circle through poses[0] (6,) to poses[1] and turns about one
-    axis."""
+    """movec: the TCP moves on a circle via poses[0] (6,) to poses[1] and turns about one axis."""
 
     def __init__(
         self, kinematics: Kinematics, tcp: np.ndarray, poses: tuple[np.ndarray, np.ndarray],

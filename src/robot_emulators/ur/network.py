@@ -1,5 +1,4 @@
-"""The controller's TCP ports: data that wait for a client are bounded, and a port can have
-faults."""
+"""The controller's TCP ports: data that wait for a client are bounded, and ports have faults."""
 
 import time
 from abc import ABC, abstractmethod

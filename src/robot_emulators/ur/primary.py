@@ -123,8 +123,7 @@ class Primary:
 
     def tell(self, event: Event) -> None:
         """Send a message to every client of the primary interface: a safety mode just before the
-        next robot state, an error code just after it, so that clients find the stop in the
-        state."""
+        next robot state, an error code just after it; clients then find the stop in the state."""
         packed = event.packed(self._clock.now())
         if event.kind == messages.SAFETY:
             self._before.append(packed)

@@ -124,7 +124,7 @@ def analog_in(program: ScriptProgram, n: float) -> float:
 
 @TABLE.add("set_standard_analog_out", "set_analog_out")
 def set_standard_analog_out(program: ScriptProgram, n: float, f: float) -> None:
-    """Set analog output n to the fraction f of its range."""
+    """Set analog output n, 0 or 1, to the fraction f, 0 … 1, of its range."""
     if n not in (0, 1):
         raise ScriptFaultError(f"there is no analog output {n:g}")
     program.controller.terminals.analog[int(n)] = min(max(f, 0.0), 1.0)
@@ -175,8 +175,8 @@ def _count(number: float) -> int:
 def socket_read_binary_integer(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read ``number`` 32-bit integers; return their count and values; after ``timeout`` [s] 0,
-    NaNs."""
+    """Read ``number`` 32-bit integers; return their count and values, or 0 and NaNs if they do not
+    arrive within ``timeout`` [s]."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(4 * count))
     if data is None:
@@ -188,7 +188,8 @@ def socket_read_binary_integer(
 def socket_read_byte_list(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read ``number`` bytes; return their count and values; after ``timeout`` [s] 0 and −1s."""
+    """Read ``number`` bytes; return their count and values, or 0 and −1s if they do not arrive
+    within ``timeout`` [s]."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(count))
     return [0] + [-1] * count if data is None else [count, *data]

@@ -21,7 +21,7 @@ _OPTIMO = 3.0
 """Top joint speed [rad/s] and acceleration [rad/s²] of which optimovej takes fractions; a UR joint
 has π rad/s."""
 _OPTIMO_TOOL = 1.0
-"""Top tool speed [m/s] and acceleration [m/s²] of which optimovel takes fractions; from data
+"""Top tool speed [m/s], acceleration [m/s²] of which optimovel takes fractions; from data
 sheets."""
 
 
@@ -159,7 +159,8 @@ def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
 
 @TABLE.add()
 def speedl(program: ScriptProgram, xd: Six, a: float, t: float = 0.0, aRot: Any = "a") -> Steps:
-    """Move the TCP at velocity xd (6,) [m/s, rad/s] until another motion; return after t [s]."""
+    """Move the TCP at velocity xd (6,) [m/s, rad/s] until another motion; return after t [s] or,
+    if that is 0, as soon as the velocity is reached. a is the acceleration [m/s²]."""
     arm = program.arm
     motion = _kept(program, motions.ToolSpeed(arm.kinematics, arm.tcp.copy()))
     motion.aim(xd, a)

@@ -35,8 +35,7 @@ _BROKEN = {
     "garbage": bytes(range(255, 0, -7)),
 }
 _PORTS = {"rtde": 30004, "dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
-"""Link → its TCP port; source: Universal Robots, "Remote control via TCP/IP". Clients rely on
-it."""
+"""Link → its TCP port, which clients expect; source: "Remote control via TCP/IP" of the maker."""
 _LATE_S = 0.05
 """Lag [s] beyond which overdue control cycles are run without pauses between them."""
 _PAUSE = 0.25

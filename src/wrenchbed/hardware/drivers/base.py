@@ -275,11 +275,13 @@ class Driver(Device, ABC):
         return np.asarray(known.calibration().range)
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
-        """Announce the plan's joint values (N, J) to the device before a run; most ignore it."""
+        """Announce the plan's joint values (N, J) to the device before a run in a mode, ``static``
+        (poses at rest) or ``dynamic`` (motion); most devices ignore it."""
 
     @abstractmethod
     def metadata(self, mode: str, rate: float) -> Metadata:
-        """Metadata of a recording at ``rate`` [Hz]; ``mode``: rest or motion."""
+        """Metadata of a recording at ``rate`` [Hz] in a mode, ``static`` (poses at rest) or
+        ``dynamic`` (motion)."""
 
     def _activate(self) -> None:
         """Hook of `activate`: switch the robot on; by default do nothing."""
@@ -345,7 +347,16 @@ def as_designed(
     sensor: str,
     noise_std: np.ndarray,
 ) -> Metadata:
-    """Recording metadata of the nominal robot; ``noise_std`` (6,) [N, N·m] of one row at rest."""
+    """Make the metadata of a recording from the nominal values of its robot.
+
+    Args:
+        source: where the recording is from, such as ``sim`` or ``ur_rtde``.
+        mode: ``static`` (poses at rest) or ``dynamic`` (motion).
+        rate: rate of the rows [Hz].
+        gravity: (3,) [m/s²], in base axes.
+        sensor: registry name of the sensor.
+        noise_std: (6,) standard deviation of one row at rest [N, N·m].
+    """
     nominal = robot.parameters.nominal
     tool, values = robot.tool(nominal), robot.values(nominal)
     on_flange = "mount.position.x" in robot.parameters.names

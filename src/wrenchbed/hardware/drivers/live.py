@@ -87,7 +87,8 @@ def check_ready(health: Health) -> None:
 
 
 class WatchedMove(Move):
-    """A running move of ``seconds``; stops the robot if link, robot, wrench or deadline fail."""
+    """A running move planned to take ``seconds``; stops the robot if link, robot, wrench or
+    deadline fail."""
 
     def __init__(self, driver: "LiveDriver", goal: np.ndarray, seconds: float) -> None:
         super().__init__(goal)
@@ -130,8 +131,7 @@ class WatchedMove(Move):
 
 
 def pace(due: float, period: float) -> float:
-    """Sleep until ``due`` [s]; return the next deadline, a ``period`` [s] later (than now, if
-    late)."""
+    """Sleep until ``due`` [s]; return the next deadline, ``period`` [s] later, or later if late."""
     now = time.monotonic()
     if now < due:
         time.sleep(due - now)
@@ -356,7 +356,8 @@ class LiveDriver(Driver):
         raise LinkError(f"{self.name}: {total - done} rows of the motion never came")
 
     def _collect(self, even: Resampler, due: float, period: float) -> float:
-        """Pass states that arrive by the next deadline to ``even``; return that deadline [s]."""
+        """Pass states that arrive by the next deadline, ``period`` [s] after ``due``, to ``even``;
+        return that deadline [s]."""
         until = due + period
         if time.monotonic() - until > max(period, self.lead):
             until = time.monotonic()  # stay late: a robot must not catch up by a jump

@@ -99,16 +99,17 @@ class SimOptions:
 
     Attributes:
         robot: registry name.
-        parameters: true values where they differ from nominal, by name, SI.
+        parameters: true values of parameters that differ from nominal, by name, SI.
         noise: ``real``, ``white`` or ``off``.
         seed: seed of the noise.
         gravity: (3,) [m/s²], the robot's default if None.
-        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
-        limits: limits of its motion; half of top speed anywhere if None.
+        effects: imperfections, as ``joint.compliance:joint=2,stiffness=1.4e4``; values that are
+            left out have typical sizes.
+        limits: limits of the robot's motion; None: half of top speed, anywhere.
         effort: ``torque`` or ``current``: recordings have it as tau1… [N·m or N] or i1… [A], with
             the controller's targets and the drives' temperatures; ``off``: they do not.
-        tracker: standard deviation of a tracker's readings [m]: recordings at rest have the place
-            of a target on the flange as mx my mz; 0: they do not.
+        tracker: standard deviation of a tracker's readings [m]: recordings at rest have the
+            position of a target on the flange as mx my mz; 0: they do not.
         imu: standard deviation of an accelerometer's readings [m/s²]: recordings at rest have them
             as ax ay az; 0: they do not.
     """

@@ -23,9 +23,14 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 class EvenRow(NamedTuple):
-    """One row on an even time grid: its time on the robot's clock [s], the same moment on this
-    machine's clock [s], joint values and speeds (J,), and further columns, as in `ArmSample`,
-    interpolated linearly."""
+    """One row on an even time grid.
+
+    Attributes:
+        t: time of the row on the robot's clock [s].
+        host: the same moment on this machine's clock [s].
+        q, qd: joint values and speeds (J,), interpolated by a cubic.
+        extra_columns: further columns as in `ArmSample`, interpolated linearly.
+    """
 
     t: float
     host: float

@@ -54,8 +54,13 @@ class WrenchSample:
 
 
 class PastReading(NamedTuple):
-    """Sensor reading at a past time: wrench (6,) [N, N·m] interpolated between two readings, status
-    word and saturated channels of both, and the time to the nearer one [s]."""
+    """Sensor reading at a past time, between two stored readings.
+
+    Attributes:
+        wrench: wrench (6,) [N, N·m], interpolated.
+        status, saturated: status words and saturated channels of both readings, combined by or.
+        age: time to the nearer of both readings [s].
+    """
 
     wrench: np.ndarray
     status: int

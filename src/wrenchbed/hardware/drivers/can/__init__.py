@@ -1,7 +1,7 @@
 """Driver of MedRUE over CAN: six CiA 402 drives and an ATI sensor on a NETCANOEM board, on one bus.
 
 Free: the inside of each file (timing inside a cycle); tests/hardware/test_can_safety.py,
-test_can_setpoints.py, test_medrue_can.py and test_netcanoem_frames.py speak.
+test_can_setpoints.py, test_medrue_can.py and test_netcanoem_frames.py test it.
 Others rely on: the driver's name ``can`` and the fields of `CanOptions` (flags).
 Never: the emulator's codec; both sides are written from the standards.
 Read first: ``driver.py``, then ``cycle.py`` (the cyclic exchange) and ``network.py`` (power-up);

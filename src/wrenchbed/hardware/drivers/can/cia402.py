@@ -12,8 +12,7 @@ Problem = tuple[HealthState, str]
 MISSED = 2
 """Cycles without an answer, while others answer, after which a drive is mute: one may be lost."""
 BEATS = 18
-"""Heartbeats of the five others (3.5 periods) without one of its own after which a drive is
-lost."""
+"""Heartbeats of the five others (3.5 periods) without its own after which a drive is lost."""
 OPERATIONAL, PRE_OPERATIONAL = 0x05, 0x7F
 """NMT states (CiA 301); drives enter the second when the master's heartbeat is lost (0x1029)."""
 SHUTDOWN, SWITCH_ON, ENABLE, VOLTAGE_OFF, QUICK_STOP, FAULT_RESET = 6, 7, 0x0F, 0, 2, 0x80
@@ -34,8 +33,7 @@ ERRORS = {
 }
 """Error code (0x603F, EMCY) of CiA 301 and 402 → its meaning."""
 SILENCE = (0x8130, 0x8250, 0x8700)
-"""Error codes of drives that stopped because their master was silent, which no person must
-clear."""
+"""Error codes of drives that stopped as their master was silent; `recover` needs no ``unlock``."""
 
 
 class DriveStatus(enum.Enum):
@@ -94,8 +92,8 @@ def state_of(statusword: int) -> DriveStatus:
 
 def controlword(want: Want, state: DriveStatus, last: int) -> int:
     """Return the controlword (0x6040) that takes a drive a step from ``state`` towards ``want``;
-    ``last`` is the one sent before. A fault is cleared by the rising edge of a bit, which others
-    lack."""
+    ``last`` is the one sent before. The rising edge of a bit resets a fault, so other words leave
+    it 0."""
     if want is Want.QUICK_STOP:
         return QUICK_STOP
     if want is Want.RESET and state in IN_FAULT and last == VOLTAGE_OFF:

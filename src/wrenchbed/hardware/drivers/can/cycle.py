@@ -43,8 +43,7 @@ STUCK_S = 0.01
 """A target may move for this time at top speed while the position stays constant [s]: a drive that
 follows has moved after two and a half cycles of 250 Hz."""
 FAR_S = 0.15
-"""Largest lag of a position behind its target, as time at top speed [s]: drives lag by few
-cycles."""
+"""Largest lag of a position behind its target, as time at top speed [s]: drives lag by cycles."""
 REST_S = 0.5
 """Time that a quick stop from top speed may take, after which an axis without answers counts as at
 rest [s]: too short releases a moving axis, too long delays each stop of a mute bus."""
@@ -53,16 +52,20 @@ _SPEED_OVER = 6
 _SLOW = 0.02
 """Fraction of top speed below which an axis counts as at rest."""
 _FLICKER = 0.3
-"""Apparent speed of a resting axis whose encoder flickers by one count [count a cycle], rounded
-up."""
+"""Apparent speed of a resting axis whose encoder flickers by one count [count a cycle], at most."""
 _SWITCH_S = 5e-4
 """Longest time that another thread of this process may delay the cycle [s], an eighth of 4 ms."""
 
 
 class CycleAnswers(NamedTuple):
-    """Answers of all drives to one SYNC: time of the SYNC [s], positions (J,) and speeds (J,) of
-    the joints [m or rad, a second], torque or current (J,) in thousandths of the rated one, and the
-    number of complete sets of answers so far."""
+    """Answers of all drives to one SYNC.
+
+    Attributes:
+        t: `time.monotonic` time of the SYNC [s].
+        q, qd: positions (J,) [m or rad] and speeds (J,) [m/s or rad/s] of the joints.
+        torque: torque or current (J,) in thousandths of the rated one.
+        sequence: number of complete sets of answers so far.
+    """
 
     t: float
     q: np.ndarray
@@ -72,7 +75,8 @@ class CycleAnswers(NamedTuple):
 
 
 class Following:
-    """Detects joints that do not follow their targets; ``speed`` (J,) are their top speeds."""
+    """Detects joints that do not follow their targets; ``speed`` (J,) are top speeds [m/s,
+    rad/s]."""
 
     def __init__(self, speed: np.ndarray) -> None:
         self._stuck, self._far = STUCK_S * speed, FAR_S * speed

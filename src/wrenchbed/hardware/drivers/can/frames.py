@@ -53,8 +53,7 @@ class GaugeReading(NamedTuple):
 
 
 def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
-    """Decode a CAN frame as a reply of the board at ``base`` (upper seven id bits); None if
-    none."""
+    """Decode a frame as a reply of the board at ``base`` (upper seven id bits), None if none."""
     shape = _SHAPES.get(arbitration_id & 0xF)
     if arbitration_id >> 4 != base or shape is None or len(data) != shape.size:
         return None

@@ -33,8 +33,7 @@ SAFE = 0x68
 HEARTBEAT_S = 0.1
 """Period of every heartbeat [s]: those of seven nodes need less than 0.5 % of a bus of 1 Mbit/s."""
 MOST = 0.9
-"""Largest fraction of the bus for the cyclic exchange, at worst; error frames and SDO need the
-rest."""
+"""Largest fraction of the bus for the cyclic exchange; error frames and SDO need the rest."""
 ROBOT = "medrue"
 _DRIVES = 6
 _SLOTS = 16

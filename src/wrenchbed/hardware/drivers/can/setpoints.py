@@ -101,8 +101,13 @@ class TimedTargets:
 
 
 class Setpoints:
-    """Computes the joint values to command in each cycle of a period [s], within limits and top
-    speeds (J,) of the joints [rad or m, a second]; several threads may use it."""
+    """Computes the joint values to command in each cycle; several threads may use it.
+
+    Args:
+        period: duration of a cycle [s].
+        lower, upper: limits of the joints (J,) [m or rad].
+        speed: top speeds of the joints (J,) [m/s or rad/s].
+    """
 
     def __init__(
         self, period: float, lower: np.ndarray, upper: np.ndarray, speed: np.ndarray

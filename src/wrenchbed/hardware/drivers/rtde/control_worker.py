@@ -67,8 +67,7 @@ _LOOKAHEAD_S, _GAIN = 0.1, 300.0
 """Arguments of ``servoj``; source: defaults of the URScript manual (0.1 s, 300)."""
 _OVER = "the robot's program does not run"
 _BEGINS_S = 0.05
-"""Time after which a move or stop surely reports that it is in progress [s], six cycles of a
-CB3."""
+"""Time after which a move or stop surely reports that it is running [s], six cycles of a CB3."""
 
 
 class Closed(Exception):  # noqa: N818

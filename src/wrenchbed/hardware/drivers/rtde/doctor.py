@@ -22,8 +22,7 @@ from wrenchbed.robots.base import Robot
 Grade = Literal["ok", "note", "fails"]
 """``fails``: a recording run would not start or not end; ``note``: a person should look at it."""
 _PORTS = {states.PORT: "RTDE", 30003: "scripts", ur_health.PORT: "dashboard"}
-"""TCP port of the controller → service, fixed by Universal Robots; recording runs need all
-three."""
+"""TCP port of the controller → service, fixed by Universal Robots; recording runs need them."""
 _SPARSE = 0.9
 """Fraction of the states that must arrive: with fewer, a recording run waits for its rows."""
 _NEEDED_HZ, _LONGEST_S = 100.0, 600.0

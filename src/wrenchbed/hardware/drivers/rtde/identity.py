@@ -71,8 +71,7 @@ def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
 
 
 def stated(host: str) -> dict[str, str]:
-    """Ask the dashboard for ``model``, ``serial`` and ``software``; return name → answer, if
-    any."""
+    """Ask the dashboard for ``model``, ``serial`` and ``software``; return the answers by name."""
     answers = {}
     for name, command in _ASKED.items():
         try:

@@ -92,9 +92,14 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
 
 
 class Control(NamedTuple):
-    """State of the control process: why it has ended (empty while it runs), time since its
-    heartbeat [s], whether it saw that its program has ended, and the number of programs that had
-    stopped when the robot was activated."""
+    """State of the control process.
+
+    Attributes:
+        gone: reason why it has ended, empty while it runs.
+        silent: time since its heartbeat [s].
+        ended: whether it saw that its program on the robot has ended.
+        halts: number of programs that had stopped when the robot was activated.
+    """
 
     gone: str
     silent: float
