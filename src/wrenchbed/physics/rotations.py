@@ -128,7 +128,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def sphere(count: int) -> np.ndarray:
-    """Evenly spaced unit vectors (count, 3) on a spiral of step π(1 + √5) (golden ratio)."""
+    """Evenly spaced unit vectors (count, 3) on a golden spiral, by definition of step π(1 + √5)."""
     k = np.arange(count) + 0.5
     z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
     flat = np.sqrt(1.0 - z**2)
