@@ -1,7 +1,8 @@
 """The classes of all errors that wrenchbed raises on purpose; each is a built-in kind too.
 
 A message is one line. It names the file, field and row, the value and the remedy. File names and
-values of foreign files stand in it, so characters that a terminal would obey are spelled out.
+values of foreign files stand in it, so characters that a terminal would obey are spelled out. Class
+names are public (docs/reference/python.md); `scripts/messages` lists the texts.
 """
 
 import errno
@@ -18,8 +19,8 @@ OBEYED = re.compile(
 turn the direction of writing, characters without a width, noncharacters, and lone surrogates (file
 names that are not UTF-8)."""
 _LONGEST_WORD, _LONGEST_LINE = 1000, 4000
-"""Longest word and message [characters]; longer ones are cut, and the message states their length.
-A path has at most 255 characters a part, and a list of all parameters 2,000."""
+"""Longest word and message [characters]; longer ones are cut. A path has at most 255 characters a
+part, and a list of all parameters 2,000."""
 _FILES = {errno.EMFILE, errno.ENFILE}
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 """Messages of the dynamic linker where a library does not fit into memory: glibc's dl-load.c."""
@@ -149,8 +150,7 @@ class WrenchbedWarning(UserWarning):
 
 
 def shortage(cause: BaseException, where: str | Path = "") -> ShortageError | None:
-    """The `ShortageError` for an error about too little memory or too few files; None for any
-    other.
+    """The `ShortageError` for an error about too little memory or too few files, else None.
 
     Args:
         cause: any error, for instance of a reader.

@@ -136,7 +136,7 @@ def _fitted(
 
 
 def tracker_fit_table(fit: TrackerFit) -> Group:
-    """Table of a fit to a tracker's readings: parameters, errors, null directions, status."""
+    """Table of a tracker's fit: parameters, errors, what the data cannot determine, status."""
     rows = f"{fit.poses} poses, {fit.rows} rows"
     head = Text.assemble(("places of a target ", "bold"), f"{fit.recording}  {fit.robot}, {rows}")
     errors = console.table("|rms distance", ">mm", space=1)

@@ -27,7 +27,7 @@ class PoseArguments:
 
 @dataclass(frozen=True)
 class GoalArguments:
-    """Options of `plan --goal`: the accuracy to be reached, and the touches that serve it."""
+    """Options of `plan --goal`: the accuracy to be reached, and touches of known points for it."""
 
     # Few measurements that reach a position accuracy in the robot's target workspace.
     goal: Literal["target-position"] | None = None

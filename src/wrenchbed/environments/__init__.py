@@ -1,9 +1,9 @@
 """Gymnasium environments of calibration and contact; importing this room registers them.
 Free: the inside of each file (rendering, policies); tests/environments/test_environments.py speaks.
-Others rely on: ids, observations, actions and rewards: a change makes learnt agents useless.
+Others rely on: ids, observations, actions and rewards (docs/how-to/environments.md): a change makes
+learnt agents useless.
 Never: import this room from another one, so that gymnasium stays optional.
-Read first: `calibration`, then `contact`.
-"""
+Read first: `calibration`, then `contact`."""
 
 import os
 import sys

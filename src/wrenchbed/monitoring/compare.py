@@ -55,7 +55,7 @@ class Change:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """Texts of name, both values, difference ± and σ."""
+        """Table cells: name, both values, difference ± its std, difference in σ."""
         values = [{"value": x, "unit": self.unit} for x in (self.before, self.after)]
         step = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
         texts = [*(quantity(self.name, v) for v in values), quantity(self.name, step, signed=True)]

@@ -144,7 +144,7 @@ def file_of(time: datetime) -> str:
 
 
 def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
-    """Make a check (mean readings of holds, row covariance) from a recording that states its time.
+    """Make a check (mean reading at each rest, covariance of a row) from a recording with its time.
 
     Raises:
         HistoryError: it states no time.

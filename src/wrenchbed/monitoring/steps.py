@@ -171,7 +171,7 @@ class History:
 
     @cached_property
     def _turn(self) -> np.ndarray:
-        """Whitening matrix (6 P, 6 P) of the P holds' means, with row noise and 1/f noise."""
+        """Whitening matrix (6 P, 6 P) of mean readings at P rests, for row noise and 1/f noise."""
         first, noise = self.checks[0], self._sensor.noise
         flicker = noise.correlation * np.outer(noise.flicker, noise.flicker)
         rows = np.kron(np.eye(len(first.t)), np.diag(self._row_std**2 / np.median(first.count)))
@@ -181,7 +181,7 @@ class History:
     def _fit(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Numbers and drifts of zeros in n checks (n, K + 6), as differences from the model at the
         first check, their covariance in one check (K + 6, K + 6), and the whitened residual (n, 6
-        P) at P holds."""
+        P) at P rests."""
         scene, tangents = self._first.scene, self._first.tangents
         moving = (scene.age / scene.span - 0.5)[:, None, None] * np.eye(6)
         both = np.concatenate([tangents, moving], axis=-1)

@@ -101,8 +101,8 @@ class ArmBodies(ABC):
     def _pull(
         self, q: Value, theta: np.ndarray, gravity: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weights m (g − a) [N] of B moving bodies and their positions in the world [m], each (N,
-        B, 3)."""
+        """Weights m (g − a) [N] of B moving bodies, a their acceleration, and their positions in
+        the world [m], each (N, B, 3)."""
         mass, centres = self._centres(q, theta)
         acceleration = centres.dd if isinstance(centres, Jet) else 0.0
         return mass[:, None] * (gravity - acceleration), value(centres)

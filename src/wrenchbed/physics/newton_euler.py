@@ -33,8 +33,8 @@ class Motion(NamedTuple):
 
 
 def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
-    """Motion of a sensor from the jets of R_world_sensor (…, N, 3, 3) and of its origin (…, N, 3)
-    [m]; gravity (3,) in world axes [m/s²]."""
+    """Motion of a sensor from jets (with time derivatives) of R_world_sensor (…, N, 3, 3) and of
+    its origin (…, N, 3) [m]; gravity (3,) in world axes [m/s²]."""
     to_sensor = np.swapaxes(rotation.v, -1, -2)
     spin = to_sensor @ rotation.d  # [ω]×
     turn = to_sensor @ rotation.dd - spin @ spin  # [ω̇]×

@@ -234,7 +234,7 @@ def shown(model: NoiseModel, wrench: Array) -> tuple[Array, NDArray[np.uint32]]:
 
 
 def _root(correlation: Array) -> Array:
-    """Symmetric square root (6, 6) of a correlation; exactly the unit matrix if there is none."""
+    """Symmetric square root (6, 6) of a correlation matrix; exactly I for uncorrelated channels."""
     if np.array_equal(correlation, np.eye(6)):
         return np.eye(6)
     values, vectors = np.linalg.eigh(correlation)

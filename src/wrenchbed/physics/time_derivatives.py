@@ -107,7 +107,7 @@ def jet_sqrt(x: Value) -> Value:
 
 
 def atan2(y: Value, x: Value) -> Value:
-    """Angle of (x, y) [rad], also of jets: d atan2 = (x dy − y dx)/(x² + y²). Real values only."""
+    """Angle of (x, y) [rad], also of `Jet`s: d atan2 = (x dy − y dx)/(x² + y²). Values are real."""
     if not isinstance(y, Jet) and not isinstance(x, Jet):
         return np.arctan2(y, x)
     jy, jx = _as_jet(y), _as_jet(x)
@@ -119,7 +119,7 @@ def atan2(y: Value, x: Value) -> Value:
 
 
 def stack_jets(parts: Sequence[Value]) -> Value:
-    """Stack arrays or jets along a new last axis, with broadcasting."""
+    """Stack arrays or `Jet`s (with time derivatives) along a new last axis; they broadcast."""
     if any(isinstance(p, Jet) for p in parts):
         jets = [_as_jet(p) for p in parts]
         return Jet(
@@ -137,21 +137,21 @@ def stack_jets(parts: Sequence[Value]) -> Value:
 
 
 def reshape_matrix(rows: Value) -> Value:
-    """Matrices (…, 3, 3) from arrays or jets (…, 9) in row order."""
+    """Matrices (…, 3, 3) from arrays or `Jet`s with time derivatives (…, 9), in row order."""
     if isinstance(rows, Jet):
         return Jet(reshape_matrix(rows.v), reshape_matrix(rows.d), reshape_matrix(rows.dd))
     return rows.reshape(*rows.shape[:-1], 3, 3)
 
 
 def transposed(x: Value) -> Value:
-    """Transpose of arrays or jets: (…, m, n) → (…, n, m)."""
+    """Transpose of arrays or `Jet`s with time derivatives: (…, m, n) → (…, n, m)."""
     if isinstance(x, Jet):
         return Jet(transposed(x.v), transposed(x.d), transposed(x.dd))
     return np.swapaxes(x, -1, -2)
 
 
 def value(x: Value) -> np.ndarray:
-    """Value of a jet without its time derivatives; arrays unchanged."""
+    """Value of a `Jet` without its time derivatives; arrays unchanged."""
     return x.v if isinstance(x, Jet) else np.asarray(x)
 
 

@@ -61,7 +61,7 @@ def about_centre(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) -> np.ndarray:
-    """Load on the sensor (…, N, 6) [N, N·m]; static for arrays, Newton–Euler for jets.
+    """Load on the sensor (…, N, 6) [N, N·m]; at rest for arrays, Newton–Euler for `Jet`s.
 
     Args:
         rotation: R_world_sensor (…, N, 3, 3).

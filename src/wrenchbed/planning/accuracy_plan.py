@@ -122,7 +122,7 @@ class _Task:
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
     def assured(self, chosen: Chosen) -> float:
-        """Position error [m] below which the wanted share of robots stays, by a linear design."""
+        """Position error [m] that the wanted share of robots stays below, by linear propagation."""
         covariance = np.linalg.inv(self.information(chosen)) * np.outer(self.scale, self.scale)
         return self.goal.quantile(covariance, self.options.share)
 

@@ -185,17 +185,17 @@ class Answer(ABC):
 
     @property
     def black_box(self) -> str:
-        """Sentence on what share of the gap a flexible model closes; empty without a gap."""
+        """Sentence on the share of the gap that a black-box model closes; empty without a gap."""
         return ""
 
     @property
     def distrusted(self) -> bool:
-        """Whether the causes leave so much of the gap that their twin is not to be used."""
+        """Whether the causes leave so much of the gap that the corrected simulator is of no use."""
         return any(_DISTRUST in note for note in self.d.notes)
 
     @property
     def stays(self) -> str:
-        """Sentences for a gap for which no cause is named."""
+        """Sentences for the sim-to-real gap where no cause is named."""
         own = f" {numbers.gap(self.d.gap.floor)} of it is how single rows scatter beyond noise."
         own *= self.d.gap.floor >= LEAST_SCATTER
         return f"It stays {self.on}: without a cause there is nothing to close it with.{own}"

@@ -68,7 +68,7 @@ class CompiledForm:
     )
 
     def readings(self, q: Value, theta: np.ndarray, sensed: bool) -> np.ndarray | None:
-        """Readings (N, 6) [N, N·m], or loads before gains and bias if not ``sensed``; else None."""
+        """Readings (N, 6) [N, N·m], or loads before gains and bias if not ``sensed``, or None."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
@@ -178,7 +178,7 @@ class Model:
         return self._load(self._seen(q, theta), theta)
 
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:
-        """Gravity in sensor axes (…, N, 3) [m/s²]; for jets the sensor's `Motion` under gravity."""
+        """Gravity in sensor axes (…, N, 3) [m/s²]; for a `Jet` in motion, the sensor's `Motion`."""
         place, gravity = theta[..., : len(self.robot.parameters)], np.asarray(self.gravity)
         if isinstance(q, Jet):
             return motion_of(*self.robot.sensor_pose(q, place), gravity)
@@ -202,8 +202,8 @@ class Model:
         return np.concatenate([force[..., 0, :], load[..., 3:]], axis=-1) + bias
 
     def predict(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Reading (N, 6) [N, N·m] with parameters theta (P,), at rest or, for jets, in motion;
-        ``q`` are joint values (N, J), or the sensor's orientations for a robot without a model."""
+        """Reading (N, 6) [N, N·m] with parameters theta (P,), at rest or, for a `Jet`, in motion;
+        ``q``: joint values (N, J), or sensor orientations for a robot without a model."""
         compiled = self._compiled.readings(q, theta, sensed=True)
         return self.read(self.plain_wrench(q, theta), theta) if compiled is None else compiled
 

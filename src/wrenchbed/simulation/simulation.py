@@ -38,7 +38,7 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
 
     def wrench(self, q: Value) -> np.ndarray:
-        """Load on the sensor (N, 6) [N, N·m] at joint values (N, J) at rest, or jets in motion."""
+        """Load on the sensor (N, 6) [N, N·m] at joint values (N, J) at rest, a `Jet` in motion."""
         qpos = self.robot.qpos(q, self.theta)
         rows = value(qpos)
         result = np.empty((len(rows), 6))

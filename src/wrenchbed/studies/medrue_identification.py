@@ -189,7 +189,7 @@ def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number
 
 
 class Judge:
-    """Computes errors of identified parameters against the true robot, in target and pool."""
+    """Computes position, force and torque errors of identified parameters, in target and pool."""
 
     def __init__(self, setting: StudySetting, theta: np.ndarray, simulation: Simulation) -> None:
         self.setting = setting
@@ -218,7 +218,7 @@ class Judge:
 def predict(
     setting: StudySetting, q: np.ndarray, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predict wrench (N, 6) and tool position (N, 3) at q (N, 6) in closed form."""
+    """Predict wrench (N, 6) [N, N·m] and tool position (N, 3) [m] at q (N, 6) in closed form."""
     robot, model = setting.robot, setting.model
     robot_theta = robot.robot_theta(theta)
     with np.errstate(invalid="ignore"):  # a bad estimate cannot reach every configuration

@@ -199,8 +199,8 @@ class Mechanism:
         )
 
     def balance(self, q: Value, coming: np.ndarray) -> np.ndarray:
-        """Equilibrium positions of the added joints (M, E) [rad or m] at joint values (M, J), jets
-        in motion; ``coming`` (M, J) is the direction in which each joint last moved.
+        """Equilibrium positions of the added joints (M, E) [rad or m] at joint values (M, J), or a
+        `Jet` with speeds; ``coming`` (M, J) is the direction in which each joint last moved.
 
         Springs by the fixed point e ← e + force/k; joints with backlash by the force in its middle.
         """
@@ -267,8 +267,8 @@ class Mechanism:
             give[:, disc] = force[:, disc] / size * soft / self._added[disc[0]].stiffness
 
     def _place(self, q: Value, give: Value) -> Value:
-        """MuJoCo coordinates (M, nq), jets in motion, from joint values q (M, J) and added-joint
-        positions give (M, E); loops are kept closed."""
+        """MuJoCo coordinates (M, nq), or a `Jet` of them, from joint values q (M, J) and positions
+        give (M, E) of added joints; loops are kept closed."""
         moved = q + give @ self._series if self._series.size else q
         inner = self.robot.qpos(moved, self.theta)
         if not isinstance(inner, Jet):
@@ -311,12 +311,12 @@ class Mechanism:
 
 
 def _moving(values: Value) -> Jet:
-    """The values as a jet; a plain array gets zero speed and acceleration."""
+    """Convert to a `Jet` (with time derivatives); a plain array gets zero speed, acceleration."""
     if isinstance(values, Jet):
         return values
     return Jet(values, np.zeros_like(values), np.zeros_like(values))
 
 
 def _put(data: mujoco.MjData, rows: Jet, i: int) -> None:
-    """Write row i of coordinates (M, nq), a jet, into MuJoCo's position, speed and acceleration."""
+    """Write row i of coordinates (M, nq), a `Jet`, into MuJoCo's position, speed, acceleration."""
     data.qpos[:], data.qvel[:], data.qacc[:] = rows.v[i], rows.d[i], rows.dd[i]

@@ -26,7 +26,7 @@ _FIELDS = {"format", "robot", "gravity", "theta", "tool", "effects", "recording"
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """A robot in MuJoCo with effects.
+    """A robot in MuJoCo with effects: imperfections such as backlash, compliance or sensor drift.
 
     Mechanical effects are MuJoCo's physics on the robot's MJCF; effects of the sensor are the
     arithmetic of `effects`. In motion, joints that effects add stand where they would at rest under
@@ -123,7 +123,7 @@ class Twin:
         self, q: Value, t: np.ndarray, held: np.ndarray | None = None,
         warmth: np.ndarray | None = None,
     ) -> Scene:  # fmt: skip
-        """Input of effects: joint values (N, J), jets in motion, at times (N,) [s]; all rows are
+        """Input of effects: joint values (N, J), a `Jet` in motion, at times (N,) [s]; all rows are
         measured unless ``held`` (N,) says which; ``warmth`` (N,): rise of temperature [K]."""
         held = np.ones(len(t), dtype=bool) if held is None else held
         gravity = np.asarray(self.model.gravity)
@@ -143,7 +143,7 @@ class Twin:
 
     @cached_property
     def _outside(self) -> EffectChain:
-        """Chain of the active effects that MuJoCo does not carry."""
+        """The twin's effects that MuJoCo cannot simulate, as a chain of formulas."""
         carried = self.mechanism.carried
         return EffectChain([a for a in self.active if a.effect.name not in carried])
 

@@ -104,7 +104,7 @@ class JointTorques:
         self.model, self.data, self._loops = model, mujoco.MjData(model), loop_sites(model)
 
     def of(self, q: Jet) -> np.ndarray:
-        """Torques (N, J) [N·m, N for slides] at a jet of joint values (N, J)."""
+        """Torques (N, J) [N·m or N] at joint values with speeds and accelerations, (N, J) each."""
         all_joints = self.robot.qpos(q, self.theta)
         assert isinstance(all_joints, Jet)
         rows = zip(all_joints.v, all_joints.d, all_joints.dd, strict=True)
@@ -216,7 +216,7 @@ class DriveTrain:
 
     def torques(self, t: np.ndarray, q: Jet, rigid: np.ndarray | None = None) -> np.ndarray:
         """Torques (N, J) [N·m or N] that drives with nominal constants report, at times t (N,) [s]
-        and a jet of joint values (N, J).
+        and joint values with speeds and accelerations (N, J).
 
         Calls must follow each other in time: some faults have memory. ``rigid`` are torques of the
         rigid body (N, J), computed if None.
@@ -278,7 +278,7 @@ class ReportedEfforts:
         self, t: np.ndarray, q: Jet, targets: np.ndarray, rate: float
     ) -> dict[str, np.ndarray]:
         """Columns (N,) by name for N rows at a rate [Hz] that follow those of the last call: times
-        (N,) [s], a jet of joint values and their targets, (N, J) each."""
+        (N,) [s], joint values with speeds and accelerations, and their targets, (N, J) each."""
         train = self._train
         if self._stream is None:
             self._stream = EffortNoise(train, self._noise, self._seed, rate)
