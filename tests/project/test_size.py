@@ -19,7 +19,7 @@ WRENCHBED = {
     "environments": 588,
     "exports": 830,
     "files": 578,
-    "hardware": 6683,
+    "hardware": 6681,
     "jobs": 555,
     "monitoring": 1426,
     "pages": 1257,
@@ -38,7 +38,7 @@ WRENCHBED = {
 IN_ALL = {
     "src": 78927,
     "src/wrenchbed": 69451,
-    "src/robot_emulators": 9476,
+    "src/robot_emulators": 9474,
     "tests": 37950,
     "scripts": 3476,
 }

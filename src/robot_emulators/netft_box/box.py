@@ -39,9 +39,16 @@ _KINDS: dict[str, dict[str, dict[str, Argument]]] = {
 
 
 class Box:
-    """A Net F/T box that serves the readings of plant ``body`` at ``host``; the caller steps the
-    plant. ``faults`` is the registry to which the box adds its faults, ``seed`` that of random
-    ones, and ``failed`` gets an error that stops the box."""
+    """A Net F/T box that serves a plant's sensor readings; the caller steps the plant.
+
+    Args:
+        body: plant whose `Plant.readings` are served.
+        host: address of this machine to serve at.
+        faults: registry of the emulator's faults, to which the box adds its own.
+        settings: units, counts, rate and ports; None: defaults.
+        seed: seed of random faults.
+        failed: called with an error that stops the box.
+    """
 
     def __init__(
         self, body: Plant, host: str, faults: Faults, settings: BoxSettings | None = None,
