@@ -126,7 +126,7 @@ def diagnose(
 
     Args:
         recording: at rest or in motion.
-        seed: of the split into blocks and of all permutations.
+        seed: random seed of the split into blocks and of all permutations.
         reliability: shares of claims that are right; by default the package's own model.
         material: residual that counts as a gap of 1; one row's noise if None.
         progress: called with the step that begins.

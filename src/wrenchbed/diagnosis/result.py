@@ -86,13 +86,13 @@ class Diagnosis:
     """Answers about a recording: where the residual lies, which causes, how far, and what next.
 
     Attributes:
-        recording: its path, or a name.
+        recording: path or name of the recording.
         robot: registry name.
         verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
         gap: gaps on held-out rows, which no fit used.
         where: subsystems with their share of the gap, as in docs/contracts.md.
         which: claimed causes, as in docs/contracts.md.
-        probabilities: of each leading cause, ``none`` and ``unknown``; they sum to 1.
+        probabilities: probability of each leading cause, ``none`` and ``unknown``; sum 1.
         cannot_tell: sentences on causes that these data do not separate.
         blind: effects that these data could not have shown.
         next: experiments that would separate the causes, as in docs/contracts.md.

@@ -63,7 +63,7 @@ def diagnose_several(
 
     Args:
         recordings: two or more, with tool, payload, temperature and poses alike or not.
-        seed: of the split into blocks and of all permutations.
+        seed: random seed of the split into blocks and of all permutations.
         reliability: shares of claims that are right; by default the package's own model.
         material: residual that counts as a gap of 1; one row's noise if None.
         progress: called with the step that begins.

@@ -52,11 +52,11 @@ class RowFinding:
 
     Attributes:
         effect: name in the library of effects.
-        probability: that it is present and raises the variance by enough to count.
+        probability: probability that it is present and raises the variance by enough to count.
         rise: relative rise of row variance that it explains, in the channel where it is largest.
-        channels: those in which the rise counts; of stale rows all that repeat.
-        parameters: of the effect by name: value, std (None if not known) and unit.
-        sentence: for people.
+        channels: names of channels in which the rise counts; of stale rows all that repeat.
+        parameters: value, std (None if not known) and unit of the effect's parameters by name.
+        sentence: description of the finding for people.
         size: field ``which[].size`` of diagnosis.json: numbers by name, as in ``parameters``.
     """
 

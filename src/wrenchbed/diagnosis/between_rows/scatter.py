@@ -19,7 +19,7 @@ from wrenchbed.physics.wrench import CHANNELS
 WINDOW_S, ORDER = 0.6, 5
 """Window [s] and order of the Savitzky–Golay filter of motions: it passes below about 3 Hz."""
 GROUP_S, LEAST_GROUP = 1.0, 32
-"""Length of a group in motion [s, rows at least]."""
+"""Length of a group of rows in motion [s], and its fewest rows."""
 LEAST_HOLD, LEAST_GROUPS = 6, 12
 """Fewest rows of a hold whose scatter counts, and fewest groups of rows: from fewer a variance is
 too rough to compare; more leave out short recordings."""

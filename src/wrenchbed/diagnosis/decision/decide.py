@@ -48,7 +48,7 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
     """Verdict on a recording (word, causes with rivals, probabilities) and its held-out gaps.
 
     Args:
-        facts: of the recording.
+        facts: evidence, gaps and reliabilities of the recording.
         without: names of rules to leave out, to measure what they change.
     """
     verdict = leading(facts, without)

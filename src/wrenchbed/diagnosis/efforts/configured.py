@@ -45,9 +45,9 @@ def stated_drives(recording: Recording, path: str | Path | None = None) -> Drive
     """Stated values from the metadata, replaced by those fitted to a recording without faults.
 
     Args:
-        recording: its metadata may state ``configured``.
-        path: of the output of ``wrenchbed calibrate`` on joint efforts, or of ``drives.json`` of a
-            diagnosis, if any.
+        recording: recording whose metadata may state ``configured``.
+        path: file of ``wrenchbed calibrate`` on joint efforts, or ``drives.json`` of a diagnosis,
+            if any.
 
     Raises:
         DiagnosisError: a field is no number, or the fit is of another robot or of wrenches.

@@ -82,9 +82,9 @@ def diagnose_efforts(
     """Diagnose an arm's motion from joint torques, motor currents or commands.
 
     Args:
-        recording: of an arm, with ``tau1…`` or ``i1…``, or with commands alone, ``q_target1…``.
+        recording: an arm's motion with ``tau1…`` or ``i1…``, or with commands ``q_target1…`` alone.
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
-        seed: of the bootstrap over held-out blocks.
+        seed: random seed of the bootstrap over held-out blocks.
         wrench: whether to use the recording's wrench as evidence too.
         material: residual of a torque, and of a force, that counts as a gap of 1; default: a row's
             noise.

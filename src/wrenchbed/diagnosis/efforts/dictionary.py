@@ -65,7 +65,7 @@ class Dictionary:
     Attributes:
         scene: the motion, with the prediction of the stated robot.
         channels: residual and columns of each channel.
-        names: of all columns (P,): channel by channel, then the arm's.
+        names: names of all columns (P,): channel by channel, then the arm's.
         joint: index of the channel that each column belongs to (P,), −1 for the arm.
         std: prior standard deviation of each amplitude (P,) unless a cause sets it free.
         free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.

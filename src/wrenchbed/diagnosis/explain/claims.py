@@ -26,7 +26,7 @@ from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 REST = 0.55
 """Largest gap that the small imperfections of a healthy robot make together."""
 DENIED = 2.0 * CLAIMABLE
-"""Gap that a cause adds to a channel without a gap from which the channel contradicts it."""
+"""Least gap that a cause predicts in a channel that has none and so contradicts the cause."""
 WRONG = 5.0
 """Typical error of a stated number that is wrong, in tolerances."""
 ODDS = 0.15
@@ -199,9 +199,9 @@ def wrong_odds(
     """Odds (S,) that stated numbers are wrong rather than within tolerance; 0 for unstated ones.
 
     Args:
-        mean: estimated error of each (S,).
-        std: its standard uncertainty (S,).
-        tolerance: of each (S,), inf where nothing is stated.
+        mean: estimated error of each number (S,).
+        std: standard uncertainty of each error (S,).
+        tolerance: tolerance of each number (S,), inf where nothing is stated.
         offset: how far effects may shift each (S,) by convention.
     """
     finite = np.isfinite(tolerance)

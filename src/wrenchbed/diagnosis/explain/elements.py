@@ -74,7 +74,7 @@ def elements(
     """Elements of some effects that explain a recording as well as one cause of a fitted set.
 
     Args:
-        refitter: of the recording.
+        refitter: model of the recording that fits sets of causes.
         f: the fitted set of causes.
         part: index of the cause in whose place they are fitted.
         effects: names of effects, among them the cause's own.

@@ -48,16 +48,16 @@ class Finalist:
     """A set of causes, active at once, as fitted to one recording.
 
     Attributes:
-        parts: its causes, each a variant of an effect.
+        parts: the causes, each a variant of an effect.
         rung: index of the background level (size of small imperfections) that fits best.
         x: fitted variables (k,) in typical sizes: amplitudes and shapes, no stated numbers.
-        covariance: of ``design``'s columns (m, m), background and stated numbers included.
+        covariance: covariance (m, m) of the numbers of ``design``, background counted.
         residual: measured minus fitted (C R,), whitened; errors of stated numbers are still in it.
         y: readings linearised at x (C R,).
         design: derivatives of the response by x, then columns of blamed stated numbers (C R, m).
         spread: prior standard deviation of each column of ``design`` (m,).
-        log_posterior: over all background levels and sizes, of all recordings fitted together.
-        each: the same fit in each of these recordings; empty for a single one.
+        log_posterior: log of prior times evidence, over all background levels and sizes.
+        each: the same fit in each recording fitted together; empty for a single one.
     """
 
     parts: tuple[Hypothesis, ...]

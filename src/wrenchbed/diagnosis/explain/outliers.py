@@ -44,7 +44,7 @@ class Outlier:
     """A pose, or a stretch of a motion, that was set aside.
 
     Attributes:
-        rows: its observations (H,), boolean.
+        rows: mask of its observations (H,), boolean.
         pose: number of its segment, or its index among the poses; None in motion.
         begin, end: times [s].
         error: mean of measured minus predicted (6,) [N, N·m], of a tracker (3,) [m].

@@ -30,8 +30,8 @@ class ReadingsModel:
     """Readings of one recording, and the responses of sets of causes that are fitted to them.
 
     Args:
-        searcher: of the recording's poses, noise and stated numbers.
-        y: its whitened readings (C R,) minus the calibrated simulator's, stated numbers as stated.
+        searcher: evidence of hypotheses for the recording's poses, noise and stated numbers.
+        y: whitened readings (C R,) minus those of the calibrated simulator with stated mass, CoG.
 
     Attributes:
         exact: cache of background levels in which the stated numbers are exact.

@@ -52,12 +52,12 @@ class Lesson:
     Attributes:
         arm, mode: robot and mode (``static`` or ``dynamic``) of the recording.
         case: name of the simulated recording: its seed and number.
-        features: of its leading claim, in the order of `NAMES`; empty without a claim.
+        features: features of its leading claim, in the order of `NAMES`; empty without a claim.
         lead: key, among the probabilities, of the answer by evidence (probability of the readings)
             and rows that no fit used, before anything is learnt.
         truth: keys of the right answers.
-        probabilities: of the answers, by evidence.
-        errors: of parameters of true causes over their standard uncertainties.
+        probabilities: probabilities of the answers, by evidence.
+        errors: errors of parameters of true causes over their standard uncertainties.
         design: features of the recording, in the order of `familiarity.NAMES`.
         weight: number of cases that it stands for.
     """
@@ -176,8 +176,8 @@ def conformal(shares: Sequence[float], weights: Sequence[float]) -> float:
     arXiv 2509.15349 for few cases). Weighted cases count for (Σw)²/Σw² of them.
 
     Args:
-        shares: of each case, the probability of the likeliest answers down to the true one (N,).
-        weights: of the cases (N,).
+        shares: probability of each case's likeliest answers down to the true one (N,).
+        weights: weights of the cases (N,).
     """
     w = np.asarray(weights, dtype=float)
     count = int(w.sum() ** 2 / (w**2).sum()) if len(w) else 0

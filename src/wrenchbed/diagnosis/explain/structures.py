@@ -257,7 +257,7 @@ class Analysis:
         searcher: probabilities of single hypotheses for the recording's poses and noise.
         refitter: fits sets of causes to this recording's readings.
         ranking: explanations, best first.
-        at_baseline: refitter with slopes at the calibrated tool; those of ``refitter`` are at the
+        at_baseline: refitter linearised at the calibrated tool; ``refitter`` is linearised at the
             tool fitted beside the best explanation.
         others: analyses of further recordings that the ranking explains too.
     """

@@ -22,7 +22,7 @@ class Part:
     Attributes:
         name: name of the effect.
         share: gap that it adds, in noise variances of a row.
-        probability: that a stated number is wrong; 1 for effects.
+        probability: probability that a stated number is wrong; 1 for effects.
         index: index of the effect in its fitted set; None for a stated number.
         twins: names of effects that might as well be this one, whatever their evidence.
         imitators: names of effects that make its readings, perhaps with numbers that happen to fit.
@@ -89,7 +89,7 @@ class Cause:
 
     Attributes:
         keys: the effect with its joint, then its rivals.
-        probability: that one of the class is present.
+        probability: probability that one of the class is present.
         part: effect or stated number of the explanation that claims it.
         shares: share of each key in ``probability``, by how probable it makes the readings.
         elements: elements (joints …) that explain as well, by name of the effect.
@@ -131,7 +131,7 @@ class Verdict(Generic[S]):
         word: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
         causes: claimed causes, largest first; empty for none and unknown.
         explanation: set of causes behind the claims, also behind an unknown.
-        probabilities: of none, of unknown, and of each leading cause: its names joined by ``|``.
+        probabilities: ``none``, ``unknown`` and each leading cause (names joined by ``|``): sum 1.
     """
 
     word: str

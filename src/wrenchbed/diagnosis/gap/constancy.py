@@ -37,7 +37,7 @@ class Change:
     Attributes:
         name: name of the effect.
         p_value: family-wise over all causes and both tests.
-        thirds: its size in each third of the recording, over its size in all of it.
+        thirds: ratio of its size in each third of the recording to that in all of it.
     """
 
     name: str

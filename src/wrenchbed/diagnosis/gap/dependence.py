@@ -32,9 +32,9 @@ class Partitions:
     """Bases of functions of V variables at R rows.
 
     Attributes:
-        names: of the variables (V,).
-        bases: of each variable, orthonormal in each whitened channel, without a mean (C, R, k);
-            columns of 0 where the functions depend on each other.
+        names: names of the variables (V,).
+        bases: basis of each variable's functions (C, R, k), orthonormal in each whitened channel,
+            without a mean; columns of 0 where the functions depend on each other.
         fitted: orthonormal basis of the fit of bias, mass and CoG (C R, n).
     """
 

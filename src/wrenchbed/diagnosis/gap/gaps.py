@@ -107,7 +107,7 @@ class Judged:
         readings: readings (M, 6) by simulator, as in `Closure.readings`.
         further: gaps (S,) of all channels beyond the first together, by simulator: ``calibrated``,
             ``with_effects``, and without each cause by its label; empty with one channel.
-        names: of the channels (C,), where they differ between recordings.
+        names: names of the channels (C,), where they differ between recordings.
     """
 
     block: np.ndarray
@@ -127,9 +127,9 @@ def closure(
 
     Args:
         each: the recordings.
-        names: of the channels (C,), where a recording does not state them.
+        names: names of the channels (C,), where a recording does not state them.
         folds: number of parts of a recording, each of which was held out once.
-        seed: of the bootstrap.
+        seed: random seed of the bootstrap.
         stated: whether all causes are wrong stated numbers: the fit of bias, mass and CoG corrects
             these, so ``closed`` counts from the configured gap.
     """

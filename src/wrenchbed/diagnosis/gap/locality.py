@@ -26,9 +26,9 @@ class Locality(NamedTuple):
     """Range of one joint that contains most of a residual.
 
     Attributes:
-        joint: its number, from 1.
-        low, high: of the range [rad or m].
-        share: of the residual's energy beyond noise within it, 0 … 1.
+        joint: number of the joint, from 1.
+        low, high: ends of the range [rad or m].
+        share: share of the residual's energy beyond noise within the range, 0 … 1.
         rows: share of the rows within it.
         p_value: family-wise over all joints.
     """

@@ -46,11 +46,11 @@ class Finding:
         variable: ``joint 2``, ``joint 2 between 1.0 and 3.0°``, ``direction of joint 3``,
             ``direction of load``, ``orientation``, ``position``, ``load``, ``time``,
             ``temperature``, ``speed``.
-        share: of the residual beyond its noise, 0 … 1; all add to at most 1. The split is
+        share: share of the residual beyond noise, 0 … 1; all sum to at most 1. The split is
             sequential: what explains most beyond chance comes first, each further one counts only
             with what those before it did not explain, and those not seen have 0.
         p_value: family-wise over all findings, above 0.
-        sentence: for a person.
+        sentence: description of the finding for people.
     """
 
     variable: str
@@ -87,7 +87,7 @@ def entries(
     Args:
         causes: (effect, detail, share of the gap 0 … 1, p-value) of each claimed effect. Without
             any, significant findings become hints.
-        findings: from `locate`.
+        findings: what the residual varies with, as `locate` returns it.
         rows: (effect, channels, share of a row's variance 0 … 1, p-value) of each effect between
             rows; its share is given only if there is no other entry.
     """

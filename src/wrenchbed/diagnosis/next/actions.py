@@ -35,7 +35,7 @@ class ExperimentRun:
     """Rows that an experiment would record.
 
     Attributes:
-        prepared: these rows, without readings.
+        prepared: the rows, without readings.
         payload: mass [kg] and CoG in sensor axes (3,) [m] of a known load added to the tool.
         again: whether it continues the recording, whose sensor zero then still holds.
     """

@@ -66,7 +66,7 @@ class BlindSpot:
     """An effect, or one of its elements, that readings of a design cannot show.
 
     Attributes:
-        effect: its name.
+        effect: name of the effect.
         element: the joint, link, axis or channel; empty for the whole effect.
         smallest: size that 95 % of recordings would report; None if no size shows.
         unit: unit of that size.
@@ -103,7 +103,7 @@ class Design:
     """What the readings of one recording could show.
 
     Attributes:
-        searcher: of the effects at its poses, noise and stated numbers.
+        searcher: evidence of effects at the recording's poses, noise and stated numbers.
         rung: index of the recording's background level: how large its small errors are.
     """
 

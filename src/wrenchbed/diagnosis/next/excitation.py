@@ -50,9 +50,9 @@ def excite(
 
     Args:
         robot: a serial arm.
-        seconds: its length [s].
+        seconds: length of the motion [s].
         rate: rows a second [Hz].
-        seed: of the search.
+        seed: random seed of the search.
         progress: called with log det of the best motion so far.
 
     Raises:

@@ -62,7 +62,7 @@ class Touch:
         share: share of the squared force, left by stated weight and inertia, within these rows.
         parameters: of the contact as a cause; None if its force acts at no one point (unknown).
         detail: when and how strong, in words.
-        sentence: on the contact, for people.
+        sentence: description of the contact for people.
         probability: probability that it is a contact.
         what: word for the observations: samples or poses.
     """
@@ -398,7 +398,7 @@ def split(
     Args:
         rows: number of observations.
         moving: whether they are samples of a motion.
-        seed: of the order.
+        seed: random seed of the order.
         stride: number of a motion's rows that are averaged into one.
         poses: joint values (H, J); visits of the same pose are in one fold.
     """
