@@ -49,7 +49,7 @@ def make(
     processes: int = 2,
     as_json: Json = False,
 ) -> None:
-    """Make sealed cases: recordings and commitments in one folder, answers in another.
+    """Make sealed cases: recordings and hashes of the answers in one folder, answers in another.
 
     Stopped work goes on when the same line is given again.
 
@@ -123,7 +123,7 @@ def score(
     commitments: str | None = None,
     as_json: Json = False,
 ) -> None:
-    """Check the commitments, and score claims against answers.
+    """Check the commitments (hashes of the answers), and score claims (diagnoses) against answers.
 
     Args:
         cases: Folder of `wrenchbed blind make --out`.

@@ -89,8 +89,8 @@ def diagnose(
             do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
         seed: Seed of the split into folds, each of which is held out once.
-        look_alikes: Learn how often such claims are right from so many simulated robots that do
-            what this one did too (1 to 5 s each).
+        look_alikes: Number of simulated robots with known causes that repeat this recording, to
+            measure how often such claims are right (1 to 5 s each).
         rehearsed: With --dry-run: how the plan would be recorded.
         efforts: What is diagnosed: the wrench, or the joint efforts.
     """
@@ -224,7 +224,7 @@ def _tried(name: str, write: Callable[[], object]) -> None:
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
-    """Measure, on ``count`` simulated look-alikes of a recording, how often claims are right."""
+    """Measure, on ``count`` simulated look-alikes of a recording, how often diagnoses are right."""
     from wrenchbed.benchmark.scoring.learn_reliability import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 

@@ -113,7 +113,7 @@ def _import_lerobot(
 
 
 def _doubt(recording: Recording) -> str | None:
-    """Reason why `calibrate` would refuse a recording; None if there is none that is known."""
+    """Reason why `calibrate` would refuse a recording; None if no reason is known."""
     from wrenchbed.calibration.trust import check
 
     try:

@@ -148,7 +148,7 @@ def live_(
     quiet: bool = False,
     as_json: Json = False,
 ) -> None:
-    """Show the wrench of the surroundings: readings less tool, zero and effects. Moves nothing.
+    """Show the external wrench: readings minus the tool's weight, zero and effects. Moves nothing.
 
     Args:
         file: fit.json or twin.json of the robot.

@@ -169,7 +169,7 @@ def study(
     seed: int = 0,
     as_json: Json = False,
 ) -> None:
-    """A paper's tables and figures on MuJoCo data, beside what it prints and what physics allows.
+    """Reproduce a paper's tables and figures on MuJoCo data, beside its numbers and error bounds.
 
     A stopped study goes on where it stopped.
 
@@ -233,11 +233,11 @@ def view(
     rrd: Path | None = None,
     port: int = 9876,
 ) -> None:
-    """Look at a recording with what simulators say, at a plan or at a diagnosis, in rerun.
+    """Look at a recording with what simulators predict, at a plan or at a diagnosis, in rerun.
 
     Args:
         recording: Parquet file, of a plan too; the folder of a diagnosis; or an .rrd file.
-        against: fit.json and twin.json files whose simulators are held against it.
+        against: fit.json and twin.json files whose simulators are compared with it.
         rrd: Write this file and open nothing.
         port: Port of the viewer's data, on 127.0.0.1.
     """
@@ -253,13 +253,13 @@ def report(
     /,
     out: Path = Path("report.html"),
 ) -> None:
-    """Write one HTML page about a recording, what simulators say of it, and fits.
+    """Write one HTML page about a recording, what simulators predict for it, and fits.
 
     A diagnosis writes its own report, see `wrenchbed diagnose`.
 
     Args:
         recording: Parquet file.
-        against: fit.json and twin.json files whose simulators are held against it.
+        against: fit.json and twin.json files whose simulators are compared with it.
         out: Page to write.
     """
     console.check_out(out, Kind.PAGE, recording, *against)

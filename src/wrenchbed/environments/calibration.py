@@ -48,7 +48,7 @@ def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """What readings at some poses tell about the robot's parameters, by their linear model.
+    """Information on a robot's parameters from readings at some poses, by a linear model.
 
     Attributes:
         columns: indices of the K parameters that differ from robot to robot.

@@ -87,7 +87,7 @@ def exchange(
     seed: int = 0,
     tell: Callable[[float], None] = lambda _: None,
 ) -> Selection:
-    """Choose n different configurations that no excursion of `_DEPTH` exchanges improves.
+    """Choose n configurations that no exchange of up to `_DEPTH` of them improves (DETMAX).
 
     Args:
         start: indices to begin with; random if None.

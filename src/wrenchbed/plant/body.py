@@ -95,8 +95,8 @@ class RealTimeDrives:
         return self._past[0]
 
     def step(self, plant: ServoDrivenRobot, q: np.ndarray, qd: np.ndarray) -> None:
-        """Compute torques and currents of one control cycle: ``q`` and ``qd`` (J,) are those before
-        it, ``plant`` is the robot after it."""
+        """Compute torques and currents of one control cycle, from joint values q and speeds qd (J,)
+        before it, and the simulated robot ``plant`` after it."""
         train, model, data = self.train, plant.model, plant.data
         constant, spring, damper = model.actuator_biasprm[:, :3].T
         given = model.actuator_gainprm[:, 0] * data.ctrl + constant

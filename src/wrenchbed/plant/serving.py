@@ -119,9 +119,9 @@ class EmulatorOptions(Options):
         host: address of this machine to serve at, 127.0.0.1 … 127.255.255.254.
         seed: of the noise and of the effects' random parts.
         setting: options of this kind of emulator, name → text.
-        parameters: true values where they differ from nominal, by name, SI.
+        parameters: true values that differ from nominal, by name, SI.
         noise: ``real``, ``white`` or ``off``.
-        effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
+        effects: texts as ``joint.compliance:joint=2,stiffness=1.4e4``; omitted values are typical.
         table: height of a plate that the tool may press on [m].
     """
 

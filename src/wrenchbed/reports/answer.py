@@ -78,7 +78,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def far(self) -> tuple[str, str]:
-        """Figure (may be empty) and sentences on how far the gap shrinks with the causes."""
+        """(number as text, may be empty; sentences) on how far the gap shrinks with the causes."""
 
     @property
     @abstractmethod
@@ -115,7 +115,7 @@ class Answer(ABC):
         return next((text for text in texts if len(text) <= MOST_HEADLINE), texts[-1])
 
     def _claims(self, most: int) -> str:
-        """All claims as one text, each with at most ``most`` of its figures."""
+        """All claims as one text, each with at most ``most`` of its quantities."""
         phrases = [c.sentence_with(most) for c in self.causes]
         if len(phrases) > 1:
             phrases.insert(0, f"{_COUNT[len(phrases)]} causes.")
@@ -201,7 +201,7 @@ class Answer(ABC):
         return f"It stays {self.on}: without a cause there is nothing to close it with.{own}"
 
     def shrinks(self) -> tuple[str, str]:
-        """Figure and sentences on how far the claimed causes close the gap."""
+        """(number as text, sentences) on how far the claimed causes close the gap."""
         g = self.d.gap
         assert g.with_effects is not None
         both = f"from {numbers.gap(g.start)} to {numbers.gap(g.with_effects.value)}"

@@ -47,7 +47,7 @@ def own_chart(e: HeldOutReadings, c: Cause, name: str) -> Chart | None:
 
 
 def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
-    """Chart of the estimated curve (no formula assumed) ± std of a cause in ``which``, or None."""
+    """Chart of a claimed cause's estimated curve, fitted without a formula, ± its std, or None."""
     curve = entry.get("curve")
     if not curve:
         return None

@@ -80,7 +80,7 @@ class Claim:
         return self.sentence_with(MOST_SIZES)
 
     def sentence_with(self, most: int) -> str:
-        """The claim as one sentence with its first ``most`` figures."""
+        """The claim as one sentence, with its first ``most`` quantities."""
         words = [self.choice] if self.choice else []
         words += [f"{size.name} {size.value}" for size in self.figures[:most]]
         values = f": {', '.join(words)}" if words else ""

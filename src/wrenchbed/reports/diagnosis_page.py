@@ -31,8 +31,8 @@ def recording_facts(recording: Recording, name: str, observed: str = "") -> list
 
 
 def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
-    """The HTML page of a diagnosis of a wrench; ``command`` is the command line that made it, made
-    up without options if empty.
+    """The HTML page of a diagnosis of a wrench; ``command`` is the command line that made it,
+    stated without options if empty.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

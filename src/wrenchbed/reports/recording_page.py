@@ -177,7 +177,7 @@ class _Over:
 def _charts(
     recording: Recording, known: Sequence[Simulator], noise: np.ndarray, nearest: Agreement | None
 ) -> list[Chart]:
-    """Charts of each channel over its residual, and of the joints."""
+    """Charts of each channel above its residual, and of the joints."""
     over, measured, charts = _Over.of(recording), recording.wrench, list[Chart]()
     residuals = {s.name: np.asarray((measured - s.reading) / noise) for s in known}
     for k, channel in enumerate(CHANNELS):

@@ -218,7 +218,7 @@ class WrenchAnswer(Answer):
 
     @property
     def _follows(self) -> bool:
-        """Whether the residual depends significantly on the variable of the best-fitting kernel."""
+        """Whether the residual depends significantly on the variable that explains it best."""
         kernel = self._kernel
         return kernel in self._seen or (
             kernel == "direction" and any(v.startswith("direction") for v in self._seen)

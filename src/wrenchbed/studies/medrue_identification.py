@@ -153,7 +153,7 @@ def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: 
 
 
 def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number: int) -> list[Row]:
-    """Draw and identify a robot: rows of its errors before, without noise, by design and noise.
+    """Draw and identify a robot: rows of its errors before it, without noise, by design and noise.
 
     ``number`` and the seed in ``shared`` give its parameters and noise; ``shared`` is (setting,
     design → indices (n,) of its configurations in the pool, seed).
@@ -189,7 +189,7 @@ def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number
 
 
 class Judge:
-    """Computes position, force and torque errors of identified parameters, in target and pool."""
+    """Errors of identified parameters: position, force, torque, in target workspace and pool."""
 
     def __init__(self, setting: StudySetting, theta: np.ndarray, simulation: Simulation) -> None:
         self.setting = setting

@@ -120,13 +120,13 @@ class StudySetting:
         return self.jacobian * self.units
 
     def covariance(self, chosen: np.ndarray, std: np.ndarray) -> np.ndarray:
-        """Cramér–Rao bound (27, 27): least covariance of an unbiased estimate from chosen poses."""
+        """Cramér–Rao bound (27, 27): least covariance by poses ``chosen``, noise ``std`` (6,)."""
         rows = (self.in_table_units[chosen] / std[:, None]).reshape(-1, len(self.columns))
         triangle = np.linalg.inv(np.linalg.qr(rows, mode="r"))
         return (triangle @ triangle.T) * np.outer(self.units, self.units)
 
     def bound(self, chosen: np.ndarray, std: np.ndarray) -> float:
-        """Cramér–Rao bound of the rms position error in the target [m], for poses ``chosen``."""
+        """Cramér–Rao bound of the rms position error in the target [m], noise ``std`` (6,)."""
         return self.goal.rms(self.covariance(chosen, std))
 
     def expected(self, chosen: np.ndarray, noise: NoiseModel) -> np.ndarray:

@@ -302,7 +302,7 @@ class Mechanism:
         return result
 
     def _turns(self, columns: list[int]) -> np.ndarray:
-        """Derivative of the loops' passive joints by the joints ``columns``, −J_p⁺ J, now."""
+        """Derivative of the loops' passive joints by the joints ``columns``: −J_p⁺ J."""
         data = self.data
         loops = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         jacobian = np.asarray(data.efc_J).reshape(data.nefc, self.model.nv)[loops]
