@@ -204,8 +204,8 @@ def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None
     """Make a rich table without ruled lines.
 
     Args:
-        heads: heads of the columns; after ``>`` of one that is right-aligned, after ``|`` of one
-            that is left-aligned, neither of which breaks its lines. All empty: no line of heads.
+        heads: heads of the columns, with ``>`` before one of a right-aligned and ``|`` before one
+            of a left-aligned column whose lines are never broken. All empty: no line of heads.
         indent: columns to the left of the table.
         space: columns between its columns.
         title: above it, at the left.

@@ -146,9 +146,9 @@ class LoadNumbers:
 
 
 class _Calibrated(NamedTuple):
-    """A calibrated simulator with parameters θ, in which effects are parameters where possible; of
-    the identified parameters the indices, the covariance (K, K) if known, and those of which the
-    data fix only a combination, with which; and what no format carries."""
+    """A calibrated simulator with parameters θ (effects are parameters where possible): indices of
+    the K identified ones, their covariance (K, K) if known, index → name of parameters of which the
+    data fix only a combination, and lines on what no format carries."""
 
     twin: Twin
     free: tuple[int, ...]

@@ -36,7 +36,7 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
 
 
 def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
-    """Markdown of a diagnosis's three answers; ``shares``: probability of a cause by body part."""
+    """Markdown of a diagnosis's three answers; ``shares``: probability of a cause by robot part."""
     d, words = findings.diagnosis, WrenchAnswer(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {o['sentence']}" for o in d.outliers]
