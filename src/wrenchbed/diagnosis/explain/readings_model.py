@@ -75,7 +75,7 @@ class ReadingsModel:
         given, result = iter(x.tolist()), []
         for h in parts:
             known = _parameters(h.effect, self.scene.robot)
-            values = {name: p.nominal for name, p in known.items()} | h.variant.at
+            values = {name: p.nominal for name, p in known.items()} | dict(h.variant.at)
             if not h.effect.stated:
                 for name in h.variant.free:
                     values[name] = next(given) * known[name].tolerance
