@@ -43,11 +43,11 @@ def test_a_payload_of_an_arm_whose_file_states_its_tool_is_named(tmp_path, load,
     assert holds(found["tool.mass"]["parameters"]["mass"], load, 0.15)
 
 
-@pytest.mark.slow
+@pytest.mark.sampled
 @TEN
-def test_a_heavier_tool_whose_centre_has_moved_is_two_wrong_numbers(seed):
-    moved = np.array([0.024, 0.008, 0.0])
-    gap = Gap("tool.mass", size=0.5, moved=tuple(moved))
+@pytest.mark.parametrize("moved", [(0.024, 0.008, 0.0), (0.02, -0.11, 0.05)])
+def test_a_heavier_tool_whose_centre_has_moved_is_two_wrong_numbers(seed, moved):
+    gap = Gap("tool.mass", size=0.5, moved=moved)
     found = claimed(diagnose_efforts(case(gap, seed, links=True)))
     assert set(found) == {"tool.mass", "tool.cog"}
     assert holds(found["tool.mass"]["parameters"]["mass"], 0.5, 0.15)

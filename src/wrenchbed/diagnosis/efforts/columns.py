@@ -220,19 +220,24 @@ def _tool(scene: EffortScene) -> Made:
     by_file = registry.record_of("robots", scene.robot.name) is not None  # its [tool] says so
     known = by_file or stated.mass is not None, by_file or stated.cog is not None
 
-    def seen(form: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
-        """Change of all channels (N, C) by a mass [kg] and a first moment (3,) [kg·m]."""
-        place = [float(c) for c in cog + _STEP * moved / max(mass, LIGHT)]
-        theta = scene.robot.theta_of_tool(scene.theta, mass + _STEP * more, place)
-        return np.hstack([y @ form, (scene.sensed(theta) - scene.load) / _STEP])
+    middle = cog + scene.displaced / 2.0
+
+    def seen(form: np.ndarray, at: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
+        """Change of all channels (N, C) by a mass [kg] and a first moment (3,) [kg·m], at a CoG."""
+        places = at, at + _STEP * moved / max(mass, LIGHT)
+        now, then = (
+            scene.sensed(scene.robot.theta_of_tool(scene.theta, m, [float(c) for c in place]))
+            for m, place in zip((mass, mass + _STEP * more), places, strict=True)
+        )
+        return np.hstack([y @ form, (then - now) / _STEP])
 
     fit = scene.drives.load
     mass_std, *cog_std = (np.zeros(4) if fit is None else fit[1]).tolist()
     std = float(np.hypot(MASS_SHARE * mass, mass_std)) if known[0] else None
-    columns = [Column("tool.mass", seen(of_mass(cog), np.zeros(3), 1.0), std, not known[0])]
+    columns = [Column("tool.mass", seen(of_mass(cog), cog, np.zeros(3), 1.0), std, not known[0])]
     for name, axis, off in zip("xyz", np.eye(3), cog_std, strict=True):
         std = float(np.hypot(COG_M, off)) * max(mass, 1.0) if known[1] else None
-        data = seen(of_moment(cog, axis), axis, 0.0)
+        data = seen(of_moment(middle, axis), middle, axis, 0.0)
         columns.append(Column(f"tool.cog.{name}", data, std, not known[1]))
     names = tuple(c.name for c in columns)
     return columns, [

@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.efforts.options import as_good, blocks, facts_of, outsi
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Evidence, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
-from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, fitted
+from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, displacement, fitted
 from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.json_entries import cannot_tell
@@ -33,6 +33,10 @@ from wrenchbed.robots.chain import SerialChain
 from wrenchbed.twin.twin import Twin
 
 Progress = Callable[[str], None]
+_PASSES, _DAMPING, _DISPLACED_M = 4, 0.6, 0.01
+"""Times at most that the columns of the tool's centre of gravity are made again, share of a step
+that is taken (whole steps overshoot by 0.6 of themselves: tuned on
+``tests/diagnosis/efforts/test_loads.py``), and step [m] below which they are good enough."""
 STEPS = 4
 """Number of steps of a diagnosis of efforts reported by ``progress`` (bar of cli/diagnose.py)."""
 
@@ -111,6 +115,12 @@ def diagnose_efforts(
     scene = effort_scene(recording, known, wrench=wrench)
     progress("effects and noise")
     d = dictionary(scene, material)
+    for _ in range(_PASSES):
+        further = displacement(d) - d.scene.displaced
+        if np.abs(further).max() < _DISPLACED_M:
+            break
+        moved = d.scene.displaced + _DAMPING * further
+        d = dictionary(replace(scene, displaced=moved), material)
     progress("structures and their evidence")
     evidence, simulators = Evidence(d), Simulators(d)
     likely = weighed(search(evidence), simulators)

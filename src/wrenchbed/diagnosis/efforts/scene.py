@@ -3,7 +3,7 @@
 Columns of every cause are made at the recording's rate and thinned as the efforts are.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,6 +66,8 @@ class EffortScene:
         currents: whether currents were recorded and turned into torques.
         step: number of rows from one kept row to the next.
         wrench: measured (N, 6) [N, N·m] where used as evidence too, else None.
+        displaced: of the tool's centre of gravity (3,) [m]; changes of its first moment are exact
+            for this displacement, since inertia grows with its square.
     """
 
     recording: Recording
@@ -82,6 +84,7 @@ class EffortScene:
     currents: bool
     step: int
     wrench: np.ndarray | None = None
+    displaced: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def commanded(self) -> bool:

@@ -70,6 +70,15 @@ def _mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
     return max(float(d.scene.tool.mass) + float(x[d.names.index("tool.mass")]), LIGHT)
 
 
+def displacement(d: Dictionary) -> np.ndarray:
+    """Displacement (3,) [m] of the tool's centre of gravity, fitted with its mass and nothing else
+    but ordinary errors."""
+    tool = (k for k, b in enumerate(d.blocks) if b.effect in ("tool.mass", "tool.cog"))
+    x = Simulator(d, tuple(tool)).x
+    moment = dict(zip(d.names, x.tolist(), strict=True))
+    return np.array([moment.get(f"tool.cog.{a}", 0.0) for a in "xyz"]) / _mass_of_tool(d, x)
+
+
 def fitted(fit: Simulator) -> list[dict[str, Any]]:
     """Entries of ``fitted`` in diagnosis.json: friction, rotor inertia, tool, where not stated."""
     d, result = fit.d, list[dict[str, Any]]()
