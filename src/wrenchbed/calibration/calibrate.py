@@ -96,7 +96,7 @@ def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> l
     """First moment h = m c (3,) [kg m] that best satisfies τ = h × g; of several the shortest.
 
     Args:
-        x, y, z: sums over rows of gx, gy or gz times gravity, force and torque, less means (9,).
+        x, y, z: of gx, gy and gz each, covariance sums with gravity, force and torque (9,).
         w: weights of the three torques (3,).
     """
     u, v, s = w
@@ -120,8 +120,8 @@ def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> l
 def initial_values(
     model: Model, theta: np.ndarray, data: Observations, free: tuple[int, ...]
 ) -> np.ndarray:
-    """Start of a fit (P,): theta, its free mass, CoG and bias replaced by a linear fit at rest.
-
+    """Start of a fit (P,): theta, in which a linear fit to ``data`` at rest replaces mass, CoG and
+    bias where ``free`` has their indices.
     Raises:
         CalibrationError: one orientation only, or a wrench of opposite sign.
     """
@@ -145,8 +145,8 @@ def initial_values(
 def _rotated_mount(
     model: Model, theta: np.ndarray, data: Observations, g: np.ndarray, mass: float
 ) -> np.ndarray:
-    """Parameters (P,) with the mount rotation that best aligns forces with gravity ``g`` (M, 3);
-    unchanged where only a mirror image would. A fitted ``mass`` [kg] is checked then."""
+    """Parameters (P,) with the mount rotation that best aligns forces with gravity ``g`` (M, 3), or
+    unchanged where only a mirror image would; then a ``mass`` [kg] not above 0 is an error."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     turn = best_turn(g, data.wrench[:, :3])
@@ -230,7 +230,7 @@ def calibrate(
 def _checked(
     recording: Recording, options: CalibrationOptions, touches: Touches | None
 ) -> tuple[Problem, Finding | None]:
-    """Return a recording's fit problem, and what was found wrong with it if that allows a fit."""
+    """Return a recording's fit problem and the finding, if any, despite which it may be fitted."""
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
     if POINT[0] in recording.columns:
@@ -288,7 +288,8 @@ def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
 def _refuted(
     problem: Problem, outcome: Outcome, finding: Finding | None, fault: Fault | None
 ) -> str | None:
-    """Sentence on why the fitted values must not be used; None if they may be used."""
+    """Why fitted values must not be used; None if they may be used. ``finding`` was made before the
+    fit, ``fault`` is a large fault that explains its residual."""
     solution = outcome.solution
     if finding is not None and finding.reason not in GENERAL:
         return finding.sentence
@@ -428,7 +429,7 @@ def _status(
 
 
 def _unlike_stated(stated: ToolInfo, mass: float, cog: np.ndarray) -> Iterator[str]:
-    """Yield sentences on a fitted mass [kg] and CoG (3,) [m] that differ from the stated ones."""
+    """Yield sentences on a fitted mass [kg] and CoG (3,) [m] unlike those of ``stated``."""
     if stated.mass is not None and abs(mass / stated.mass - 1.0) > _OTHER_MASS:
         yield f"{stated.mass:.4g} kg is stated, the load is another"
     away = cog - np.asarray(cog if stated.cog is None else stated.cog)

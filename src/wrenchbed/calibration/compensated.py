@@ -57,7 +57,7 @@ def restored(recording: Recording) -> Recording:
 
 
 def _stated(name: str, payload: Mapping[str, Any]) -> tuple[float, np.ndarray]:
-    """Mass [kg] and CoG (3,) in flange axes [m] of the payload in a recording's metadata."""
+    """Mass [kg] and CoG (3,) [m], flange axes, of a payload; errors begin with the ``name``."""
     try:
         mass, cog = float(payload["mass"]), np.array(payload["cog"], dtype=float)
     except (KeyError, TypeError, ValueError):

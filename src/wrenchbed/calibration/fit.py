@@ -183,7 +183,8 @@ def identified_values(
 
 
 def head(recording: str, robot: str, status: str, refuted: str | None) -> dict[str, Any]:
-    """First entries of a fit's JSON file; data of the user's own robot model are among them."""
+    """First entries of a fit's JSON file: the four arguments (``refuted`` unless None), format, and
+    the model of a user's own robot."""
     named = {"format": FORMAT, "recording": recording, "robot": robot, "status": status}
     said = {} if refuted is None else {"refuted": refuted}
     return named | said | model_field(robot)

@@ -43,7 +43,8 @@ class Problem:
     def _once(
         self, what: str, x: np.ndarray, make: Callable[[np.ndarray], np.ndarray], near: float = 0.0
     ) -> np.ndarray:
-        """Return ``make(x)``, cached by the name ``what`` for x within ``near`` tolerances."""
+        """Return ``make(x)``; again the kept result, under ``what``, for x within ``near``
+        tolerances."""
         known = self._last.get(what)
         if known is None or np.abs((known[0] - x) / self.scale).max(initial=0.0) > near:
             known = self._last[what] = (x.copy(), make(x))

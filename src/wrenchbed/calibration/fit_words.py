@@ -72,7 +72,7 @@ class FitWords:
 
 
 def fit_words(fit: Fit) -> FitWords:
-    """Make the texts of a fit, for terminal and pages."""
+    """Make the texts of a fit that the terminal and pages show."""
     rows = f"{fit.rows} rows"
     amount = rows if fit.rows == fit.poses else f"{fit.poses} poses, {rows}"
     noise, seats = fit.noise, fit.touches

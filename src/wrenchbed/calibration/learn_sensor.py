@@ -123,8 +123,8 @@ def learn_sensor(
 
 
 def _within_range(rows: np.ndarray, base: Sensor, name: str) -> SensorCalibration:
-    """Default calibration of a sensor, else its first, whose range contains rows (N, 6); raise a
-    `CalibrationError` that begins with ``name`` if none does."""
+    """Calibration of ``base`` whose range contains rows (N, 6): its default one, else the first. A
+    `CalibrationError`, which begins with ``name``, if there is none."""
     most = np.abs(rows).max(axis=0)
     for calibration in (base.calibration(), *base.calibrations):
         if (most < calibration.range).all():

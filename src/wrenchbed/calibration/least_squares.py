@@ -51,8 +51,8 @@ def solve(
     start: np.ndarray,
     scale: np.ndarray,
 ) -> Solution:
-    """Minimise ½|residual(x)|² from ``start`` (K,). ``residual`` is measured − predicted (M,),
-    ``jacobian`` the derivative of predicted (M, K), both whitened; ``scale`` (K,) each x's size."""
+    """Minimise ½|r(x)|² from ``start`` (K,). ``residual`` gives r, measured − predicted (M,), and
+    ``jacobian`` ∂predicted/∂x (M, K), both whitened; ``scale`` (K,): size of each parameter."""
     x, r = start.copy(), residual(start)
     converged, fresh = False, False
     steps = 0

@@ -57,11 +57,10 @@ class Fault:
 
 @dataclass(frozen=True, eq=False)
 class _Whitened:
-    """Columns of parameters and suspected faults, and the residual, in units of noise.
-
+    """Columns of parameters and suspected faults, and the residual, in units of noise, of n rows.
     Attributes:
-        A: derivatives by the parameters, per tolerance (n, K).
-        S: changes by the suspects of ordinary size (n, C).
+        A: derivatives by the K parameters, per tolerance (n, K).
+        S: changes by faults of ordinary size (n, C); a fault has one column or several.
         r: residual (n,).
         worth: number of independent readings among the n.
         rest: degrees of freedom of the noise.
@@ -76,7 +75,7 @@ class _Whitened:
 
 def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | None]:
     """Return the fit with uncertainties widened by what suspected faults may move, and the fault
-    that is clearly present, else None."""
+    that is clearly present and large, else None."""
     some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
     fit = _Rows(problem, outcome, some, list(suspects(problem, outcome.solution.x, some)))
     if _explained(fit):
@@ -111,8 +110,8 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
 
 
 def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
-    """Sentence on the likeliest faults ``names``: a zero's values are ``size`` (6,) times
-    `CONSTANT`; of others the clause ``moves`` says what they shift."""
+    """Sentence on the likeliest faults ``names``. If that is a zero of the sensor, its values are
+    ``size`` (6,) times `CONSTANT`; else the clause ``moves`` says what they shift."""
     if names[0] == "a zero of the sensor":
         values = ", ".join(f"{v:.3g}" for v in size * CONSTANT)
         return (
@@ -128,7 +127,7 @@ def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Linearised fit at observations ``some`` with suspected faults: slopes and a residual."""
+    """Linear fit, at observations of indices ``some``, by parameters and the faults ``every``."""
 
     problem: Problem
     outcome: Outcome
@@ -137,7 +136,8 @@ class _Rows:
 
     @cached_property
     def wrenches(self) -> np.ndarray:
-        """Rows of the wrench residuals (M, 6, K + C + 1) [N, N·m]; parameters per tolerance."""
+        """Rows (M, 6, K + C + 1) [N, N·m] of M observations: derivatives by K parameters, per
+        tolerance, changes by faults (C columns), and residual."""
         problem, x = self.problem, self.outcome.solution.x
         slopes, changes = problem.jacobian(x)[self.some] * problem.scale, self.every
         residual = problem.residual(x)[self.some][..., None]
@@ -145,7 +145,8 @@ class _Rows:
 
     @cached_property
     def others(self) -> np.ndarray:
-        """Rows of the touches' residuals and the prior (R, K + C + 1), in units of their noise."""
+        """Rows (R, K + C + 1) of R residuals of touches and prior, in units of their noise; columns
+        as in `wrenches`."""
         problem, x, count = self.problem, self.outcome.solution.x, len(self.problem.free)
         blocks, columns = [], self.wrenches.shape[2] - count - 1
         touches, robot, theta = problem.touches, problem.model.robot, problem.at(x)
@@ -169,7 +170,7 @@ class _Rows:
         return np.where(least > 0.0, least, np.inf)
 
     def white(self, noise: np.ndarray) -> np.ndarray:
-        """All rows (n, K + C + 1): parameters, suspects, residual; wrenches over the noise (6,)."""
+        """All rows (n, K + C + 1): `wrenches` divided by the noise (6,), then `others`."""
         wrenches = (self.wrenches / noise[:, None]).reshape(-1, self.wrenches.shape[2])
         return np.concatenate([wrenches, self.others])
 
@@ -219,8 +220,8 @@ def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -> bool:
-    """Whether suspects explain significantly more of ``residual`` (n,) than of mere noise;
-    ``alone`` (n, C) are their changes, both without what parameters explain."""
+    """Whether faults explain significantly more of ``residual`` (n,) than chance would. ``alone``
+    (n, C): changes by the faults; both are without what parameters explain."""
     if _clear(seen.S, alone, residual) > CLEAR:
         return True
     rest, rank = _rest(np.column_stack([alone, residual]))
@@ -237,8 +238,9 @@ def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
 
 
 def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.ndarray:
-    """Standard deviation (C,) of each suspect's family at maximum marginal likelihood (MacKay's
-    updates), from whitened changes (n, C) and residual (n,) without what parameters explain."""
+    """Standard deviation (C,) of the size of each column, common to faults of a kind, at maximum
+    marginal likelihood (MacKay's updates). Changes by faults, ``alone`` (n, C), and residual (n,)
+    are whitened, without what parameters explain."""
     R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
     _, family = np.unique([f for s in every for f in s.families], return_inverse=True)
@@ -266,11 +268,11 @@ def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _likeliest(
     every: list[Suspect], seen: _Whitened, alone: np.ndarray, residual: np.ndarray
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Names of the suspected faults that best explain the residual, each alone, the sizes of the
-    first one's shapes, and the changes (n, L) by all that explain it nearly as well.
+    """Names of the faults that best explain the residual, each alone; sizes (k,) of the first one's
+    k columns; and changes (n, L) by the L faults that explain it nearly as well.
 
-    k shapes cost k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of suspects that explain it
-    alike, those with fewest shapes are named. ``alone`` (n, C): changes beyond the parameters'.
+    k columns cost k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of faults that explain it
+    alike, those with fewest are named. ``alone`` (n, C): changes beyond the parameters'.
     """
     scores: list[tuple[float, np.ndarray, np.ndarray]] = []
     ends = np.cumsum([len(s.families) for s in every])

@@ -86,10 +86,9 @@ class Clock:
 @dataclass(frozen=True)
 class Spectrum:
     """White and 1/f noise of one channel, with uncertainties, without quantisation noise.
-
     Attributes:
         white, flicker: standard deviation, and amplitude of the 1/f part, as in `NoiseModel`.
-        flicker_std: of ``flicker``; NaN where that is insignificant and 0.
+        white_std, flicker_std: of these; that of an insignificant 1/f part, which is 0, is NaN.
         flicker_most: upper 95 % limit of ``flicker``.
         misfit: mean squared misfit of the octaves over their variances, 1 if the model holds.
     """

@@ -74,7 +74,7 @@ class Observability:
 
 
 def null_space(jacobian: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
-    """Rank, singular values and orthonormal null space (K, K − rank) of a scaled Jacobian."""
+    """Rank, singular values, orthonormal null space (K, K − rank) of a scaled Jacobian (M, K)."""
     triangle = np.linalg.qr(jacobian, mode="r") if len(jacobian) > jacobian.shape[1] else jacobian
     _, s, vt = np.linalg.svd(triangle)
     rank = int((s > RANK_TOLERANCE * s[0]).sum()) if len(s) and s[0] > 0 else 0

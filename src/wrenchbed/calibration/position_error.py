@@ -60,8 +60,8 @@ class Goal:
         return np.linalg.norm(np.einsum("tik,...k->...ti", self.sensitivity, deviation), axis=-1)
 
     def quantile(self, covariance: np.ndarray, share: float) -> float:
-        """Error [m] that the rms position error of a robot stays below with probability ``share``,
-        given the parameters' covariance (K, K)."""
+        """Bound [m] below which a robot's rms position error lies with probability ``share``, if
+        its parameters err with the covariance (K, K)."""
         half = np.linalg.cholesky(
             self.weight + 1e-15 * np.trace(self.weight) * np.eye(len(covariance))
         )

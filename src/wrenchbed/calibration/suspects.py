@@ -33,10 +33,9 @@ WAVES = 4
 
 
 class Suspect(NamedTuple):
-    """A possible fault: change (M, 6, k) of the readings by its ordinary size, in k shapes.
-
+    """A possible fault: change (M, 6, k) of M readings by its ordinary size, in k free columns.
     Attributes:
-        families: family of each shape (k,); shapes of one family have a common size.
+        families: kind of each column (k,); factors of one kind share a standard deviation.
         tips: change (3T, k) of the residuals of T touches, in standard deviations; None if none.
     """
 
@@ -59,8 +58,8 @@ def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Susp
 
 
 def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Yield general faults: slow functions of time, and smooth nonlinear functions of gravity's
-    direction (linear ones are gains and crosstalk)."""
+    """Yield general faults at observations of indices ``some``: slow functions of time, and smooth
+    nonlinear functions of gravity's direction (linear ones are gains and crosstalk)."""
     t = problem.data.t[some]
     along = np.pi * (t - t.min()) / max(float(np.ptp(t)), 1e-9)
     yield _shapes(
@@ -77,7 +76,8 @@ def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 
 
 def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Suspect:
-    """Make a fault of shapes (M, k) in any channel, scaled by the swing of forces or torques."""
+    """Make a fault that adds functions (M, k) to every channel, each with a free factor; at its
+    ordinary size they are `PART` of the readings' standard deviation."""
     size = np.sqrt(problem.data.wrench.var(axis=0).reshape(2, 3).mean(axis=1)).repeat(3) * PART
     unit = shapes / np.maximum(np.sqrt((shapes**2).mean(axis=0)), 1e-3)
     each = np.einsum("mk,cd->mcdk", unit, np.diag(size))
@@ -97,7 +97,8 @@ def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
 
 
 def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
-    """Yield faults of frames at x (K,): a tilt of gravity, and zero offsets of joints."""
+    """Yield faults of frames at parameters x (K,): a tilt of gravity, and zero offsets of joints;
+    ``some`` are indices of the observations."""
     model, theta, q = problem.model, problem.at(x), problem.data.q[some]
     read, gravity = model.predict(q, theta), np.asarray(model.gravity)
     tilted = [
@@ -125,8 +126,8 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
 def _of_time(
     problem: Problem, x: np.ndarray, some: np.ndarray, read: np.ndarray
 ) -> Iterator[Suspect]:
-    """Yield a delay of the wrench ``read`` (M, 6) and, in motion, a clock of another rate, as
-    changes at observations ``some``."""
+    """Yield a delay of the wrench ``read`` (M, 6), predicted at x (K,), and in motion a clock of
+    another rate, as changes at observations of indices ``some``."""
     model, theta, q = problem.model, problem.at(x), problem.data.q
     if not isinstance(q, Jet):
         for name, others in (

@@ -84,7 +84,8 @@ class Touches:
         return ((self.points - robot.tool_pose(self.q, robot_theta)[1]) / self.std).ravel()
 
     def jacobian(self, robot: Robot, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-        """Derivative (3T, K) of predicted tip positions, in standard deviations, by parameters."""
+        """Derivative (3T, K) of predicted tip positions, in standard deviations, by the parameters
+        with the indices ``columns``."""
         return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
 
     def agreement(self, solution: Solution, first: int) -> Agreement:

@@ -22,7 +22,8 @@ _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"}
 def observed(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Observed:
-    """Convert observations for `checks`: theta (P,) is stated, ``free`` names what a fit finds."""
+    """Convert the observations ``data`` for `checks`: theta (P,) are stated values, ``free`` names
+    the parameters that are fitted."""
     robot, robot_theta = model.robot, model.robot.robot_theta(theta)
     tool, stated = robot.tool(robot_theta), recording.metadata.tool
     row = np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1)
@@ -44,7 +45,7 @@ def of_observations(
 ) -> Finding | None:
     """Finding if rows are no repeats of their pose or, with a free mass, no load fits; else None.
 
-    Theta (P,) is stated, ``free`` names the parameters that a fit will find.
+    Theta (P,) holds the stated values, ``free`` the names of the parameters that a fit will find.
     """
     if recording.metadata.mode == "static":
         finding = contradicted(recording, data.keep, data.count)

@@ -57,11 +57,8 @@ class Wander:
 
 
 def kernel(t: np.ndarray) -> np.ndarray:
-    """Covariance matrix (N, N) of unit 1/f noise at times (N,) [s], ∫ cos(2πfτ)/f df.
-
-    The band reaches from a tenth of the inverse of the whole time to one cycle a pose; what is
-    faster looks independent from pose to pose.
-    """
+    """Covariance matrix (N, N) of unit 1/f noise at times (N,) [s], ∫ cos(2πfτ)/f df from a tenth
+    of the inverse of the whole time to one cycle a pose; faster noise looks independent."""
     span = float(t[-1] - t[0])
     low, high = 10.0**-_DECADES_BELOW / span, len(t) / span
     lag = 2 * np.pi * np.abs(t[:, None] - t)
@@ -128,7 +125,7 @@ def _restricted(r: np.ndarray, span: np.ndarray, weight: np.ndarray) -> tuple[fl
 
 
 def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a whitening of rows by each channel's variance (6,), without correlation in time."""
+    """Return a function that divides rows (N, 6) or (N, 6, K) by the root of a variance (6,)."""
     root = np.sqrt(variance)
     return lambda rows: rows / root.reshape(root.shape + (1,) * (rows.ndim - 2))
 
@@ -177,10 +174,8 @@ def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
 
 
 def _blind(problem: Problem) -> Outcome:
-    """Fit without known noise: one noise level of all forces and one of all torques.
-
-    Residuals often are effects that the model lacks; their size in a single channel is chance.
-    """
+    """Fit without known noise: one noise level of all forces and one of all torques, as residuals
+    often are effects that the model lacks; their size in a single channel is chance."""
     data = problem.data
     solution = problem.solve(_rows(FALLBACK_COVARIANCE, np.ones(len(data))), problem.start)
     factor = 1.0
@@ -254,10 +249,8 @@ def _correlation_time(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def correlation_time(r: np.ndarray) -> np.ndarray:
-    """Integrated autocorrelation time (6,) of evenly sampled rows (N, 6) [samples].
-
-    Sokal's window: Goodman & Weare 2010, doi 10.2140/camcos.2010.5.65, Section 3.
-    """
+    """Integrated autocorrelation time (6,) of evenly sampled rows (N, 6) [samples], with Sokal's
+    window: Goodman & Weare 2010, doi 10.2140/camcos.2010.5.65, Section 3."""
     r = r - r.mean(axis=0)
     length = next_fast_len(2 * len(r), real=True)
     power = np.abs(np.fft.rfft(r.T, length)) ** 2

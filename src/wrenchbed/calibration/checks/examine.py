@@ -76,8 +76,8 @@ _UNITS = {
 
 def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> Finding | None:
     """Return the first finding against a recording, or None. ``seen`` are its observations; with
-    ``blocking`` only findings count after which even a diagnosis, which sets contacts aside and
-    names jumps of the zero, can learn nothing."""
+    ``blocking`` only findings count by which a diagnosis, too, refuses: not contacts or jumps of
+    the zero, which it names itself."""
     finding = rows.of_rows(recording, blocking=blocking) or of_load(recording, seen)
     return finding if finding is None or finding.blocks or not blocking else None
 
@@ -100,7 +100,7 @@ def of_load(recording: Recording, seen: Observed) -> Finding | None:
 
 def _as_mounted(seen: Observed) -> Observed:
     """Rotate the readings to the stated mount's axes if a rotation by more than `TURNED` makes one
-    rigid load fit; else return them unchanged."""
+    rigid load fit; else return ``seen`` unchanged."""
     turn = best_turn(-seen.seen.origin.T, seen.y[:, :3]) if seen.turns else None
     if turn is None or np.trace(turn) > 1.0 + 2.0 * np.cos(TURNED):
         return seen  # of an imperfect mount, what channels show is clearer in their own axes
@@ -252,7 +252,7 @@ def _carried(load: Load) -> bool:
 
 
 def _one_channel(seen: Observed, load: Load) -> Finding | None:
-    """Finding if one load explains all channels but a dead or wrongly scaled one; else None."""
+    """Finding if one load explains all channels but one, dead or wrongly scaled; else None."""
     fits = seen.moments.without_each()
     k = int(np.argmin([f.share for f in fits]))
     if fits[k].share > min(CLEAN, 0.2 * load.share) or not _carried(fits[k]):
@@ -299,10 +299,8 @@ def _nothing(seen: Observed, load: Load) -> Finding:
 
 
 def sphere(force: np.ndarray) -> tuple[float, float]:
-    """Radius [N] of the sphere that best fits forces (M, 3), and their relative distance from it.
-
-    That distance is infinite for forces in a plane, which lie on spheres of any size.
-    """
+    """Radius [N] of the sphere that best fits forces (M, 3), and their relative distance from it,
+    infinite for forces in a plane, which lie on spheres of any size."""
     centred = force - force.mean(axis=0)
     squares = (centred**2).sum(axis=1)
     design = np.column_stack([2.0 * centred, np.ones(len(force))])
@@ -357,7 +355,7 @@ def _units(seen: Observed, load: Load) -> Finding | None:
 
 
 def _longer(seen: Observed, load: Load) -> float | None:
-    """Fitted over stated distance of the CoG; None if unstated or in another direction."""
+    """Fitted over stated distance of the CoG; None if none is stated or the direction differs."""
     if seen.cog is None or not (square := float(seen.cog @ seen.cog)):
         return None
     lever = load.phi[1:4] / load.phi[0]
@@ -398,7 +396,7 @@ def _unlike_stated(seen: Observed, load: Load) -> Finding | None:
 
 
 def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
-    """Finding that a controller subtracts a payload, by the forces left; ``doubt`` is its end."""
+    """Finding that a controller subtracts a payload from forces; ``doubt`` ends its sentence."""
     mass = float(load.phi[0])
     less = seen.mass - mass
     state = ", or state the tool without it" if mass > 0.0 else " and record again"

@@ -77,7 +77,8 @@ def mistake(seen: Observed) -> Finding | None:
 
 
 def _mirrored(alike: Sequence[Mistake]) -> Finding:
-    """Finding that names every axis whose mirroring explains the readings, each with its load."""
+    """Finding that names every axis whose mirroring explains the readings, each with its load: one
+    of the mistakes ``alike``, which explain them equally well."""
     loads = (", ".join(f"{1e3 * x:.0f}" for x in m.centre) for m in alike)
     ways = " Or ".join(
         f"{m.finding.sentence}: the load is then at ({load}) mm."
@@ -87,7 +88,7 @@ def _mirrored(alike: Sequence[Mistake]) -> Finding:
 
 
 def _whole(mistake: Mistake) -> bool:
-    """Whether a load fitted after a correction of units explains the torques; True for others."""
+    """Whether a load fitted after a correction of units explains torques; else True."""
     return mistake.finding.reason != "units" or bool(mistake.load.channel[3:].max() < CLEAN)
 
 
@@ -120,7 +121,7 @@ def _of_channels(seen: Observed) -> Iterator[Mistake]:
 
 
 def _mended(moments: Moments, mass: float) -> Iterator[Mistake]:
-    """Yield possible mistakes in the channels, simplest first; ``mass`` [kg] is for sentences."""
+    """Yield possible mistakes in the channels, simplest first; sentences state ``mass`` [kg]."""
     words, reasons, matrices = _all_mends()
     for text, reason, load in zip(words, reasons, moments.mended(matrices), strict=True):
         yield Mistake(load, Finding(reason, text.format(mass=mass)))
@@ -230,7 +231,7 @@ def best_turn(gravity: np.ndarray, force: np.ndarray) -> np.ndarray | None:
 
 
 def _turned_sensor(seen: Observed, rotation: np.ndarray) -> Iterator[Mistake]:
-    """Yield the mistake that the sensor is turned by a rotation (3, 3), if that is large."""
+    """Yield the mistake that the sensor is turned by a rotation (3, 3), if beyond `TURNED`."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     turn = Rotation.from_matrix(rotation)

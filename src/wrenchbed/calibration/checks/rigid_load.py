@@ -105,8 +105,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Sums of products of regressor D and readings y, about their means, over M observations.
-
+    """Sums over ``count`` rows of products of regressor D and readings y, both about their means.
     Attributes:
         design: D_cᵀ D_c of each channel c (6, 10, 10).
         mixed: D_cᵀ y_d of channels c, d (6, 6, 10).
@@ -131,7 +130,7 @@ class Moments:
         )  # fmt: skip
 
     def fit(self, mend: np.ndarray | None = None, without: Sequence[int] = ()) -> Load:
-        """Fit a load to readings corrected by the matrix ``mend`` (6, 6), without some channels.
+        """Fit a load to readings mended by a matrix ``mend`` (6, 6); ``without``: unused channels.
 
         Forces weigh by their variance, torques by theirs or by that of a short lever.
         """
@@ -155,7 +154,8 @@ class Moments:
         return np.asarray(((self.design @ phi.T) * phi.T).sum(axis=1).T)
 
     def _fits(self, p: np.ndarray, use: np.ndarray) -> list[Load]:
-        """Fit loads to readings corrected by matrices p (B, 6, 6), on channels ``use`` (B, 6)."""
+        """Fit B loads to readings mended by matrices p (B, 6, 6), each by the channels that its row
+        of ``use`` (B, 6), boolean, marks."""
         mixed = np.swapaxes(np.swapaxes(p, 0, 1) @ self.mixed, 0, 1)  # (B, 6, 10)
         squares = ((p @ self.readings) * p).sum(axis=2)
         force, torque = _parts(squares * use)

@@ -138,11 +138,8 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
 
 
 def usable(recording: Recording) -> np.ndarray:
-    """Booleans (N,): rows without a channel that is marked as saturated.
-
-    Live drivers mark them in ``saturated``, simulations in ``status``; the status word of a real
-    device has its maker's meaning and drops nothing.
-    """
+    """Booleans (N,): rows without a channel that is marked as saturated. Live drivers mark them in
+    ``saturated``, simulations in ``status``; a real device's status word drops nothing."""
     flags = recording.columns.get("saturated")
     if flags is None and recording.metadata.source == "sim":
         flags = recording.columns.get("status")
@@ -152,7 +149,7 @@ def usable(recording: Recording) -> np.ndarray:
 
 
 def _ranges(recording: Recording) -> Iterator[Finding]:
-    """Yield findings on rows at the end of one of the sensor's ranges that are not marked."""
+    """Yield findings on rows at the end of one of the sensor's ranges, not marked as saturated."""
     model, keep = recording.metadata.sensor.model, usable(recording)
     if model is None or not registry.is_known("sensors", model):
         return
@@ -191,7 +188,8 @@ def _lost(recording: Recording) -> Iterator[Finding]:
 
 
 def _no_readings(what: str, rows: np.ndarray) -> Finding:
-    """Finding that rows (N,) hold 0 instead of a reading."""
+    """Finding that ``what`` (such as "all channels are") is 0 in the rows marked in ``rows`` (N,),
+    a boolean mask, for lack of a reading."""
     return Finding(
         "spike",
         f"{what} exactly 0 in {rows.sum()} rows (the first: row {int(np.argmax(rows))}) between "
@@ -353,7 +351,7 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
 
 
 def _along(off: np.ndarray, way: np.ndarray) -> float:
-    """Fraction of deviations ``off`` (F, 6) that point along ``way`` (F, 6) and are shorter."""
+    """Fraction of F deviations ``off`` (F, 6) that point along ``way`` (F, 6) and are shorter."""
     size = np.maximum((way**2).sum(axis=1), 1e-300)
     part = np.clip((off * way).sum(axis=1) / size, 0.0, 1.0)
     beside = ((off - part[:, None] * way) ** 2).sum(axis=1)

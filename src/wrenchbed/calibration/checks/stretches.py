@@ -56,7 +56,8 @@ def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scaled(seen: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Regressor of load and bias (M, 6, 16) and readings (M, 6) over the swing (6,); that swing."""
+    """Regressor of load and bias (M, 6, 16) and readings (M, 6), divided by the largest standard
+    deviation of a force or of a torque channel; and that divisor (6,)."""
     d = np.concatenate([seen.design, np.broadcast_to(np.eye(6), (len(seen), 6, 6))], axis=2)
     force = float(seen.y[:, :3].std(axis=0).max())
     scale = np.repeat([force, max(float(seen.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
