@@ -122,6 +122,7 @@ def initial_values(
 ) -> np.ndarray:
     """Start of a fit (P,): theta, in which a linear fit to ``data`` at rest replaces mass, CoG and
     bias where ``free`` has their indices.
+
     Raises:
         CalibrationError: one orientation only, or a wrench of opposite sign.
     """

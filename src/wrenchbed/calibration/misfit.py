@@ -58,6 +58,7 @@ class Fault:
 @dataclass(frozen=True, eq=False)
 class _Whitened:
     """Columns of parameters and suspected faults, and the residual, in units of noise, of n rows.
+
     Attributes:
         A: derivatives by the K parameters, per tolerance (n, K).
         S: changes by faults of ordinary size (n, C); a fault has one column or several.

@@ -86,6 +86,7 @@ class Clock:
 @dataclass(frozen=True)
 class Spectrum:
     """White and 1/f noise of one channel, with uncertainties, without quantisation noise.
+
     Attributes:
         white, flicker: standard deviation, and amplitude of the 1/f part, as in `NoiseModel`.
         white_std, flicker_std: of these; that of an insignificant 1/f part, which is 0, is NaN.

@@ -22,11 +22,9 @@ means over the median change (Gaussian noise: 9 sigma, once in 10^17; 1/f noise 
 
 
 def check_rest(recording: Recording) -> float:
-    """Check that a recording is a rest from which noise can be learnt; return its rate [Hz].
-
-    Raises:
-        CalibrationError: too short, moving, uneven, saturated, disturbed or dead.
-    """
+    """Return the rate [Hz] of a recording at rest from which noise can be learnt; a
+    `CalibrationError` says why another is none: too short, moving, uneven, saturated, disturbed or
+    dead."""
     for reason in _reasons(recording):
         raise CalibrationError(f"{recording.name}: {reason}")
     return float((len(recording) - 1) / (recording.t[-1] - recording.t[0]))

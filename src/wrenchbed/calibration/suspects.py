@@ -33,7 +33,9 @@ WAVES = 4
 
 
 class Suspect(NamedTuple):
-    """A possible fault: change (M, 6, k) of M readings by its ordinary size, in k free columns.
+    """A possible fault: change (M, 6, k) of M readings by its ordinary size, in k columns whose
+    factors are free.
+
     Attributes:
         families: kind of each column (k,); factors of one kind share a standard deviation.
         tips: change (3T, k) of the residuals of T touches, in standard deviations; None if none.

@@ -57,11 +57,8 @@ def of_observations(
 
 
 def check(recording: Recording) -> Finding | None:
-    """First finding against a recording; None if nothing speaks against it.
-
-    Raises:
-        RecordingError, CalibrationError: it cannot be read as this robot's.
-    """
+    """First finding against a recording; None if nothing speaks against it. A `RecordingError` or
+    `CalibrationError` if it cannot be read as this robot's."""
     model = Model.of(robot_of(recording), recording.metadata)
     if recording.metadata.mode == "dynamic" and not recording.joints:
         raise CalibrationError(f"{recording.name}: motion needs joint columns")

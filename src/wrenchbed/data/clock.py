@@ -48,7 +48,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
-    """Convert a column of stamps, as times or texts, to times (N,) [ns] since 1970; else None.
+    """Convert a column of times or of texts to times (N,) [ns] since 1970; None for other columns.
 
     Where texts state no date, midnight is passed at a fall by more than half a day.
     """
@@ -72,11 +72,7 @@ def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
 
 
 def _moment(text: str) -> datetime:
-    """Parse a time stamp's text; without a date it is on the first of January 1970.
-
-    Raises:
-        ValueError: the text is no time stamp.
-    """
+    """Parse a time stamp; without a date it is of 1 January 1970. A `ValueError` if it is none."""
     text = _MARK.sub(r"\1.", text.strip().replace("/", "-"))
     if ":" not in text:
         raise ValueError(f"{text} is no stamp of time")
@@ -88,7 +84,8 @@ def _moment(text: str) -> datetime:
 
 
 def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.ndarray:
-    """Convert clock values (N,) in units of ``size`` [s], ``zero`` at time 0, to times (N,) [ns].
+    """Convert clock values (N,) in units of ``size`` [s], counted from ``zero``, to times (N,)
+    [ns].
 
     Raises:
         MapError: the clock does not advance, or is not in this unit; begins with ``where``.
@@ -279,8 +276,8 @@ def pieces(columns: Mapping[str, np.ndarray]) -> list[slice]:
 def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
     """Longest gap [s] between times t (N,) that interpolation may fill; 0 if there is none.
 
-    Stretches without a gap, of its length, are filled by polynomials as a trial: the error to the
-    known joint values q (N, J) may be twice that of a straight line over every second row.
+    For a trial, polynomials fill stretches of its length that have no gap: their rms error, to the
+    joint values q (N, J) there, may be twice that of straight lines across every second row.
     """
     step, longest = np.diff(t), 0.0
     most = _GAP * float(np.median(step))

@@ -73,10 +73,9 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a recording's column: (file's column / ``per`` − ``zero``) · ``sign``, then in SI.
-
-    A clock of two columns has the parts of its seconds in ``nanoseconds``.
-    """
+    """Source of a recording's column ``target``: (file's ``column`` / ``per`` − ``zero``) ·
+    ``sign`` in ``unit``, a word of `UNITS`, converted to SI. A clock of two columns has the
+    fractions of its seconds in the column ``nanoseconds``."""
 
     target: str
     column: str
@@ -93,7 +92,7 @@ class Source:
 
 @dataclass(frozen=True)
 class FileMap:
-    """Columns that are read from the file whose name matches ``match``.
+    """Columns that are read from the file whose name matches the glob pattern ``match``.
 
     Attributes:
         topic: topic of a log, whose messages' fields are its columns.
@@ -132,7 +131,8 @@ class ColumnMap:
     """Column map of an import: its files, of which the first sets the rows.
 
     ``mode`` is ``static``, ``dynamic`` or ``auto``, which detects holds (rests) and moves;
-    ``rate_hz`` is the rate of rows [Hz], needed by motions without a clock.
+    ``rate_hz`` is the rate of rows [Hz], needed by motions without a clock; ``name`` is for
+    messages.
     """
 
     files: tuple[FileMap, ...]
@@ -180,7 +180,8 @@ def read(path: str | Path) -> ColumnMap:
 
 
 def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
-    """Make a checked column map from fields; robot and sensor files are relative to ``folder``.
+    """Make a checked column map from the fields of its file; ``name`` begins errors, and robot and
+    sensor files are relative to ``folder``.
 
     Raises:
         MapError: names the entry and what it should say.
@@ -201,8 +202,8 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
 
 
 def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
-    """Read mode and metadata from a map's ``[recording]``; errors begin with ``name``, and robot
-    and sensor files are relative to ``folder``."""
+    """Read mode and metadata from ``stated``, a map's table ``[recording]``; errors begin with
+    ``name``, and robot and sensor files are relative to ``folder``."""
     fields = set(Metadata.__dataclass_fields__) - {"extra"} | {"format", "configured"}
     stated.only(fields, "[recording]")
     parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}
@@ -220,7 +221,7 @@ def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Meta
 
 
 def seen_from(recording: Mapping[str, Any], moved: Callable[[str], str]) -> dict[str, Any]:
-    """Return ``[recording]`` with the paths of robot and sensor files changed by ``moved``."""
+    """Return a map's ``[recording]`` with paths of robot and sensor files changed by ``moved``."""
 
     def placed(part: Mapping[str, Any], key: str) -> dict[str, Any]:
         file = part.get(key)

@@ -162,10 +162,11 @@ def _noise_of(values: np.ndarray) -> np.ndarray:
 def _stays_away(
     values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
-    """Booleans (K,): whether values (N,) stay changed after ``jumps`` (K,), rows before a step
-    above ``limit``; noise [standard deviation] makes steps after which values return.
+    """Booleans (K,): whether values (N,) stay changed after ``jumps`` (K,), indices of rows before
+    a step above ``limit``, and do not just return from an outlier of ``noise`` [standard
+    deviation].
 
-    Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
+    Means of rows of one segment are compared; ``begin`` (S + 1,): first row of each segment, and N.
     """
     here = jumps + 1  # the first row behind the jump
     segment = np.searchsorted(begin, jumps, side="right") - 1

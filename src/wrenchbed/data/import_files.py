@@ -181,10 +181,10 @@ def _by_accelerometer(
     data: Mapping[str, np.ndarray], mode: str, where: str
 ) -> tuple[dict[str, np.ndarray], str]:
     """Replace accelerometer columns by the orientation that they show at rest, each pose a segment;
-    return the columns and a sentence.
+    return the columns and a sentence. Errors begin with ``where``.
 
     Raises:
-        MapError: rows lie between poses and the mode is not auto, or the sensor was not at rest.
+        MapError: rows lie between poses and ``mode`` is not auto, or the sensor was not at rest.
     """
     read = np.stack([data[c] for c in ACCELERATION], axis=1)
     groups = held(read)
@@ -264,7 +264,7 @@ def _clock(table: Columns, source: Source) -> np.ndarray:
 def _in_sensor_axes(
     data: dict[str, np.ndarray], column_map: ColumnMap, path: Path
 ) -> dict[str, np.ndarray]:
-    """Convert orientation to the sensor's, and the wrench to sensor axes, in columns ``data``."""
+    """Convert orientation to the sensor's, wrench to its axes, in ``data`` of the file ``path``."""
     conventions, stated = column_map.conventions, column_map.metadata
     pose = stated.sensor.pose_flange
     rows = len(data["t"])

@@ -88,7 +88,7 @@ def import_lerobot(folder: Path, map_file: Path) -> Imported:
 
 
 def _features(folder: Path) -> dict[str, list[str]]:
-    """Feature (``observation.state``, ``action``) → names of the numbers in it."""
+    """Feature (``observation.state``, ``action``) → names of the numbers in it, in their order."""
     fields = checked.Fields(checked.load(folder / INFO, MapError), f"{folder / INFO}: ", MapError)
     result: dict[str, list[str]] = {}
     for name, entry in fields.part("features").raw.items():
@@ -105,8 +105,8 @@ def _features(folder: Path) -> dict[str, list[str]]:
 def _joints(
     stated: checked.Fields, joints: Sequence[str], names: Sequence[str], where: str
 ) -> list[str]:
-    """Names in a feature that are the robot's joints, in its order: those that the map lists under
-    ``joints``, else those that end in the name of a joint."""
+    """Names of a feature's numbers that are the robot's ``joints``, in their order: those that the
+    map ``stated`` lists under ``joints``, else those that end in the name of a joint."""
     given = stated.raw.get("joints")
     if given is not None:
         if not isinstance(given, list) or len(given) != len(joints) or set(given) - set(names):
@@ -126,7 +126,7 @@ def _joints(
 
 
 def _places(names: Sequence[str], wanted: Sequence[str], kind: str, folder: Path) -> list[int]:
-    """Indices of the wanted names in a feature's names; parts behind the last dot are ignored."""
+    """Indices of wanted names in ``names`` of feature ``kind``, both without what follows a dot."""
     bases = [n.rpartition(".")[0] or n for n in names]
     ours = [n.rpartition(".")[0] or n for n in wanted]
     if missing := [n for n in ours if n not in bases]:
@@ -135,7 +135,7 @@ def _places(names: Sequence[str], wanted: Sequence[str], kind: str, folder: Path
 
 
 def _table(folder: Path, kinds: Sequence[str]) -> pa.Table:
-    """Read a data set's columns of some features, rows in order of episodes and frames."""
+    """Read the features ``kinds`` and clock of a data set, rows in order of episodes and frames."""
     files = sorted((folder / "data").rglob("*.parquet"))
     if not files:
         raise MapError(f"{folder}: has no Parquet file under data/")
@@ -166,7 +166,7 @@ def _clock(table: pa.Table, where: str) -> dict[str, np.ndarray]:
 
 
 def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
-    """Numbers of a feature, one row a frame (N, K)."""
+    """Numbers (N, K) of the feature ``kind``, one row a frame."""
     flat = table[kind].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(float)
     if len(flat) % len(table):
         raise MapError(f"{folder}: rows of {kind} have different lengths")
@@ -174,7 +174,7 @@ def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
 
 
 def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarray:
-    """Convert joint values (N, J) in the units that the map states to rad and m."""
+    """Convert joint values (N, J) in the units that the map states to rad and m; ``joints``: J."""
     units = [*_OF_JOINTS, NORMALISED]
     rule = (
         f"must say what the data set's values are, which it does not: {', '.join(units)}; LeRobot "
@@ -193,7 +193,8 @@ def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarra
 
 
 def _pairs(stated: checked.Fields, key: str, joints: int, what: str) -> np.ndarray:
-    """Two different numbers for each joint (J, 2), as the map states them under ``key``."""
+    """Two different numbers for each of ``joints`` joints (J, 2), as the map states them under
+    ``key``; ``what`` says in an error what they are."""
     try:
         result = np.asarray(stated.raw.get(key), dtype=float)
     except (TypeError, ValueError):

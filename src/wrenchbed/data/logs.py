@@ -245,15 +245,13 @@ def _line(error: Exception) -> str:
 
 
 def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield a topic's encoded messages in the order of the file; none if the topic is None.
-
-    ``topics`` receives all topics and the types of their messages.
-    """
+    """Yield a topic's encoded messages in the order of the file; none if ``topic`` is None. The
+    dict ``topics`` is filled: name of every topic → type of its messages."""
     return (_of_mcap if path.suffix == ".mcap" else _of_bag)(path, topic, topics)
 
 
 def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield messages of an MCAP file, read from begin to end; arguments as in `_messages`."""
+    """Yield a topic's messages from an MCAP file, read once from begin to end; fill ``topics``."""
     library = registry.require("mcap.stream_reader", "logs")
     kinds = registry.require("mcap.records", "logs")
     schemas: dict[int, Any] = {}
@@ -295,7 +293,7 @@ def _channel_of_mcap(record: Any, schema: Any) -> Channel:
 
 
 def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield messages of a ROS 1 or 2 bag; arguments as in `_messages`."""
+    """Yield a topic's messages from a ROS 1 or 2 bag; fill ``topics`` with name → type of all."""
     bag1 = path.suffix == ".bag"
     library = registry.require(f"rosbags.rosbag{1 if bag1 else 2}.reader", "logs")
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path
@@ -412,7 +410,8 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
 def _topics(
     recording: Recording, known: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Callable[[int], dict[str, Any]]]]:
-    """Yield topic, message type, and a function from row to message, for all recorded data."""
+    """Yield topic, message type, and a function from row number to the message's fields, for all
+    recorded data; ``known`` are message classes by type."""
     vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
     load = recording.wrench.astype(float)
 

@@ -44,7 +44,8 @@ class SensorInfo:
 @dataclass(frozen=True)
 class Metadata:
     """Checked metadata of a recording, as docs/contracts.md defines them: gravity (3,) [m/s²] in
-    the base, mode ``static`` or ``dynamic``; ``extra`` keeps fields that are not known."""
+    the base, mode ``static`` or ``dynamic``, ``tolerance`` by parameter group; ``extra``: unknown
+    fields."""
 
     robot: str
     mode: str
@@ -74,7 +75,8 @@ class Metadata:
 
 
 def model_field(name: str | None, kind: str = "robots") -> dict[str, Any]:
-    """Metadata entry with the model of a user's own robot or sensor; empty for one that ships."""
+    """Metadata entry with the model of a user's robot (or sensor: ``kind`` ``sensors``) of this
+    name; empty for one that ships."""
     record = registry.record_of(kind, str(name))
     return {} if record is None else {_MODELS[kind]: dict(record)}
 

@@ -65,11 +65,7 @@ _MARKS = (
 
 
 def kind_of(path: Path) -> Kind | None:
-    """Kind of a file by its content; None for one that wrenchbed does not write.
-
-    Raises:
-        OSError: it cannot be read.
-    """
+    """Kind of a file by its content, None if not one of wrenchbed's; `OSError` if unreadable."""
     with path.open("rb") as file:
         first = file.read(_FIRST)
     if first.startswith(b"PAR1"):  # a damaged one may be a recording

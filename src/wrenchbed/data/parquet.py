@@ -71,7 +71,7 @@ def column_names(path: Path) -> tuple[str, ...] | None:
 
 
 def _source(path: Path) -> pa.NativeFile:
-    """Open a file for pyarrow; its name need not be UTF-8."""
+    """Open a file for reading by pyarrow; its name need not be UTF-8."""
     return pa.OSFile(os.fsencode(path), "rb")
 
 

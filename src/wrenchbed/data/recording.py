@@ -72,11 +72,7 @@ class Recording:
 
     @property
     def wrench(self) -> np.ndarray:
-        """Measured load on the sensor (N, 6) [N, N·m].
-
-        Raises:
-            RecordingError: the recording has none.
-        """
+        """Measured load on the sensor (N, 6) [N, N·m]; a `RecordingError` if there is none."""
         self.require_wrench()
         return np.stack([self.columns[c] for c in CHANNELS], axis=-1)
 
@@ -93,11 +89,7 @@ class Recording:
         return not other and commanded(columns)
 
     def require_wrench(self) -> None:
-        """Check that the recording has a wrench, not only joint efforts or target positions.
-
-        Raises:
-            RecordingError: it has no wrench.
-        """
+        """Raise `RecordingError` if there is no wrench, only joint efforts or target positions."""
         if not self.has_wrench:
             held = "the places of a target" if self.effort is None else "the effort of its joints"
             held = "what its joints were told" if self.only_commanded else held

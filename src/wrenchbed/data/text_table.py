@@ -182,11 +182,8 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
 
 
 def _check_cut(path: Path, layout: Layout, cells: int) -> None:
-    """Refuse rows with another number of cells, except a last row that was cut off.
-
-    Raises:
-        MapError: names the row.
-    """
+    """Raise `MapError` for a row with more or fewer cells than ``cells``, except a cut-off last
+    one."""
     rows = enumerate(_rows(path, layout.skipped))
     for row, (line, text) in rows:
         count = len(split(text, layout.separator))
@@ -262,8 +259,9 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
 def _table_at(
     lines: Sequence[str], some: Sequence[int], plain: Sequence[int], separator: str, decimal: str
 ) -> tuple[float, Layout] | None:
-    """Layout of a table with this separator and decimal mark, and a plausibility score; None if
-    there is none. ``some``: numbers of lines that are not empty, ``plain``: without comments."""
+    """Plausibility score (higher is better) and layout of a table with this separator and decimal
+    mark; None if there is none. ``some``: indices of lines not empty, ``plain``: without comments.
+    """
     cells = {k: split(lines[k], separator) for k in plain}
     widths = Counter(len(c) for c in cells.values() if _numeric(c, decimal) > 0)
     if not widths:
@@ -286,7 +284,7 @@ def _table_at(
 
 
 def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -> int:
-    """Number of the first line of numbers among lines ``body``: the first, or after the header."""
+    """Index of the first line of numbers among lines ``body``; ``cells``: texts by line index."""
     later = [cells[k] for k in body[1:]]
     columns = [
         j for j in range(len(cells[body[0]]))
@@ -302,7 +300,7 @@ def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -
 def _header(
     lines: Sequence[str], some: Sequence[int], first: int, separator: str, decimal: str, width: int
 ) -> tuple[list[str], list[str]]:
-    """Names of the columns, and their units if a line below has them, from the lines (perhaps
+    """Names of ``width`` columns, and their units if a line below has them, from lines (perhaps
     comments) before line ``first``, at indices ``some``; numbers from 1 if there are no names.
 
     A line in which a word stands twice, below one of different words, is of units.

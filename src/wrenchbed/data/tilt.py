@@ -43,8 +43,8 @@ def held(read: np.ndarray) -> np.ndarray | None:
 
 
 def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
-    """Orientations of the sensor in the base (G,), without turn about the vertical, its zero (3,)
-    and the norms (G,) [m/s²] of mean accelerometer readings at rest (G, 3).
+    """Orientations of the sensor in the base (G,), without turn about the vertical, the
+    accelerometer's zero (3,), norms (G,) without it [m/s²], from mean readings at rest (G, 3).
 
     The readings lie on a sphere about the zero, which is fitted where they surround it.
     """

@@ -79,7 +79,7 @@ class RecordingWriter:
                 self._rewriting = self._pool.submit(self._rewrite, list(self._batches))
 
     def flush(self) -> None:
-        """Write all rows to disk and wait for it."""
+        """Write all rows to the journal on disk, and to the recording if its rewriting is due."""
         self._note()
         self._check(wait=True)
         if self._batches and self._due():
@@ -105,7 +105,7 @@ class RecordingWriter:
         self._stream = None
 
     def _note(self) -> None:
-        """Append all pending rows to the journal."""
+        """Append all rows not yet on disk to the journal."""
         self._flushed = time.monotonic()
         if not self._pending:
             return
@@ -133,7 +133,7 @@ class RecordingWriter:
         return {parquet.KEY: metadata.encode()}
 
     def _undo(self) -> None:
-        """Delete all files of a recording that has no row."""
+        """Delete the files of a recording that has no row, and put back what they had replaced."""
         self._stream = None
         if self._sink is not None:
             with suppress(OSError):

@@ -106,6 +106,7 @@ class Load:
 @dataclass(frozen=True, eq=False)
 class Moments:
     """Sums over ``count`` rows of products of regressor D and readings y, both about their means.
+
     Attributes:
         design: D_cᵀ D_c of each channel c (6, 10, 10).
         mixed: D_cᵀ y_d of channels c, d (6, 6, 10).

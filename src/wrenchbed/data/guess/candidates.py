@@ -96,7 +96,7 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
 
 
 def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, Reading]]:
-    """Yield each pair of a wrench with columns that may be its orientation or joints."""
+    """Yield each pair of a wrench with columns (of any table) that may be orientation or joints."""
     readings = [[*orientations(sheet), *_of_joints(sheet, stated)] for sheet in tables]
     if any(reading.named for of_sheet in readings for reading in of_sheet):
         readings = [[r for r in of_sheet if r.named] for of_sheet in readings]  # names bind
@@ -146,7 +146,8 @@ def at_rows(
 
 
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
-    """Rotation matrices (G, 3, 3) at rows (G,) of the wrench; None if columns are no rotation."""
+    """Rotation matrices (G, 3, 3) at the wrench's rows of indices ``rows`` (G,), from columns of
+    ``reading``; None if they are no rotation."""
     sheet, at = pairing.sheet, pairing.at
     size = 1.0 if reading.unit is None else SIZES[reading.unit][1]
     columns = {t: sheet.values[n][at[rows]] for t, n in reading.targets.items()}
@@ -165,7 +166,8 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
-    """Yield a pair's fitted conventions: orientation inverse or not, axes of the wrench, mount."""
+    """Yield conventions, each with its fit, of a wrench and a reading as its orientation:
+    orientation inverse or not, wrench in base or body axes, each mount."""
     poses = pairing.poses(reading)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:
@@ -207,12 +209,13 @@ def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
 
 
 def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Fraction of the rms of each force (W, N, 3) that no weight explains, with any mount, at
-    rotations (N, 3, 3) of the body in the base or of the base in the body.
+    """Fraction (W,) of each of W force records (W, N, 3), as a ratio of rms, that no weight
+    explains with any mount, at rotations (N, 3, 3) of the body in the base or of the base in the
+    body.
 
-    The best mount of a body explains the nuclear norm of the product of force and direction of
-    gravity (orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451); a wrench in
-    the base's axes has no mount.
+    The best mount explains the nuclear norm of the product of force and direction of gravity
+    (orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451); a wrench in the base's
+    axes has no mount.
     """
     mean_force, square = force.mean(axis=1), (force**2).sum(axis=2).mean(axis=1)
     variance = np.maximum(square - (mean_force**2).sum(axis=1), 1e-300)

@@ -76,7 +76,7 @@ class GravityFit:
     poses: int
 
     def against(self, other: "GravityFit") -> float:
-        """Twice the difference of log-likelihood by which this fit is worse than another."""
+        """How much less likely the rows are by this fit than by another: −2 Δ log-likelihood."""
         worse = np.log(self.force_rms / other.force_rms)
         worse += np.log(self.torque_rms / other.torque_rms)
         return 6.0 * min(self.poses, _ENOUGH) * float(worse)
@@ -91,7 +91,7 @@ def fits(
         turn: rotation of the body in the base (N, 3, 3).
         wrench: (N, 6) in the file's units.
         in_base: whether the wrench is in the base's axes and not in the body's.
-        every: whether to yield also fits that leave most of the force.
+        every: whether to yield also fits that leave most of the force unexplained.
     """
     if in_base:
         wrench = in_body(turn, wrench)
@@ -273,7 +273,8 @@ class Convention:
         )
 
     def words(self, down: str = "") -> str:
-        """Describe the columns' meanings and axes; ``down``: sign of gravity's axis if known."""
+        """Describe columns and axes; ``down`` is the sign (+, -) of gravity's axis, empty if
+        unknown."""
         what = self.reading.kind + (" of the base in the sensor" if self.inverse else "")
         parts = [what, f"wrench in {'base' if self.in_base else 'sensor'} axes"]
         parts.append(f"gravity along {down}{'xyz'[self.fit.axis]}")

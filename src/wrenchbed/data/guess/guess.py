@@ -229,7 +229,7 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
 
 
 def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
-    """Yield a convention with both signs of wrench and gravity, and each pair of units in which its
+    """Yield convention c with both signs of wrench and gravity, and each pair of units in which its
     load has a tool's mass. ``size``: gravity's [m/s²]; ``mass``: the tool's, if known [kg]."""
     stated = [c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx")]
     pairs: Sequence[Sequence[str]] = [*_UNITS, *(_SELDOM if mass or any(stated) else ())]

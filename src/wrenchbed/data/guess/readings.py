@@ -36,7 +36,7 @@ class Reading:
 
     Attributes:
         kind: description in words.
-        targets: target name of a column map → column.
+        targets: name that the column has in a recording or map (``qw``, ``q1`` …) → file's column.
         unit: unit of angles; none of numbers.
         cost: how unusual it is; of readings that fit alike the least costly is taken.
         robot: robot whose joints these are; None for an orientation.
@@ -73,7 +73,7 @@ def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
 
 def orientations(sheet: Sheet) -> Iterator[Reading]:
     """Yield the ways to read columns as an orientation: by name, else by value, of the kind with
-    most columns; last an accelerometer."""
+    most columns (matrix, quaternion, angles); last an accelerometer."""
     roles, named = sheet.roles, False
     for kind, group in _KINDS.items():
         if group[0] in roles:

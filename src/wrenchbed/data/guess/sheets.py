@@ -144,12 +144,13 @@ class Sheet:
         return rule(self.block(names, every)) and rule(self.block(names))
 
     def may_be(self, names: Sequence[str], *quantities: str) -> bool:
-        """Whether the units of these columns, where stated, allow the quantities."""
+        """Whether units of these columns, where stated, are of quantities such as ``force``."""
         units = (self.units.get(name) for name in names)
         return all(unit is None or UNITS[unit][0] in quantities for unit in units)
 
     def windows(self, width: int, *quantities: str) -> Iterator[list[str]]:
-        """Yield each ``width`` adjacent columns without a role whose units allow the quantities."""
+        """Yield each ``width`` adjacent columns without role that may be of the quantities
+        (``angle`` …)."""
         free = {name for name in self.free if self.may_be([name], *quantities)}
         names = list(self.values)
         for k in range(len(names) - width + 1):
@@ -272,7 +273,7 @@ def unit_of(name: str) -> str | None:
 
 
 def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Role → column, by the columns' names alone, without incomplete groups."""
+    """Role (``t``, ``fx``, ``qw`` …) → column, by names; of groups (qw … qz) whole ones only."""
     roles: dict[str, str] = {}
     for name in values:
         short = plain(name)
@@ -298,7 +299,7 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 
 def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, list[str]]:
-    """Stem → columns whose names are this stem and a number, in the order of the numbers."""
+    """Stem → columns that are this stem and a number, by number, without ``taken`` ones."""
     stems: dict[str, dict[int, str]] = {}
     for name in values:
         match = _INDEXED.match(plain(name))
@@ -317,7 +318,7 @@ def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
 
 
 def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
-    """Unit of a clock column: the stated one, else by size and steps; None if it is no clock."""
+    """Unit (s, ms, us, ns) of a clock: as stated, else by size and steps; None if it is none."""
     if len(values) < 2 or not (np.diff(values) > 0).all():
         return None
     if stated in ("s", "ms", "us", "ns"):

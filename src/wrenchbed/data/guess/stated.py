@@ -76,8 +76,9 @@ class Stated:
         sheet: Sheet,
         in_base: bool,
     ) -> None:
-        """Write these facts to the ``[recording]`` and ``wrench`` entries of a map; ``sheet`` has
-        the wrench. If it is ``in_base`` axes, each column may be any axis of the sensor.
+        """Write these facts to a map's ``[recording]`` and to its entries ``wrench`` of the six
+        channels; ``sheet`` has the wrench. If that is ``in_base`` axes, a column may be any axis of
+        the sensor.
 
         Raises:
             MapError: the fit or the rows at rest cannot be read.
@@ -141,8 +142,9 @@ class KnownLoad:
         return cls(mass, cog, np.array(bias, dtype=float), known, max(rms))
 
     def fitted(self, c: Convention, gravity: float) -> GravityFit:
-        """Fit of this load, in place of the one fitted to a convention, at a gravity [m/s²]. Errors
-        are those of the better rows, so that a hand on the tool for a while hides nothing."""
+        """Fit of this load, instead of the one fitted, to convention c under ``gravity`` [m/s²].
+        Its rms residuals are of the better rows, so that a hand on the tool for a while does not
+        matter."""
         fit, turn, wrench = c.fit, c.turn, c.readings
         if c.in_base:
             wrench = in_body(turn, wrench)
@@ -165,8 +167,9 @@ class KnownLoad:
     def put(
         self, recording: dict[str, Any], wrench: Mapping[str, dict[str, Any]], gravity: float
     ) -> None:
-        """Write tool, zeros and tolerances to a map's ``[recording]`` and ``wrench`` entries. The
-        mass is at least as uncertain as the fit's force residual over ``gravity`` [m/s²]."""
+        """Write tool, zeros and tolerances to a map's ``[recording]`` and its entries ``wrench`` of
+        the six channels. The mass is at least as uncertain as the fit's rms force over ``gravity``
+        [m/s²]."""
         recording["tool"] = {"mass": round(self.mass, 6), "cog": [round(x, 6) for x in self.cog]}
         for channel, bias in zip(CHANNELS, self.bias, strict=True):
             entry = wrench[channel]
@@ -185,7 +188,8 @@ class KnownLoad:
 
 
 def _noise(rest: Path, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
-    """Standard deviation of one row at rest (6,) [N, N·m], from a text file of the wrench."""
+    """Standard deviation of one row at rest (6,) [N, N·m], from the text file ``rest`` of the
+    wrench; units are those of the map's entries ``wrench``."""
     sheet = sheet_of(read_text(rest))
     columns = next(wrenches(sheet), None)
     if columns is None:
