@@ -2,8 +2,10 @@
 
 An emulator asks a `Plant` for the robot behind it: a simulation, a model, or the small kinematic
 one that is built in. Read first: README.md, plant.py, base/emulator.py, a device's folder.
-Free: inside of each file (tests/emulators). Others rely on: names here (wrenchbed/plant, README),
-members of `Plant` (a new one needs a default), port numbers. Never: import wrenchbed.
+Free: the code of each file, as long as tests/emulators pass. Not free: names in `__all__` (change
+README.md and wrenchbed/plant, their only importer, too); members of `Plant` (give a new one a
+default; wrenchbed/plant implements it); names of emulators, ports, settings and faults (change
+docs/how-to/hardware.md too); delays (run scripts/reactions). Never: import wrenchbed.
 """
 
 from robot_emulators.base.emulator import Emulator, Options

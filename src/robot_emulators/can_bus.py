@@ -139,11 +139,7 @@ class Hub:
         return post
 
     def start(self) -> None:
-        """Begin to accept clients of the bus.
-
-        Raises:
-            EmulatorError: the port is taken or not allowed.
-        """
+        """Begin to accept clients of the bus; `EmulatorError` if the port is taken or forbidden."""
         self._thread.start()
         self._bus.open()
         self.port = self._bus.address[1]
@@ -184,7 +180,7 @@ class Hub:
                 client.off_until = until
 
     def hear(self, client: "Client", commands: list[Command], rubbish: int) -> None:
-        """Execute a client's commands; count the ``rubbish`` pieces of input that were none."""
+        """Execute a client's commands; count ``rubbish``, the number of its invalid inputs."""
         self.counters["rubbish"] += rubbish
         for command in commands:
             if client.raw and command.verb == "send":

@@ -81,7 +81,8 @@ class KinematicPlant:
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
     ) -> np.ndarray:
-        """Joint torques (J,) [N·m] that hold and accelerate the point load at q, qd, qdd (J,)."""
+        """Joint torques (J,) [N·m] that hold and accelerate the point load at joint values, speeds
+        and accelerations q, qd, qdd (J,) [rad], under gravity (3,) [m/s²] in base axes."""
         if self._kinematics is None:
             return np.zeros(len(q))
         tool = np.concatenate([_LOAD.cog, NO_TOOL[3:]])
@@ -91,11 +92,7 @@ class KinematicPlant:
 
 
 def known_arm(name: str) -> Arm:
-    """Return the nominal data of a robot that is built in, by its name such as ``ur5e``.
-
-    Raises:
-        SettingError: the name is unknown; lists the known ones.
-    """
+    """Return the nominal data of a built-in robot such as ``ur5e``; `SettingError` if unknown."""
     if name == "medrue":  # a slide and five hinges, of whose poses nothing is asked
         linear = (True,) + (False,) * 5
         reach, speed = np.array([0.5] + [pi] * 5), np.array([0.1] + [0.5] * 5)
@@ -111,9 +108,5 @@ def known_arm(name: str) -> Arm:
 
 
 def kinematic_plant(request: PlantRequest) -> KinematicPlant:
-    """Make the built-in kinematic plant of the robot that an emulator requests.
-
-    Raises:
-        SettingError: no data of this robot are built in.
-    """
+    """Make the built-in plant of the requested robot; `SettingError` if the robot is unknown."""
     return KinematicPlant(known_arm(request.robot), request.cycle)

@@ -14,7 +14,8 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """Load of a tool in flange axes: mass [kg], centre of mass (3,) [m], inertia (6,) [kg·m²]."""
+    """Load of a tool in flange axes: mass [kg], centre of mass (3,) [m], and inertia (6,) [kg·m²]
+    about that centre: xx, yy, zz, xy, xz, yz."""
 
     mass: float = 0.0
     cog: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -118,7 +119,7 @@ class Plant(Protocol):
         (J,) [rad or m]."""
 
     def wrench(self) -> np.ndarray:
-        """Wrench (6,) [N, N·m] that the robot itself measures now; called once a control cycle."""
+        """Wrench (6,) [N, N·m], sensor axes, that the robot measures; called once every cycle."""
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the flange sensor's readings (n, 6) [N, N·m] and its saturated channels (n,), as

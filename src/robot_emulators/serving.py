@@ -1,4 +1,6 @@
-"""Table of the emulators by name, and context managers that serve one while a block runs."""
+"""Table of the emulators by name, and context managers that serve one while a block runs. `device`
+reads what __main__.py prints (``ready link=address …``, answers to faults): change both
+together."""
 
 import json
 import subprocess
@@ -26,11 +28,7 @@ EMULATORS = {
 
 
 def load(name: str) -> type[Emulator]:
-    """Return the class of an emulator by its name.
-
-    Raises:
-        SettingError: there is no such emulator; lists what exists.
-    """
+    """Return the class of an emulator by its name; a `SettingError` lists the known names."""
     if name not in EMULATORS:
         raise SettingError(f"there is no emulator {name!r}. Known: {', '.join(EMULATORS)}")
     module, _, kind = EMULATORS[name].partition(":")

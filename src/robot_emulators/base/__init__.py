@@ -1,4 +1,5 @@
 """What every emulator shares: life cycle, event loop, real time, settings, faults.
-Free: inside (tests/emulators/test_emulator_contract.py). Others rely on: keys of fault scripts
-(docs/how-to/hardware.md), `Options`, cycles that make up for missed deadlines. Never: import a
-device; hold Python's lock in a cycle. Read first: emulator.py, then event_loop.py."""
+Free: the code inside functions (tests/emulators/test_emulator_contract.py). Not free: keys of fault
+scripts and the words of ``--set`` (change docs/how-to/hardware.md too), fields of `Options` (filled
+by wrenchbed/plant), make-up of missed deadlines and constants of real_time.py (run scripts/
+reactions). Never: import a device; hold Python's lock in a cycle. Read first: emulator.py."""

@@ -33,19 +33,19 @@ def is_number(value: Any) -> bool:
 
 
 def number(low: float, high: float, default: float | None = None) -> Argument:
-    """Return the rule that a value is a finite number from ``low`` to ``high``."""
+    """Return the rule: a finite number ``low`` … ``high``; without a ``default`` compulsory."""
     return Argument(
         lambda v: is_number(v) and low <= v <= high, f"a number {low:g} … {high:g}", default, float
     )
 
 
 def above(low: float) -> Argument:
-    """Return the rule that a value is a finite number greater than ``low``."""
+    """Return the rule: a finite number greater than ``low``, without a default, so compulsory."""
     return Argument(lambda v: is_number(v) and v > low, f"a number above {low:g}", parse=float)
 
 
 def integer(low: int, high: int, default: int | None = None) -> Argument:
-    """Return the rule that a value is an integer ``low`` … ``high``; its text may be ``0x1F``."""
+    """Return the rule: an integer ``low`` … ``high``, as text also 0x1F; no default: compulsory."""
     return Argument(
         lambda v: is_number(v) and v == int(v) and low <= v <= high,
         f"a whole number {low} … {high}", default, lambda word: int(word, 0),
@@ -53,21 +53,21 @@ def integer(low: int, high: int, default: int | None = None) -> Argument:
 
 
 def word(known: Collection[str], default: str | None = None) -> Argument:
-    """Return the rule that a value is one of the words in ``known``."""
+    """Return the rule: one of the words in ``known``; without a ``default`` it is compulsory."""
     return Argument(
         lambda v: isinstance(v, str) and v in known, f"one of {', '.join(known)}", default
     )
 
 
 def text(default: str = "", pattern: str = ".*", what: str = "text") -> Argument:
-    """Return the rule that a value is a text that matches the regular expression ``pattern``."""
+    """Return the rule: a text that matches a regular expression; errors call the value ``what``."""
     return Argument(
         lambda v: isinstance(v, str) and bool(re.fullmatch(pattern, v, re.DOTALL)), what, default
     )
 
 
 def flag(default: bool | None = None) -> Argument:
-    """Return the rule that a value is True or False; its text form is ``on`` or ``off``."""
+    """Return the rule: True or False, as text ``on`` or ``off``; without ``default`` compulsory."""
     return Argument(
         lambda v: isinstance(v, bool), "true or false (on or off)", default,
         {"on": True, "off": False}.__getitem__,

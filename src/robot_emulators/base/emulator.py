@@ -35,6 +35,9 @@ class Emulator(ABC):
         options: address, seed and settings of the emulator.
         make_plant: makes the robot model behind the emulator, a `Plant`.
 
+    Attributes:
+        name, title: word that names the emulator in commands, and a line on what it emulates.
+
     Raises:
         SettingError: the host is not one of 127.0.0.0/8, or an option is impossible.
     """
@@ -61,10 +64,8 @@ class Emulator(ABC):
         self.failure: BaseException | None = None
 
     def start(self) -> dict[str, str]:
-        """Begin to serve; return link name → address (for instance ``host:port``).
-
-        Raises:
-            EmulatorError: a port is taken or not allowed; names it and the remedy.
+        """Begin to serve; return link name → address (as ``host:port``). Raises an `EmulatorError`,
+        which names port and remedy, if a port is taken or not allowed.
         """
         try:
             self.addresses = self.serve()
@@ -80,7 +81,7 @@ class Emulator(ABC):
 
     @abstractmethod
     def serve(self) -> dict[str, str]:
-        """Open the device's links; return link name → address. If it raises, `stop` follows."""
+        """Open the links, return link name → address; if it raises, `start` calls `stop`."""
 
     @abstractmethod
     def stop(self) -> None:

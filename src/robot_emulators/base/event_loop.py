@@ -46,7 +46,8 @@ class LoopThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop the loop and join its thread; close its connections first. May be called twice."""
+        """Stop the loop and join its thread. The caller must have closed its connections. May be
+        called twice."""
         if self._thread is not None and self._thread.is_alive():
             self.soon(self.loop.stop)
             self._thread.join(_JOIN_S)
@@ -121,11 +122,7 @@ class Listener(Generic[C]):
         self._tasks: set[asyncio.Task[Any]] = set()
 
     def open(self) -> None:
-        """Begin to accept clients at the port; the loop must be running.
-
-        Raises:
-            EmulatorError: the port is taken or not allowed.
-        """
+        """Accept clients at the port, in a running loop; `EmulatorError` if it cannot be opened."""
         try:
             one = socket.create_server(self.address, backlog=_BACKLOG)
         except OSError as error:
@@ -176,7 +173,7 @@ class Listener(Generic[C]):
 
 
 def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
-    """Return the error that says why a port for ``what`` cannot open: in use or not permitted."""
+    """Return the error that a port for service ``what`` cannot open: in use or not permitted."""
     return EmulatorError(
         f"cannot serve {what} at {host}:{port} ({os.strerror(error.errno or 0)}): end what listens "
         "there, or give another host or port (--host 127.x.x.x)"

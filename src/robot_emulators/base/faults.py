@@ -31,7 +31,7 @@ class TimedFault:
     """One fault that an emulator shall have, and when.
 
     Attributes:
-        link: link of the emulator that fails, for instance ``rtde``; empty: the first possible.
+        link: link of the emulator that fails, as ``rtde``; empty: the first that has this kind.
         kind: kind of fault, for instance ``stall``.
         at: start, seconds after the emulator was ready.
         seconds: duration [s]; 0 for a fault that happens once or lasts for ever.
@@ -51,11 +51,7 @@ class TimedFault:
 
 
 def read(path: str | Path) -> tuple[TimedFault, ...]:
-    """Read the faults of a TOML script, sorted by time.
-
-    Raises:
-        FaultError: names the file, the entry and the field.
-    """
+    """Read the faults of a TOML script, sorted by time; a `FaultError` names file, entry, field."""
     try:
         raw = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
@@ -71,7 +67,7 @@ def parse(raw: Any, where: str) -> TimedFault:
     """Check one raw entry of a fault script and return it as a `TimedFault`.
 
     Raises:
-        FaultError: an entry is wrong; begins with ``where``, its place, and names the field.
+        FaultError: an entry is wrong; its text begins with ``where``, such as the file's name.
     """
     if not isinstance(raw, Mapping):
         raise FaultError(f"{where}: must be an object with link and kind")
@@ -104,12 +100,13 @@ class Faults:
         handler: Handler | None = None,
         arguments: Mapping[str, Argument] | None = None,
     ) -> None:
-        """Register that a link can have a kind of fault, with the rules of its further arguments.
-        The handler is called when the fault starts. Without one, `now` reports the fault."""
+        """Register that a link can have a kind of fault; ``arguments``: name → rule of its further
+        values. ``handler`` is called with the fault when it starts; without one, `now` reports the
+        fault."""
         self._kinds[link, kind] = handler, arguments or {}
 
     def now(self, link: str, kind: str) -> Mapping[str, Any] | None:
-        """Argument values of a registered fault while it lasts; None when it is not active."""
+        """Argument values by name of a registered fault while it lasts; None if it is inactive."""
         end, values = self._active.get((link, kind), (0.0, {}))
         if time.monotonic() < end:
             return values
@@ -129,7 +126,7 @@ class Faults:
         """Check that each fault is registered for its link and that its values are allowed.
 
         Raises:
-            FaultError: begins with ``where``; lists the known faults, or names the value.
+            FaultError: begins with ``where``, a file's name; lists known faults or names the value.
         """
         for fault in map(self._placed, faults):
             name = f"{fault.link} {fault.kind}"
@@ -169,7 +166,8 @@ class Faults:
         threading.Thread(target=self._run, args=(script,), daemon=True).start()
 
     def listen(self, lines: TextIO, answer: Callable[[str], None]) -> None:
-        """Start a thread that injects one fault per JSON line; ``answer`` gets each outcome."""
+        """Start a thread that injects a fault for each JSON line; ``answer`` is called with
+        ``done`` or ``refused: …`` for each."""
         threading.Thread(target=self._take, args=(lines, answer), daemon=True).start()
 
     def stop(self) -> None:

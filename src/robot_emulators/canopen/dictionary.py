@@ -112,8 +112,8 @@ class Entry:
 
 
 class Objects:
-    """Object dictionary of a CANopen node: (index, subindex) → number, built from the text of its
-    EDS file, in which the node id replaces ``$NODEID``."""
+    """Object dictionary of a CANopen node: (index, subindex) → number. It is built from the
+    ``text`` of an EDS file, in which the id ``node`` replaces ``$NODEID``."""
 
     def __init__(self, text: str, node: int) -> None:
         sheet = _parsed(text)
@@ -145,11 +145,7 @@ class Objects:
                 entry.value = entry.default
 
     def entry(self, key: Key) -> Entry:
-        """Return the entry of the object with this index and subindex.
-
-        Raises:
-            AbortError: the dictionary has no such object.
-        """
+        """Return the entry of (index, subindex) ``key``; `AbortError` if there is none."""
         entry = self._entries.get(key)
         if entry is None:
             known = any(index == key[0] for index, _ in self._entries)
@@ -157,7 +153,7 @@ class Objects:
         return entry
 
     def pack(self, keys: Sequence[Key]) -> bytes:
-        """Concatenate the bytes of these objects' values, as a PDO carries them."""
+        """Concatenate the bytes of the values of the objects ``keys``, in order, as in a PDO."""
         return b"".join(self._entries[key].raw() for key in keys)
 
 
@@ -184,9 +180,9 @@ def _entry(section: configparser.SectionProxy, node: int) -> Entry:
 
 
 class SdoServer:
-    """Answers a client's SDO requests to read and write a node's object dictionary. ``locked`` is
-    called before an object is written, and may raise `AbortError` to refuse it; ``written``
-    afterwards."""
+    """Answers a client's SDO requests to read and write a node's ``objects``. ``locked`` is called
+    with (index, subindex) before an object is written, and may raise `AbortError` to refuse it;
+    ``written`` is called with them afterwards."""
 
     def __init__(
         self, objects: Objects, locked: Callable[[Key], None], written: Callable[[Key], None]
@@ -216,7 +212,7 @@ class SdoServer:
             return [self._aborted(struct.unpack_from("<HB", request, 1), abort.code)]
 
     def _aborted(self, key: Key, code: int) -> bytes:
-        """Return the abort frame for an object and a code, and drop the transfer under way."""
+        """Return the abort frame for an object and SDO abort code; drop the transfer under way."""
         if self._transfer is not None:
             key, self._transfer = self._transfer, None
         return struct.pack("<BHBI", 0x80, *key, code)

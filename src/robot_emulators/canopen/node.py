@@ -31,7 +31,7 @@ _POSITIONING = (0x84, 0x85, 0x86)
 
 
 def _register(code: int) -> int:
-    """Bits that a CiA 301 error code sets in the error register (object 0x1001)."""
+    """Bits of the error register (object 0x1001) that a CiA 301 error code sets."""
     return 0x01 | (0x20 if code >> 8 in _POSITIONING else _REGISTER.get(code >> 12, 0))
 
 
@@ -75,7 +75,7 @@ class Node:
         """Hook: a SYNC came at time t [s] in OPERATIONAL; received RPDO values are already set."""
 
     def on_written(self, keys: Sequence[Key]) -> None:
-        """Hook: a client has written these objects of the device profile, in this order."""
+        """Hook: a client wrote these objects (index, subindex) of the device profile, in order."""
 
     def on_connection_lost(self, code: int) -> None:
         """Hook: the master went silent (``code``: error code), or the node left OPERATIONAL (0)."""
@@ -120,13 +120,13 @@ class Node:
             self._beat(t)
 
     def error(self, code: int) -> None:
-        """Send an emergency message with an error code and enter it in the error objects."""
+        """Send an emergency message with a CiA 301 error code; enter it in the error objects."""
         self._errors.add(code)
         self._show_errors()
         self._emergency(code)
 
     def clear(self, *codes: int) -> None:
-        """Clear these error codes; if that leaves none, send the emergency message "no error"."""
+        """Clear these CiA 301 error codes; if none is left, send emergency message "no error"."""
         gone = self._errors & set(codes)
         self._errors -= gone
         self._show_errors()

@@ -202,7 +202,7 @@ class Axis:
 
     def advance(self, t: float, seconds: float, plant: float) -> float:
         """Advance the set-point by ``seconds`` to time ``t`` [s]; return the position to command.
-        Positions are in counts of the encoder; ``plant`` is the measured one."""
+        Positions are in counts of the encoder; ``plant`` is the measured position."""
         self.actual = plant - self.shift
         if self.driven:
             self._follow(t, seconds)
@@ -213,7 +213,7 @@ class Axis:
         return self.command + self.shift
 
     def fault(self, code: int) -> None:
-        """Go to FAULT with an error code (0x603F), by FAULT REACTION ACTIVE while it moves."""
+        """Go to FAULT with an error code (0x603F); a moving axis brakes first, in REACTING."""
         if self.state not in (AxisState.FAULT, AxisState.REACTING):
             self._forget()
             self.state = AxisState.REACTING if self._point.speed else AxisState.FAULT
@@ -251,7 +251,8 @@ class Axis:
         return inside
 
     def _follow(self, t: float, seconds: float) -> None:
-        """Move the set-point of an enabled axis for ``seconds``, as its operation mode demands."""
+        """Move the set-point of an enabled axis as its operation mode demands, for the ``seconds``
+        that end at time t [s]."""
         settings, point = self._set, self._point
         if self.mode == CYCLIC and self._path.known:
             wanted = self._path.at(t)

@@ -39,9 +39,9 @@ class BoardEmulator:
         base: upper seven bits of the board's CAN ids.
         slot: number, 0 … 15, of the calibration that is the mounted Mini40's.
         counts: counts per N and per N·m.
-        wrench: time [s] → load on the gauges (6,) [N, N·m].
+        wrench: function of the time [s] that returns the load on the gauges (6,) [N, N·m].
         gauges: matrix (6, 6) from gauges [V] to wrenches; None: 10 N or N·m per volt each.
-        fault: kind of fault → its values while it is active, else None.
+        fault: function of a kind of fault: its argument values while it is active, else None.
     """
 
     def __init__(
@@ -116,7 +116,8 @@ class BoardEmulator:
             self.status |= BAD_CALIBRATION
 
     def _pair(self, gauges: np.ndarray) -> list[tuple[int, bytes]]:
-        """Opcodes and data of a gauge reading's two frames: status, even gauges; odd gauges."""
+        """Opcode and data of the two frames that carry gauges (6,): the status word with gauges 0,
+        2, 4, then gauges 1, 3, 5."""
         bits = self._fault("status")
         status = self.status | (int(bits["bits"]) if bits else 0)
         word = status | (ANY_ERROR if status & ~1 else 0)

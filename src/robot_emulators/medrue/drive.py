@@ -53,7 +53,7 @@ def rated(
     lower: int, upper: int, window: int, quick: float, speed: float, acceleration: float,
     torque: float,
 ) -> dict[Key, int]:  # fmt: skip
-    """Object → value after power-up, for a drive's objects that depend on its axis and motor.
+    """Return (index, subindex) → value after power-up of a drive's objects that depend on its axis.
 
     Args:
         lower, upper: software position limits [count].
@@ -83,7 +83,7 @@ class DriveEmulator(Node):
     Args:
         node: CANopen id.
         send: puts a frame on the bus.
-        rated: object → value after power-up that depends on the axis, from function `rated`.
+        rated: (index, subindex) → value after power-up that depends on the axis, from `rated`.
         position: initial position [count].
         lock: lock that is shared with the plant's thread.
     """
@@ -128,7 +128,8 @@ class DriveEmulator(Node):
         self._report()
 
     def on_connection_lost(self, code: int) -> None:
-        """React to a lost master as option code 0x6007 says; ``code`` is the error to report."""
+        """React to a lost master as object 0x6007 says; ``code``: error to report, 0: RPDO
+        timeout."""
         if not self.axis.driven:
             return
         option = self.objects[0x6007, 0]

@@ -76,8 +76,8 @@ class Interpolation:
         self._lines.clear()
 
     def take(self, t: float, command: float, target: float, period: float) -> None:
-        """Add a target [count] received with the SYNC at time t [s], to be reached in a period [s];
-        ``command`` is the present set-point [count]."""
+        """Add a target [count] that came with the SYNC at time t [s], to be reached within
+        ``period`` [s]; ``command`` is the present set-point [count]."""
         line = Line(t, command, target, period, step=0.0)
         if self._lines and period == self._lines[-1].period > 0.0:
             last = self._lines[-1]

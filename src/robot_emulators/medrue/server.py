@@ -145,8 +145,8 @@ class BusSettings(Settings):
 
 class RealTimePlant:
     """Steps a robot (``body``) at 250 Hz in real time to the positions that its drives command.
-    ``counts`` (6,) are encoder counts per m or rad; the drives share ``lock``; ``failed`` gets an
-    error that ends the thread."""
+    ``counts`` (6,): encoder counts per m or rad; ``lock``: held while drives are read; ``failed``
+    gets an error that ends the thread."""
 
     def __init__(
         self, body: Plant, counts: np.ndarray, lock: threading.RLock,
@@ -235,7 +235,8 @@ class MedrueEmulator(Emulator):
         self.hub.stop()
 
     def _rated(self, arm: Arm, j: int, counts: float) -> dict[Key, int]:
-        """Values after power-up of the drive of axis ``j``, by object; ``counts`` per m or rad."""
+        """Values after power-up, by (index, subindex), of the drive of axis j (from 0) of ``arm``;
+        ``counts`` are its encoder counts per m or rad."""
         slides, top = arm.linear[j], arm.speed[j] * counts
         return rated(
             lower=int(np.ceil(arm.lower[j] * counts)),

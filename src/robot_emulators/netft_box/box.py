@@ -70,10 +70,8 @@ class Box:
         self._web: Web | None = None
 
     def start(self) -> dict[str, str]:
-        """Begin to serve; return the addresses of the links ``rdt`` and ``http``.
-
-        Raises:
-            EmulatorError: a port is taken or not allowed; names it.
+        """Begin to serve; return link → address of ``rdt`` and ``http``. Raises an `EmulatorError`
+        if a port is taken or not allowed.
         """
         try:
             self._socket = self._bind()

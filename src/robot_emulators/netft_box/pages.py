@@ -66,10 +66,10 @@ class Pages:
         self._settings, self._pace, self._sensing = settings, pace, sensing
 
     def answer(self, target: str, body: str, missing: str = "") -> Reply:
-        """Reply to a GET or POST of a target such as ``/comm.cgi?comrdtrate=500``.
+        """Return status line, content type and text for a GET or POST.
 
         Args:
-            target: path of the request with its query.
+            target: path of the request with its query, such as ``/comm.cgi?comrdtrate=500``.
             body: form data of a POST.
             missing: name of an element to leave out of XML pages, by a fault.
         """
@@ -109,7 +109,7 @@ class Pages:
         }  # fmt: skip
 
     def _scale(self, kind: str) -> dict[str, str]:
-        """XML elements of units, counts and ratings; ``kind`` is their prefix, cfg or cal."""
+        """XML elements (name → text) of units, counts, ratings; prefix ``kind`` is cfg or cal."""
         s = self._settings
         si = np.repeat([units.NEWTON[s.force_unit], units.NEWTON_METRE[s.torque_unit]], 3)
         counts = self._sensing.per_si * si

@@ -86,7 +86,7 @@ class FaultySender:
         self.counters: Counter[str] = Counter()
 
     def send(self, data: memoryview, group: int, to: Address) -> None:
-        """Send packed RDT records to a client's address, at most ``group`` records a datagram."""
+        """Send packed RDT records to address ``to``, at most ``group`` records in a datagram."""
         size = group * _SIZE
         parts = [data[k : k + size] for k in range(0, len(data), size)]
         faulty = self._faults.any("rdt") or self._held is not None
@@ -111,7 +111,7 @@ class FaultySender:
         return self._faults.now("rdt", kind)
 
     def _hit(self, kind: str) -> bool:
-        """Draw at random whether an active fault of this kind affects the datagram at hand."""
+        """Draw at random whether an active fault of this ``kind`` hits the datagram at hand."""
         values = self._now(kind)
         return values is not None and bool(self._random.random() < values["share"])
 
@@ -136,7 +136,7 @@ class FaultySender:
         return out
 
     def _spoil(self, record: bytes, to: Address) -> None:
-        """Send invalid datagrams, or valid ones from another port, beside a genuine record."""
+        """Send ``to`` invalid datagrams, or ``record`` from another port, as faults demand."""
         random = self._random
         spoilt: list[bytes] = []
         if self._now("short") is not None:
@@ -161,16 +161,17 @@ class Pace:
     on: bool = True
 
     def every(self, internal: int) -> int:
-        """Samples (``internal`` a second) per record; rounding makes the record rate higher."""
+        """Number of samples per record, rounded down, at ``internal`` samples a second."""
         return max(1, int(internal / self.rate))
 
 
 @dataclass
 class RecordStream:
-    """Records that answer one RDT request, to a client's address.
+    """Records that answer one RDT request.
 
     Attributes:
-        tick: sample number of the next record to send; records are ``every`` samples apart.
+        to: host and port of the client.
+        tick, every: sample number of the next record to send, and samples from record to record.
         buffered: whether a datagram carries several records.
         left: records still to send, None for endless.
         sequence: rdt_sequence of the next record to make.
@@ -217,7 +218,7 @@ class Rdt:
         self._stream = None
 
     def answer(self, request: Request, sender: Address, now: float) -> None:
-        """Execute a client's RDT request: start or stop streaming, or zero the sensor."""
+        """Execute client ``sender``'s request at ``now`` [s]: start, stop, or zero the sensor."""
         if request.command == BIAS:
             self._sensing.zero()
             self._unmake()

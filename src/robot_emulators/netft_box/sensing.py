@@ -102,7 +102,7 @@ class Sensing:
         return self._power_up + tick / self.rate
 
     def ahead(self, tick: int, every: int) -> int:
-        """Number of samples, from ``tick`` on and ``every`` apart, that the plant can give now."""
+        """Number of samples from ``tick`` on, ``every`` apart, that the plant can give now."""
         behind = self._body.newest[1] - self.simulated(self.host(tick))
         return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
 
@@ -164,12 +164,12 @@ class Sensing:
             self._skew = (0.0, 0.0, 1.0)
 
     def rescale(self, factor: float) -> None:
-        """Change the calibration: multiply counts per N and per N·m by a factor."""
+        """Change the calibration: multiply counts per N and per N·m, and the bias, by a factor."""
         with self._lock:
             self.per_si, self.bias = factor * self.per_si, factor * self.bias
 
     def stamps(self, ticks: np.ndarray) -> np.ndarray:
-        """ft_sequence (n,) of samples: their numbers ``ticks``, drifting under fault skew."""
+        """ft_sequence (n,) of samples: their numbers ``ticks`` (n,), drifting under fault skew."""
         since, stamp, last = self._skew
         wrong = self._fault("skew")
         factor = wrong["factor"] if wrong else 1.0

@@ -42,8 +42,8 @@ class WrenchEstimate:
         self.wrench = np.zeros(6)
 
     def carry(self, mass: float, cog: np.ndarray, inertia: np.ndarray | None = None) -> None:
-        """Set the payload: mass [kg], CoG (3,) [m], inertia (6,) [kg·m²] (None: unchanged); on an
-        e-Series a CoG of zeros keeps the old CoG."""
+        """Set the payload: mass [kg], CoG (3,) [m], inertia (6,) xx yy zz xy xz yz [kg·m²] (None:
+        unchanged); on an e-Series a CoG of zeros keeps the old CoG."""
         keep = not self._at_tcp and not cog.any()
         self.payload = Payload(
             mass,
@@ -57,12 +57,12 @@ class WrenchEstimate:
         self.wrench = np.zeros(6)
 
     def update(self, load: np.ndarray, rotation: np.ndarray, tcp: np.ndarray) -> None:
-        """Compute the reported wrench (6,) [N, N·m], in axes of the base.
+        """Compute the reported wrench (6,) [N, N·m], in axes of the base, as attribute ``wrench``.
 
         Args:
             load: load measured on the flange, in its axes (6,) [N, N·m].
             rotation: rotation of the flange in axes of the base (3, 3).
-            tcp: pose of the TCP in flange axes (6,); its position [m] is used.
+            tcp: pose of the TCP in flange axes (6,); only its position, tcp[:3] [m], is used.
         """
         weight = self.payload.mass * self.gravity
         force = rotation @ load[:3] - weight
@@ -77,7 +77,7 @@ class ForceMode:
     """Arguments of URScript's force_mode of type 2, whose task frame is not transformed.
 
     Attributes:
-        frame: pose of the task frame in the base (6,) [m, rad].
+        frame: pose of the task frame in the base (6,), x y z [m] and rotation vector [rad].
         selection: 1 for each compliant axis, else 0 (6,).
         wrench: wrench that the robot shall exert, in task axes (6,) [N, N·m].
         limits: highest speed of each compliant axis (6,) [m/s, rad/s].

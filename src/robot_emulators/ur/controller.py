@@ -100,8 +100,9 @@ class Controller:
         self._say_safety()
 
     def upload(self, programs: Iterable[str]) -> None:
-        """Run URScript programs; each stops the running one, unless it is a secondary program.
-        Programs are dropped while the arm is not ready or a fault keeps them from starting."""
+        """Run URScript ``programs`` (texts); each stops the running one, unless it is a secondary
+        program. Programs are dropped while the arm is not ready or a fault keeps them from
+        starting."""
         for text in programs:
             secondary = is_secondary(text)
             if self.now < self.script_denied_until or not (secondary or self.modes.ready):
@@ -112,9 +113,7 @@ class Controller:
 
     def load(self, name: str) -> bool:
         """Load a program by its file name without starting it; return False if there is none.
-
-        Raises:
-            ProgramFileError: the file cannot be played.
+        Raises a `ProgramFileError` if the file cannot be played.
         """
         folder = Path(self.settings.programs) if self.settings.programs else None
         loaded = programs.load(folder, name)
@@ -161,7 +160,7 @@ class Controller:
             self.arm.brake(SAFE_DECELERATION / 3)
 
     def protective_stop(self, error: Event = PROTECTIVE_STOP) -> None:
-        """Brake at once, announce ``error`` and pause the program, until a client unlocks it."""
+        """Brake at once, announce ``error``, pause the program until a client unlocks the stop."""
         stopped = self.modes.protective_stop()
         self._say_safety()
         if stopped:
@@ -202,14 +201,15 @@ class Controller:
         self._tolerated = self.settings.protective_force
 
     def _start(self, text: str, at_once: bool = False) -> bool:
-        """Begin a program, a long one after it is compiled; return False if its text is invalid."""
+        """Begin a program; unless ``at_once``, a long one is first compiled in a thread. Return
+        False if its text is invalid."""
         if at_once or len(text) < _LONG:
             return self._attempt(lambda: compiled(self.settings.version, text))
         self._uploaded = self.compiling(text)
         return True
 
     def _attempt(self, code: Callable[[], Code]) -> bool:
-        """Compile and begin a program; if its text is invalid, announce this and return False."""
+        """Begin the program that ``code`` compiles; if invalid, announce that and return False."""
         try:
             program = ScriptProgram(self, code())
         except ScriptFaultError as error:
@@ -276,7 +276,7 @@ class Controller:
 
 
 def functions(version: Version) -> Table:
-    """Return the functions that URScript programs may call in this software version, by name."""
+    """Return name → function that URScript programs may call in this software version."""
     generation = 0 if version[0] < 5 else 1 if version[0] < 10 else 2
     missing = {
         name for names, since in _SINCE.items() if version[:2] < since[generation]
@@ -287,9 +287,5 @@ def functions(version: Version) -> Table:
 
 @lru_cache(_KEPT)
 def compiled(version: Version, text: str) -> Code:
-    """Compile a URScript program for this software version.
-
-    Raises:
-        ScriptFaultError: the text is no program.
-    """
+    """Compile a URScript program for a software version; `ScriptFaultError` if it is no program."""
     return machine.compiled(text, functions(version))

@@ -25,8 +25,8 @@ _TOO_EARLY = (
 
 
 class Dashboard(Conversation):
-    """One client's conversation with the dashboard server: answers its commands.
-    ``shut_down`` is called by the command ``shutdown``."""
+    """One client's conversation with the dashboard server: answers its commands. The command
+    ``shutdown`` calls ``shut_down``."""
 
     def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
         self._controller, self._peer = controller, peer

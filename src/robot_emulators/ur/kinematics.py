@@ -27,7 +27,7 @@ NO_TOOL = np.zeros(6)
 
 
 def matrix(pose: np.ndarray) -> Transform:
-    """Rotation matrix (3, 3) and position (3,) of a pose (6,) with a rotation vector."""
+    """Rotation matrix (3, 3), position (3,) of a pose (6,): position [m], rotation vector [rad]."""
     x, y, z = pose[3:].tolist()
     angle = sqrt(x * x + y * y + z * z)
     if angle < 1e-12:
@@ -44,12 +44,12 @@ def matrix(pose: np.ndarray) -> Transform:
 
 
 def vector(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Pose (6,), position and rotation vector, of a rotation matrix (3, 3) and a position (3,)."""
+    """Pose (6,), position then rotation vector, of a rotation matrix (3, 3), position (3,) [m]."""
     return np.concatenate([position, rotation_vector(rotation)])
 
 
 def compose(first: Transform, second: Transform) -> Transform:
-    """Product of two transforms; ``second`` is given in the axes of ``first``."""
+    """Product of two transforms (rotation, position); ``second`` is in the axes of ``first``."""
     return first[0] @ second[0], first[0] @ second[1] + first[1]
 
 
@@ -108,17 +108,20 @@ class Kinematics:
         return compose(self.flange(q), matrix(tcp))
 
     def pose(self, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-        """Pose (6,) of the TCP in the base at q (6,); tcp (6,) is its pose in flange axes."""
+        """Pose (6,) of the TCP in the base, x y z [m] and rotation vector [rad], at joint values q
+        (6,) [rad]; ``tcp`` (6,) is its pose in flange axes."""
         return vector(*self.transform(q, tcp))
 
     def jacobian(self, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-        """Jacobian (6, 6) at q (6,): TCP velocity and rotation, base axes, per joint speed."""
+        """Jacobian (6, 6), base axes, from joint speeds to the linear, then angular velocity of the
+        TCP with pose ``tcp`` (6,) in flange axes, at joint values q (6,) [rad]."""
         return self.jacobian_and_transform(q, tcp)[0]
 
     def jacobian_and_transform(
         self, q: np.ndarray, tcp: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Jacobian (6, 6) of the TCP in base axes, R_base_tcp (3, 3) and its position (3,) [m]."""
+        """Jacobian (6, 6) of the TCP in base axes, R_base_tcp (3, 3) and its position (3,) [m] at
+        joint values q (6,) [rad]; ``tcp`` (6,) is its pose in flange axes."""
         rotation, position, axes = self._chain(tuple(q.tolist()))
         rotation, position = compose((rotation, position), matrix(tcp))
         result = np.empty((6, 6))
@@ -128,20 +131,21 @@ class Kinematics:
         return result, rotation, position
 
     def jacobian_rate(self, q: np.ndarray, qd: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-        """Time derivative (6, 6) of the TCP's Jacobian at joint values and speeds (6,)."""
+        """Time derivative (6, 6) of the Jacobian, base axes, of a TCP with pose ``tcp`` (6,) in
+        flange axes, at joint values and speeds q, qd (6,) [rad, rad/s]."""
         before, after = (self.jacobian(q + step * qd, tcp) for step in (-_STEP_S, _STEP_S))
         return (after - before) / (2.0 * _STEP_S)
 
     def rates(self, q: np.ndarray, tcp: np.ndarray, twist: np.ndarray) -> np.ndarray:
-        """Joint speeds (6,) for a TCP velocity (6,), by an inverse damped near singular poses.
-
-        Raises:
-            UnreachableError: the TCP is so far away that no inverse exists.
+        """Joint speeds (6,) [rad/s] at q (6,) for a TCP velocity ``twist`` (6,) [m/s, rad/s] in
+        base axes, damped near singular poses; ``tcp`` (6,) is the TCP's pose in flange axes.
+        `UnreachableError` if the TCP is so far away that no inverse exists.
         """
         return _solve(self.jacobian(q, tcp), twist)
 
     def follow(self, pose: np.ndarray, tcp: np.ndarray, near: np.ndarray) -> np.ndarray | None:
-        """Joint values (6,) for a TCP pose (6,), iterated from ``near`` (6,); None if it fails."""
+        """Joint values (6,) for a TCP pose (6,), iterated from ``near`` (6,); None if it fails.
+        ``tcp`` (6,) is the TCP's pose in flange axes."""
         goal_rotation, goal = matrix(pose)
         q = np.array(near)
         for _ in range(_TRIES):
@@ -158,7 +162,8 @@ class Kinematics:
         return q if np.abs(goal - position).max() < 1e-4 else None
 
     def inverse(self, pose: np.ndarray, tcp: np.ndarray, near: np.ndarray) -> np.ndarray | None:
-        """Joint values (6,) for a TCP pose (6,), the solution nearest to ``near`` (6,), or None."""
+        """Joint values (6,) for a TCP pose (6,): the solution nearest to ``near`` (6,), or None.
+        ``tcp`` (6,) is the TCP's pose in flange axes."""
         tool_rotation, tool = matrix(tcp)
         rotation, position = matrix(pose)
         rotation = rotation @ tool_rotation.T
@@ -214,7 +219,8 @@ class Kinematics:
     def _chain_of(
         self, q: tuple[float, ...]
     ) -> tuple[np.ndarray, np.ndarray, list[tuple[list[float], list[float]]]]:
-        """Flange transform, and axis and origin of each joint, at q; plain floats save time."""
+        """Rotation (3, 3) and origin (3,) [m] of the flange, and (axis, origin) of each joint, in
+        the base, at joint values q [rad]; plain floats save time."""
         x, y, z, p = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]
         axes = []
         for angle, (a, d, ca, sa) in zip(q, self._links, strict=True):

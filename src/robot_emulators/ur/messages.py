@@ -53,7 +53,8 @@ def _titled(title: str) -> bytes:
 
 
 def version(numbers: tuple[int, int, int, int], date: str) -> Event:
-    """Make the message that states the software version; the first one a client gets."""
+    """Make the message of the software version, ``numbers`` major, minor, bugfix, build, and its
+    build ``date``; the first message that a client gets."""
     major, minor, bugfix, build = numbers
     fields = struct.pack(">BBii", major, minor, bugfix, build)
     return Event(VERSION, _ROBOT, _titled("URControl") + fields, date)
@@ -65,12 +66,12 @@ def said(text: str) -> Event:
 
 
 def popup_shown(text: str, title: str, flags: tuple[bool, bool, bool]) -> Event:
-    """Make the message of a program's popup; ``flags``: warning, error, blocking."""
+    """Make the message of a program's popup; ``flags`` are warning, error and blocking."""
     return Event(POPUP, _INTERFACE, struct.pack(">IB???", 0, 0, *flags) + _titled(title), text)
 
 
 def safety(mode: int) -> Event:
-    """Make the message that the safety mode is now ``mode``."""
+    """Make the message of the present safety mode, by its number in RTDE's ``safety_mode``."""
     return Event(SAFETY, _ROBOT, struct.pack(">iiBII", 0, 0, mode, 1, 0))
 
 

@@ -24,7 +24,7 @@ _GAIN = 300.0
 
 
 class Profile:
-    """Trapezoidal profile over a path's length [rad or m], from top speed and acceleration."""
+    """Trapezoidal speed profile along a path of ``length`` [rad or m] up to a top speed."""
 
     def __init__(self, length: float, speed: float, acceleration: float) -> None:
         self.length, self._a = length, acceleration
@@ -34,7 +34,7 @@ class Profile:
 
     @classmethod
     def lasting(cls, length: float, seconds: float) -> "Profile":
-        """Make a profile of a duration [s]; accelerating and braking take a fifth of it each."""
+        """Make a profile over ``length`` [rad or m] in a duration [s]; each ramp takes a fifth."""
         speed = max(length, 1e-12) / (0.8 * seconds)
         return cls(length, speed, speed / (0.2 * seconds))
 
@@ -83,10 +83,8 @@ class ArmMotion(ABC):
 
     @abstractmethod
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Return the joint target (6,) that follows the target q (6,) by ``dt`` [s].
-
-        Raises:
-            UnreachableError: the path cannot be continued.
+        """Return the joint target (6,) a time ``dt`` [s] after the target q (6,). Raises an
+        `UnreachableError` if the path cannot be continued.
         """
 
 
@@ -208,7 +206,8 @@ class ToPose(_Planned):
 
 
 class ToArc(ToPose):
-    """movec: the TCP moves on a circle via poses[0] (6,) to poses[1] and turns about one axis."""
+    """movec: the TCP moves on a circle through the pose poses[0] (6,) to poses[1] (6,) and turns
+    about one axis."""
 
     def __init__(
         self, kinematics: Kinematics, tcp: np.ndarray, poses: tuple[np.ndarray, np.ndarray],
@@ -250,7 +249,7 @@ class Servo(ArmMotion):
         self._rate = 1.0
 
     def aim(self, goal: np.ndarray, lookahead: float, gain: float) -> None:
-        """Set a new joint target (6,) [rad], with servoj's lookahead time [s] and gain."""
+        """Set a new joint target (6,) [rad], with servoj's lookahead time [s] and unitless gain."""
         self._goal = goal
         lag = min(max(lookahead, 0.03), 0.2) * _GAIN / min(max(gain, 100.0), 2000.0)
         self._rate = 2.0 / max(lag, 0.03)
@@ -324,7 +323,7 @@ class ToolTrack(ToolSpeed):
     """servoc: the TCP moves straight to a pose that is set repeatedly, and stays there."""
 
     def track(self, pose: np.ndarray, speed: float, acceleration: float) -> None:
-        """Set a new target pose (6,), the TCP's speed [m/s] and its acceleration [m/s²]."""
+        """Set a new target pose (6,) in the base, the TCP's speed [m/s] and acceleration [m/s²]."""
         self._pose, self._top, self._rate = pose, max(speed, 1e-4), max(acceleration, 0.01)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:

@@ -104,7 +104,7 @@ class Port(Listener[Peer]):
             faults.on(name, kind)
 
     def suffers(self, kind: str) -> bool:
-        """Whether a lasting fault of this kind is active on this port."""
+        """Whether a lasting fault of a kind, ``stall`` or ``deaf``, is active on this port."""
         return self._faults.now(self._name, kind) is not None
 
     def handlers(self) -> dict[str, Callable[[TimedFault], None]]:

@@ -53,7 +53,7 @@ class Outputs:
         self._count = 0
 
     def update(self, timestamp: float, wanted: Set[str]) -> None:
-        """Update the outputs after a cycle; those that take long only if ``wanted`` names them."""
+        """Update outputs at controller time ``timestamp`` [s]; slow ones only if in ``wanted``."""
         controller = self._controller
         self._count += 1
         outputs: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
@@ -66,7 +66,8 @@ class Outputs:
         values.update({name: value for name, value in outputs.items() if name in controller.fields})
 
     def _raw(self) -> Values:
-        """Field ft_raw_wrench (6,): the flange sensor's reading; the arm's own if a box has it."""
+        """Field ft_raw_wrench (6,) [N, N·m]: the reading of the flange sensor or, if a Net F/T box
+        serves that sensor, of the arm's own."""
         plant = self._controller.arm.plant
         if not self._shared:
             return tuple(self._controller.arm.load.tolist())

@@ -86,7 +86,7 @@ def packet(kind: int, payload: bytes = b"") -> bytes:
 
 
 def text(message: str, source: str, level: int, version: int) -> bytes:
-    """Return the bytes of an RTDE text message, laid out for the protocol version, 1 or 2."""
+    """Return an RTDE text message of protocol 1 or 2; level 0: exception, 1: error, 2: warning."""
     said, by = message.encode()[:255], source.encode()[:255]
     if version == 1:
         return packet(TEXT, bytes([level]) + said)
@@ -107,10 +107,8 @@ class Splitter:
         self.held = bytearray()
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Add received bytes; return type and payload of each packet that is now complete.
-
-        Raises:
-            EmulatorError: a packet's size is less than that of its header.
+        """Add received bytes; return type and payload of each packet that is now complete. Raises
+        an `EmulatorError` if a packet's size is less than that of its header.
         """
         self.held += data
         packets, at = [], 0

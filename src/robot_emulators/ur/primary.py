@@ -83,7 +83,7 @@ def robot_state(controller: Controller, timestamp: float) -> bytes:
 
 
 def _joint(values: Mapping[str, Values], k: int) -> bytes:
-    """Bytes of joint k in a state message: position, target, speed, current, temperatures, mode."""
+    """Bytes of joint k (from 0) in a state message, from output ``values`` by name."""
     *numbers, mode = (values[name][k] for name in _JOINT)
     return pack(">3d4fB", *numbers, 0.0, mode)
 

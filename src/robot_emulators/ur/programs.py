@@ -33,10 +33,8 @@ class Loaded(NamedTuple):
 
 
 def load(folder: Path | None, name: str) -> Loaded | None:
-    """Load a program of a folder by its file name; None if the folder has no such file.
-
-    Raises:
-        ProgramFileError: the file cannot be played; says why.
+    """Load a program of a folder by its file name; None if the folder has no such file. Raises a
+    `ProgramFileError` if the file cannot be played.
     """
     bare = PurePosixPath(name.strip()).name
     path = None if folder is None or not bare else folder / bare

@@ -36,7 +36,8 @@ def size(version: Version) -> int:
 
 
 def state(values: Mapping[str, Values], timestamp: float, bytes_: int) -> bytes:
-    """Return the realtime message of ``bytes_`` bytes, with the controller's time stamp [s]."""
+    """Return the realtime message of ``bytes_`` bytes from the outputs ``values`` by name and the
+    controller's time stamp [s]."""
     numbers = [timestamp, *(float(x) for x in _numbers(values))][: (bytes_ - 4) // 8]
     return pack(f">i{len(numbers)}d", bytes_, *numbers)
 

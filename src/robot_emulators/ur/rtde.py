@@ -34,8 +34,8 @@ class Inputs:
         self._owners: dict[str, Hashable] = {}
 
     def claim(self, owner: Hashable, names: Sequence[str]) -> list[str]:
-        """Reserve inputs for a client, all or none; return the type of each, `IN_USE` if another
-        client has it, or `NOT_FOUND`."""
+        """Reserve inputs for a client, all or none; return for each of ``names`` its type, `IN_USE`
+        if another client has it, or `NOT_FOUND`."""
         types = [self._type(owner, name) for name in names]
         if IN_USE not in types and NOT_FOUND not in types:
             self._owners.update(dict.fromkeys(names, owner))
@@ -46,7 +46,7 @@ class Inputs:
         self._owners = {name: held for name, held in self._owners.items() if held != owner}
 
     def write(self, values: dict[str, Values], now: float) -> None:
-        """Set inputs to the values of one RTDE packet, received at time ``now`` [s]."""
+        """Set inputs to the ``values`` by name of an RTDE packet, received at time ``now`` [s]."""
         self.values.update(values)
         self.at.update(dict.fromkeys(values, now))
         self._written(values)
@@ -162,7 +162,7 @@ class RtdeSession(Conversation):
         return True
 
     def data(self, values: Mapping[str, Values]) -> bytes:
-        """Return the bytes of a data packet with the fields of this client's recipe."""
+        """Return a data packet: this client's recipe, filled from the outputs ``values``."""
         return b"" if self.output is None else self.output.pack(values)
 
     def end(self) -> None:
@@ -286,6 +286,6 @@ class Rtde:
                 peer.send(data)
 
     def say(self, message: str, level: int) -> None:
-        """Send an RTDE text message of this level to every client."""
+        """Send every client an RTDE text message of a level, 0: exception, 1: error, 2: warning."""
         for peer, session in self._sessions.items():
             peer.send(wire.text(message, "twin", level, session.protocol))

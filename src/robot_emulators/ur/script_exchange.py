@@ -34,7 +34,9 @@ _SENT: dict[str, Callable[[Any], bytes]] = {
 
 
 def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int | None]:
-    """Name of the RTDE field of a register, and its bit if several registers share the field."""
+    """RTDE field of a register, and its bit if registers share the field. ``way``: input or output;
+    ``kind``: bit, int or double; ``known``: the existing fields. Raises `ScriptFaultError` if
+    none."""
     where = real(address, "an address")
     if where != int(where):
         raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
@@ -83,7 +85,7 @@ for _word, (_kind, _type) in _KINDS.items():
 
 
 def _bit(group: str, n: float) -> int:
-    """Bit of digital output ``n`` of a group; of "standard", n = 8 and 9 are the tool's."""
+    """Bit of digital output n of a group in `_GROUPS`; "standard" 8 and 9 are the tool's."""
     if group == "standard" and n >= 8:
         group, n = "tool", n - 8
     first, count = _GROUPS[group]
@@ -112,13 +114,13 @@ for _group in _GROUPS:
     "get_tool_digital_in",
 )  # fmt: skip
 def digital_in(program: ScriptProgram, n: float) -> bool:
-    """URScript's digital inputs: return False, as nothing is wired to them."""
+    """URScript's digital input ``n``: return False, as nothing is wired to it."""
     return False
 
 
 @TABLE.add("get_standard_analog_in", "get_analog_in")
 def analog_in(program: ScriptProgram, n: float) -> float:
-    """URScript's analog inputs: return 0, as nothing is wired to them."""
+    """URScript's analog input ``n``: return 0, as nothing is wired to it."""
     return 0.0
 
 
@@ -134,7 +136,7 @@ def set_standard_analog_out(program: ScriptProgram, n: float, f: float) -> None:
 def socket_open(
     program: ScriptProgram, address: str, port: float, socket_name: str = _NAME
 ) -> Steps:
-    """Open a TCP connection; return True once it is open, False if it is not after 2 s."""
+    """Open a TCP connection called socket_name; return True once open, False if not in 2 s."""
     link = yield from dialled(program.controller, program.links, address, int(port), socket_name)
     if link is not None:
         return True
@@ -151,8 +153,9 @@ def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
 def _waited(
     program: ScriptProgram, name: str, timeout: float, read: Callable[[Link], bytes | None]
 ) -> Steps:
-    """Wait until ``read`` returns received bytes; None after ``timeout`` [s], if it is not 0.
-    A read that finds the connection closed takes a control cycle, so that no program can spin."""
+    """Wait until ``read`` returns bytes of the connection called ``name``; None after ``timeout``
+    [s] (0: never). A read that finds it closed takes a control cycle, so that no program can
+    spin."""
     end = program.controller.now + timeout if timeout > 0.0 else float("inf")
     while True:
         link = program.links.of(name)

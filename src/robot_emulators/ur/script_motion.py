@@ -1,4 +1,4 @@
-"""Functions of URScript that move the arm. Moves stop at their goals: there are no blends.
+"""Functions of URScript that move the arm. Moves stop at their goals; blend radii r are ignored.
 Names, parameters and defaults are those of Universal Robots' script manual."""
 
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ def _joints(program: ScriptProgram, goal: Any) -> np.ndarray:
 
 
 def _pose(program: ScriptProgram, goal: Any) -> np.ndarray | None:
-    """Pose (6,) of a goal, which is a pose or joint values; None if the arm cannot reach it."""
+    """Pose (6,) in the base of a goal, a pose or joint values; None if the arm cannot reach it."""
     arm = program.arm
     if not isinstance(goal, Pose):
         return arm.kinematics.pose(_joints(program, goal), arm.tcp)
@@ -55,7 +55,8 @@ def _pose(program: ScriptProgram, goal: Any) -> np.ndarray | None:
 def movej(
     program: ScriptProgram, q: Any, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
 ) -> Steps:
-    """Move all joints straight to joint values or a pose (6,); a [rad/s²], v [rad/s], t [s]."""
+    """Move all joints straight to joint values or a pose (6,); a [rad/s²], v [rad/s]; t > 0:
+    duration [s] instead; blend radius r is ignored."""
     yield from program.until_done(motions.ToJoints(_joints(program, q), _pace(program, a, v, t)))
 
 
@@ -64,7 +65,8 @@ def movel(
     program: ScriptProgram, pose: Any, a: float = 1.2, v: float = 0.25, t: float = 0.0,
     r: float = 0.0,
 ) -> Steps:  # fmt: skip
-    """Move the TCP straight to a pose or to that of joint values (6,); a [m/s²], v [m/s], t [s]."""
+    """Move the TCP straight to a pose or to that of joint values (6,); a [m/s²], v [m/s]; t > 0:
+    duration [s] instead; blend radius r is ignored."""
     pace, goal, arm = _pace(program, a, v, t), _pose(program, pose), program.arm
     if goal is None:
         yield from program.refuse(stopped_because(_FAR), _FAR)
@@ -76,7 +78,7 @@ def movel(
 def movep(
     program: ScriptProgram, pose: Any, a: float = 1.2, v: float = 0.25, r: float = 0.0
 ) -> Steps:
-    """Move the TCP straight to a pose (6,) and stop there; a [m/s²], v [m/s]."""
+    """Move the TCP straight to a pose (6,) and stop there; a [m/s²], v [m/s]; r is ignored."""
     yield from movel(program, pose, a, v)
 
 
@@ -85,8 +87,8 @@ def movec(
     program: ScriptProgram, pose_via: Any, pose_to: Any, a: float = 1.2, v: float = 0.25,
     r: float = 0.0, mode: float = 0,
 ) -> Steps:  # fmt: skip
-    """Move the TCP on a circle through a pose (6,) to another; a [m/s²], v [m/s]. The tool turns
-    evenly or, in mode 1, not at all."""
+    """Move the TCP on a circle through a pose (6,) to another; a [m/s²], v [m/s]; blend radius r is
+    ignored. The tool turns evenly or, in mode 1, not at all."""
     arm, pace = program.arm, _pace(program, a, v)
     via, goal = _pose(program, pose_via), _pose(program, pose_to)
     if via is None or goal is None:
@@ -106,7 +108,8 @@ def _check_fractions(a: float, v: float, r: float) -> None:
 def optimovej(
     program: ScriptProgram, q: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """Move all joints straight to q; a and v are fractions 0 … 1 of top acceleration and speed."""
+    """Move all joints straight to q; a and v are fractions 0 … 1 of top acceleration and speed,
+    blend radius r is ignored."""
     _check_fractions(a, v, r)
     yield from movej(program, q, a * _OPTIMO, v * _OPTIMO)
 
@@ -115,7 +118,8 @@ def optimovej(
 def optimovel(
     program: ScriptProgram, pose: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """Move the TCP straight to a pose; a, v are fractions 0 … 1 of top acceleration and speed."""
+    """Move the TCP straight to a pose; a and v are fractions 0 … 1 of top acceleration and speed,
+    blend radius r is ignored."""
     _check_fractions(a, v, r)
     yield from movel(program, pose, a * _OPTIMO_TOOL, v * _OPTIMO_TOOL)
 
@@ -131,7 +135,8 @@ def servoj(
     program: ScriptProgram, q: Six, a: float = 0, v: float = 0, t: float = 0.002,
     lookahead_time: float = 0.1, gain: float = 300,
 ) -> Steps:  # fmt: skip
-    """Set joint targets (6,) [rad] to follow for ``t`` [s]; programs call it again and again."""
+    """Follow a joint target q (6,) [rad] for ``t`` [s], smoothed by lookahead time [s] and gain; a
+    and v are ignored. Programs call it again and again."""
     servo = _kept(program, motions.Servo())
     servo.aim(q, lookahead_time, gain)
     yield from program.during(servo, program.cycles(t))
@@ -141,7 +146,7 @@ def servoj(
 def servoc(
     program: ScriptProgram, pose: Six, a: float = 1.2, v: float = 0.25, r: float = 0.0
 ) -> Steps:
-    """Set the pose (6,) that the TCP follows at speed v [m/s]; programs call it repeatedly."""
+    """Set the pose (6,) that the TCP follows; v [m/s], a [m/s²], r ignored. Called repeatedly."""
     arm = program.arm
     track = _kept(program, motions.ToolTrack(arm.kinematics, arm.tcp.copy()))
     track.track(pose, v, a)
@@ -159,8 +164,8 @@ def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
 
 @TABLE.add()
 def speedl(program: ScriptProgram, xd: Six, a: float, t: float = 0.0, aRot: Any = "a") -> Steps:
-    """Move the TCP at velocity xd (6,) [m/s, rad/s] until another motion; return after t [s] or,
-    if that is 0, as soon as the velocity is reached. a is the acceleration [m/s²]."""
+    """Move the TCP at velocity xd (6,) [m/s, rad/s] until another motion; return after t [s] or, if
+    that is 0, as soon as the velocity is reached. a is the acceleration [m/s²]; aRot is ignored."""
     arm = program.arm
     motion = _kept(program, motions.ToolSpeed(arm.kinematics, arm.tcp.copy()))
     motion.aim(xd, a)
@@ -181,7 +186,7 @@ def direct_torque(
     program: ScriptProgram, torque: Six, friction_comp: bool = True, viscous_scale: Any = None,
     coulomb_scale: Any = None,
 ) -> Steps:  # fmt: skip
-    """Accept torques for one control cycle; the emulated arm has no torque control and stays."""
+    """Accept, and ignore, joint torques for one cycle: the emulated arm has no torque control."""
     yield
 
 
@@ -192,7 +197,7 @@ def stopj(program: ScriptProgram, a: float = 2.0) -> Steps:
 
 @TABLE.add()
 def stopl(program: ScriptProgram, a: float = 3.0, aRot: Any = "a") -> Steps:
-    """Brake until the arm rests, at a deceleration a [m/s²] of the TCP."""
+    """Brake until the arm rests, at a deceleration a [m/s²] of the TCP; aRot is ignored."""
     arm = program.arm
     twist = arm.kinematics.jacobian(arm.q, arm.tcp) @ arm.qd
     speed = max(float(np.linalg.norm(twist[:3])), 0.1 * float(np.abs(arm.qd).max()))
@@ -204,8 +209,9 @@ def force_mode(
     program: ScriptProgram, task_frame: Six, selection_vector: Six, wrench: Six, type: float,
     limits: Six,
 ) -> None:  # fmt: skip
-    """Make the selected axes of the task frame compliant, to exert a wrench (6,) [N, N·m]; types 1
-    and 3, which turn the task frame, act as type 2."""
+    """Make axes of ``task_frame`` (a pose (6,)) compliant where ``selection_vector`` (6,) is 1, to
+    exert a wrench (6,) [N, N·m] at speeds up to ``limits`` (6,) [m/s, rad/s]. Types 1 and 3, which
+    turn the frame, act as type 2."""
     program.arm.force = ForceMode(task_frame, selection_vector, wrench, limits)
 
 
@@ -221,7 +227,7 @@ def force_mode_set_gain_scaling(program: ScriptProgram, scaling: float) -> None:
 
 @TABLE.add("freedrive_mode", "teach_mode")
 def freedrive_mode(program: ScriptProgram, freeAxes: Any = None, feature: Any = None) -> None:
-    """Accept freedrive; nobody pushes the emulated arm, so it stays where it is."""
+    """Accept freedrive of any axes; nobody pushes the emulated arm, so it stays where it is."""
     program.controller.freedrive = True
 
 

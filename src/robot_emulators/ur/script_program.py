@@ -57,7 +57,7 @@ class ScriptProgram:
         self._watchdogs: dict[str, tuple[float, float, str]] = {}
 
     def cycle(self, now: float) -> bool:
-        """Run the program for one control cycle; return False when it has ended."""
+        """Run the program for the control cycle at ``now`` [s]; return False when it has ended."""
         self.history.appendleft(self.arm.plant.q)
         late = self._late(now)
         if late == PAUSE:
@@ -75,11 +75,9 @@ class ScriptProgram:
         self.links.close()
 
     def watch(self, name: str, frequency: float, action: str) -> None:
-        """Pause or stop the program (``action``) when RTDE clients write an input less often than
-        ``frequency`` [Hz].
-
-        Raises:
-            ScriptFaultError: there is no such input or action.
+        """Set a watchdog: if RTDE clients write the input called ``name`` less often than
+        ``frequency`` [Hz], pause or stop the program (``action``: pause, stop; ignore: no
+        watchdog). Raises a `ScriptFaultError` if there is no such input or action.
         """
         if name not in self.controller.inputs.fields:
             raise ScriptFaultError(f"there is no input {name}")
@@ -98,9 +96,7 @@ class ScriptProgram:
 
     def during(self, motion: ArmMotion, steps: Iterator[None]) -> Iterator[None]:
         """Start a motion and run ``steps`` of the calling thread; if it is killed, the arm brakes.
-
-        Raises:
-            ScriptFaultError: another thread moves the arm.
+        Raises a `ScriptFaultError` if another thread moves the arm.
         """
         thread = self._machine.current
         if self._mover is not None and self._mover != thread:
@@ -131,7 +127,7 @@ class ScriptProgram:
             yield
 
     def refuse(self, error: Event, why: str) -> Iterator[None]:
-        """Trigger a protective stop with a message; the program cannot continue after it.
+        """Trigger a protective stop with message ``error``; the program cannot continue after it.
 
         Raises:
             ScriptFaultError: with text ``why``; the stop was unlocked and the program played on.
@@ -144,7 +140,7 @@ class ScriptProgram:
 def dialled(
     controller: "Controller", links: Links, host: str, port: int, name: str
 ) -> Generator[None, None, Link | None]:
-    """Wait until a TCP connection is open and return it; None if it is not within `DIAL_S`."""
+    """Open connection ``name`` of ``links`` and wait for it; None if not open within `DIAL_S`."""
     link, end = links.dial(host, port, name), controller.now + DIAL_S
     while link is not None and not (link.open or link.lost) and controller.now < end:
         yield
@@ -164,7 +160,7 @@ class ExternalControl:
         self._program: ScriptProgram | None = None
 
     def cycle(self, now: float) -> bool:
-        """Fetch or run the program for one control cycle; return False when it has ended."""
+        """Fetch or run the program for the cycle at ``now`` [s]; return False when it has ended."""
         if self._program is None:
             next(self._steps, None)
             return True

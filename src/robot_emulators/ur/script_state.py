@@ -156,7 +156,7 @@ for _name, _act in _NUMBERS.items():
 
 @TABLE.add()
 def textmsg(program: ScriptProgram, s1: str, s2: str = "") -> None:
-    """Send a text message to clients of the primary interface."""
+    """Send the text s1 followed by s2 as a message to clients of the primary interface."""
     program.controller.announce(said((s1 + s2)[:_LONGEST_SAID]))
 
 
@@ -165,7 +165,7 @@ def popup(
     program: ScriptProgram, s: str, title: str = "Popup", warning: bool = False,
     error: bool = False, blocking: bool = False,
 ) -> Steps:  # fmt: skip
-    """Show a message; a blocking one makes the program wait until a client closes it."""
+    """Show text ``s`` with a title; a blocking one makes the program wait until it is closed."""
     shown = popup_shown(s[:_LONGEST_SAID], title, (warning, error, blocking))
     program.controller.announce(shown)
     program.controller.popup = blocking
@@ -189,7 +189,7 @@ def sleep(program: ScriptProgram, t: float) -> Steps:
 def rtde_set_watchdog(
     program: ScriptProgram, variable_name: str, min_frequency: float, action: str = "pause"
 ) -> None:
-    """Pause or stop the program when clients write an input less often than min_frequency [Hz]."""
+    """Pause or stop (``action``) when clients write an input less often than min_frequency [Hz]."""
     program.watch(variable_name, min_frequency, action)
 
 
@@ -206,14 +206,15 @@ def _tcp(program: ScriptProgram, tcp: Any) -> np.ndarray:
 
 @TABLE.add()
 def get_forward_kin(program: ScriptProgram, q: Six | None = None, tcp: Any = _ACTIVE) -> Pose:
-    """Pose of the TCP at joint values q (6,), the present ones if None; tcp (6,): its offset."""
+    """Pose of the TCP in the base at joint values q (6,) [rad], the present ones if None; tcp: pose
+    (6,) of the TCP in flange axes, the active one by default."""
     return made(program.arm.kinematics.pose(_state(program, q)[0], _tcp(program, tcp)))
 
 
 def _state(
     program: ScriptProgram, q: Six | None, qd: Six | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values and speeds (6,); the present ones replace an argument of None."""
+    """Joint values and speeds (6,) [rad, rad/s]: q and qd, the present ones where they are None."""
     plant = program.arm.plant
     return plant.q if q is None else q, plant.qd if qd is None else qd
 
@@ -222,7 +223,8 @@ def _state(
 def get_jacobian(
     program: ScriptProgram, q: Six | None = None, tcp: Any = _ACTIVE
 ) -> list[list[float]]:
-    """Rows of the Jacobian (6, 6) of the TCP in base axes at joint values q (6,)."""
+    """Rows of the Jacobian (6, 6), base axes, at joint values q (6,) [rad] (None: present) of the
+    TCP with pose tcp (6,) in flange axes (default: the active one)."""
     jacobian = program.arm.kinematics.jacobian(_state(program, q)[0], _tcp(program, tcp))
     rows: list[list[float]] = jacobian.tolist()
     return rows
@@ -242,7 +244,7 @@ def get_jacobian_time_derivative(
 def get_mass_matrix(
     program: ScriptProgram, q: Six | None = None, include_rotors_inertia: bool = False
 ) -> list[list[float]]:
-    """Rows of the model's joint-space mass matrix (6, 6) [kg·m²]; its rotors have no inertia."""
+    """Rows of the mass matrix (6, 6) [kg·m²] at q (6,) (None: present), without rotors' inertia."""
     torques, (joints, _), still = program.arm.plant.model_torques, _state(program, q), np.zeros(6)
     columns = [torques(joints, still, unit, still[:3]).tolist() for unit in np.eye(6)]
     return [list(row) for row in zip(*columns, strict=True)]
@@ -259,10 +261,9 @@ def get_coriolis_and_centrifugal_torques(
 def solve(
     program: ScriptProgram, pose: Six, near: Six | None = None, tcp: Any = _ACTIVE
 ) -> np.ndarray:
-    """Joint values (6,) for a pose (6,) of the TCP, nearest to ``near`` or to the present ones.
-
-    Raises:
-        ScriptFaultError: no solution lies within the joints' limits.
+    """Joint values (6,) for a pose (6,) of the TCP, nearest to ``near`` or to the present ones;
+    ``tcp`` is the TCP's pose (6,) in flange axes, by default the active one. Raises a
+    `ScriptFaultError` if no solution lies within the joints' limits.
     """
     solver = program.arm.kinematics
     start = program.arm.q if near is None else near
@@ -288,7 +289,7 @@ def get_inverse_kin_has_solution(
     program: ScriptProgram, pose: Six, qnear: Six | None = None, maxPositionError: Any = 1e-10,
     maxOrientationError: Any = 1e-10, tcp: Any = _ACTIVE,
 ) -> bool:  # fmt: skip
-    """Whether inverse kinematics has a solution for this pose of the TCP."""
+    """Whether `solve` finds joint values for this pose of the TCP; the error limits are ignored."""
     try:
         solve(program, pose, qnear, tcp)
     except ScriptFaultError:
@@ -307,7 +308,8 @@ def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
 
 @TABLE.add()
 def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
-    """Control cycles since the tool met a contact against ``direction`` (6,); 0 without contact."""
+    """Control cycles since a contact against ``direction`` (6,), by default that of motion, began:
+    always 3 in the emulator, 0 without contact."""
     way = direction
     if way is None or not way.any():
         way = _speed(program, program.arm.plant.q, program.arm.plant.qd)
@@ -318,7 +320,7 @@ def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
 
 @TABLE.add()
 def set_tcp(program: ScriptProgram, pose: Six, tcp_name: Any = "") -> None:
-    """Set the pose (6,) of the TCP in flange axes."""
+    """Set the pose (6,) of the TCP in flange axes, x y z [m] and rotation vector [rad]."""
     program.arm.tcp = pose
 
 
@@ -340,7 +342,8 @@ def set_target_payload(
     program: ScriptProgram, m: float, cog: Three, inertia: Six | None = None,
     transition_time: float = 0.0,
 ) -> None:  # fmt: skip
-    """Set the payload's mass [kg], cog (3,) [m] and inertia (6,) [kg·m²], all at once."""
+    """Set the payload's mass m [kg], cog (3,) [m] and inertia (6,) xx yy zz xy xz yz [kg·m²], at
+    once: transition_time is ignored."""
     program.controller.estimate.carry(m, cog, inertia)
 
 
@@ -349,7 +352,7 @@ def ft_rtde_input_enable(
     program: ScriptProgram, enable: bool, sensor_mass: float = 0.0,
     sensor_measuring_offset: Three | None = None, sensor_cog: Three | None = None,
 ) -> None:  # fmt: skip
-    """Accept that a client provides wrenches; the emulator still uses the arm's own sensor."""
+    """Accept that a client provides wrenches, and ignore it: the arm's own sensor is used."""
 
 
 @TABLE.add("set_tool_voltage", "force_mode_set_damping")

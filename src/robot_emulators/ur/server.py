@@ -109,10 +109,8 @@ class UREmulator(Emulator):
             self._box.stop()
 
     def soon(self, task: Callable[[], None]) -> None:
-        """Run ``task`` in the loop's thread and wait until it is done.
-
-        Raises:
-            EmulatorError: the loop has broken down or did not get to it in time.
+        """Run ``task`` in the loop's thread and wait until it is done. Raises an `EmulatorError` if
+        the loop has broken down or does not get to it in time.
         """
         why: object = self.failure
         if why is None:

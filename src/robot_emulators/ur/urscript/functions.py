@@ -34,7 +34,7 @@ def number(value: Value, what: str) -> float:
 
 
 def vector(value: Value, what: str, count: int = 6) -> np.ndarray:
-    """Convert a URScript list of ``count`` numbers to an array; else raise `ScriptFaultError`."""
+    """Convert a list of ``count`` numbers to an array; else `ScriptFaultError`, naming ``what``."""
     if not isinstance(value, list) or len(value) != count:
         raise ScriptFaultError(f"{what} must be a list of {count} numbers")
     numbers = np.array([real(v, f"each element of {what}") for v in value])

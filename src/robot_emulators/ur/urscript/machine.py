@@ -28,11 +28,9 @@ _HELPERS = {
 
 
 def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
-    """Compile the text of a URScript program, which may call the functions of ``table``.
-    If the text is one function, that is the program; else its statements are.
-
-    Raises:
-        ScriptFaultError: syntax error, or a call of an unknown function.
+    """Compile a URScript program, which may call the functions of ``table``. If the text is one
+    function, that is the program; else its statements are. Raises a `ScriptFaultError` for a syntax
+    error or a call of an unknown function.
     """
     if len(text) > LONGEST:
         raise ScriptFaultError(f"a program of more than {LONGEST} characters")

@@ -34,7 +34,7 @@ _END = re.compile(r"end\b(?!\s*[=(])")
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """One token of a URScript text, with its line and column from 1."""
+    """A token of a URScript text: kind (a keyword, or `NAME` … `END`), line and column from 1."""
 
     kind: str
     text: str
@@ -43,10 +43,8 @@ class Token:
 
 
 def tokens(text: str) -> list[Token]:
-    """Split a program's text into tokens; the last one marks the end.
-
-    Raises:
-        ScriptFaultError: no token begins with the next character.
+    """Split a program's text into tokens, the last of which marks the end; raise `ScriptFaultError`
+    if none begins with the next character.
     """
     read: list[Token] = []
     line, start, at, depth = 1, 0, 0, 0

@@ -48,7 +48,8 @@ _FRESH = (ast.Constant, ast.List, ast.Compare, ast.BoolOp, ast.UnaryOp)
 @dataclass
 class _Scope:
     """Names of the variables of one URScript function: its parameters, those assigned without a
-    declaration (``plain``), and those declared ``local`` or global (``shared``)."""
+    declaration (``plain``), and those declared ``local`` or global (``shared``); ``around`` is the
+    scope of the enclosing function."""
 
     around: "_Scope | None"
     parameters: set[str] = field(default_factory=set)
@@ -80,10 +81,8 @@ class Code:
 
 
 def translated(text: str, table: Mapping[str, Builtin]) -> Code:
-    """Translate a URScript text to Python code, which may call the functions of ``table``.
-
-    Raises:
-        ScriptFaultError: syntax error, or a call of an unknown function; says where.
+    """Translate a URScript text to Python code, which may call the functions of ``table``. Raises a
+    `ScriptFaultError`, with its place, for a syntax error or a call of an unknown function.
     """
     return _Translator(lexer.tokens(text), table).program()
 
@@ -430,7 +429,7 @@ class _Translator:
 def _generator(
     place: Token, name: str, parameters: list[str], body: list[ast.stmt]
 ) -> ast.FunctionDef:
-    """Make the AST of a generator function with this body, which first copies its arguments."""
+    """Make the AST of a generator function at token ``place``; it first copies its arguments."""
     first: list[ast.stmt] = [
         ast.If(ast.Constant(False), [ast.Expr(ast.Yield(None))], []),
         ast.Expr(_call(place, "spend")),

@@ -78,7 +78,7 @@ def kind(value: Value) -> str:
 
 
 def real(value: Value, what: str = "an argument") -> float:
-    """Convert a URScript value to a finite float; if it is none, raise `ScriptFaultError`."""
+    """Convert a value to a finite float, else raise `ScriptFaultError`, which calls it ``what``."""
     if isinstance(value, int | float) and math.isfinite(value):
         return float(value)
     raise ScriptFaultError(f"{what} must be a number, not {kind(value)}")
@@ -154,7 +154,7 @@ def _at(holder: list[Value], index: Value) -> int:
 
 
 def get(holder: Value, key: Value) -> Value:
-    """Return an element of a URScript list by its index, or of a struct by its name."""
+    """Return an element of ``holder``: of a list by index ``key``, of a struct by name ``key``."""
     if isinstance(holder, list):
         return holder[_at(holder, key)]
     if isinstance(holder, dict) and key in holder:
@@ -163,7 +163,7 @@ def get(holder: Value, key: Value) -> Value:
 
 
 def put(value: Value, holder: Value, key: Value) -> None:
-    """Set an element of a URScript list by its index, or of a struct by its name."""
+    """Set an element of ``holder``: of a list by index ``key``, of a struct by name ``key``."""
     if isinstance(holder, list):
         holder[_at(holder, key)] = value
     elif isinstance(holder, dict) and key in holder:
