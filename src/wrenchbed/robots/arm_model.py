@@ -44,7 +44,7 @@ class ArmLink:
         kind: hinge or slide.
         axis: unit vector (3,) in the link's axes.
         turn, shift: rotation (3, 3) and origin (3,) [m] in the frame of the link before.
-        lower, upper, speed, home: limits, top speed and home [rad or m, 1/s].
+        lower, upper, speed, home: limits, top speed and home [rad or m; speed per s].
         mass, cog, inertia: of all that moves with it [kg], (3,) [m], (3, 3) [kg·m²] about the CoG.
         shapes: its geoms for drawing.
     """
@@ -174,7 +174,7 @@ class ArmModel:
 
 
 def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
-    """Make a dataclass from its fields in JSON and, in place of some, from ``parts``."""
+    """Make a dataclass ``kind`` from its fields in JSON, ``raw``, or for some from ``parts``."""
     arrays = {f.name for f in fields(kind) if f.type is np.ndarray}
     values: dict[str, Any] = {
         k: np.array(v, dtype=float) if k in arrays else _tuples(v) for k, v in raw.items()

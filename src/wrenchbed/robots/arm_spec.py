@@ -151,7 +151,8 @@ def _draw(
 def _bone(
     body: mujoco.MjsBody, name: str, far: np.ndarray, thick: float, rgba: Sequence[float]
 ) -> None:
-    """Add to a body a capsule from its origin to ``far`` (3,) [m], or a ball if that is near."""
+    """Add a capsule of radius ``thick`` [m] from a body's origin to ``far`` (3,) [m] in its axes,
+    or a ball if that is near."""
     if float(np.linalg.norm(far)) > thick:
         ends = [0.0, 0.0, 0.0, *far]
         size = [thick, 0.0, 0.0]
@@ -162,7 +163,7 @@ def _bone(
 
 
 def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
-    """Add a position servo that holds a joint at its home value while its control is 0."""
+    """Add a position servo ``column`` that holds its joint at home while its control is 0."""
     spec.add_actuator(
         name=column, target=column, trntype=mujoco.mjtTrn.mjTRN_JOINT,
         gainprm=[STIFFNESS, *[0.0] * 9], biastype=mujoco.mjtBias.mjBIAS_AFFINE,
@@ -172,7 +173,8 @@ def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
 
 
 def _close(spec: mujoco.MjSpec, bodies: Sequence[mujoco.MjsBody], arm: ArmModel) -> None:
-    """Add sites ``<loop>_1`` and ``<loop>_2`` for each closure, and a stiff constraint between."""
+    """Add, for each loop closure, sites ``<loop>_1`` and ``<loop>_2`` to its links' bodies (in
+    order, the base first) and a stiff constraint between them."""
     kind = mujoco.mjtEq.mjEQ_CONNECT
     for c in arm.closures:
         equality = spec.add_equality(name=c.name, type=kind, solref=_STIFF, solimp=_HARD)

@@ -144,7 +144,7 @@ class ArmTree:
 
     def held(self, allowed: bool) -> list[str]:
         """Names of joints that move neither the sensor nor what is behind it; a `ParameterError` if
-        they are a second arm and that is not ``allowed``."""
+        they are a second arm and ``allowed`` is False."""
         depth, names = 0, list[str]()
         for body in sorted(set(range(self.model.nbody)) - self.behind):
             series = [
@@ -304,8 +304,8 @@ class ArmTree:
     def _together(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Total mass [kg], CoG (3,) [m] and inertia about it (3, 3) [kg·m²] of bodies, in the frame
-        with rotation ``turn`` (3, 3) and origin (3,) [m] in the world."""
+        """Total mass [kg], CoG (3,) [m] and inertia about it (3, 3) [kg·m²] of bodies (by number),
+        in the frame with rotation ``turn`` (3, 3) and origin (3,) [m] in the world."""
         model, data = self.model, self.data
         some = [b for b in bodies if b and model.body_mass[b] > _NOTHING]
         mass = float(sum(model.body_mass[b] for b in some))
@@ -332,7 +332,8 @@ class ArmTree:
     def _shapes(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[Shape, ...]:
-        """Shapes of bodies, visual geoms or else collision geoms, in a frame given in the world."""
+        """Shapes of bodies (by number), visual geoms or else collision geoms, in the frame with
+        rotation ``turn`` (3, 3) and origin (3,) [m] in the world."""
         model, data, shapes = self.model, self.data, list[Shape]()
         for body in bodies:
             axes = _axes(data.xmat[body])

@@ -63,7 +63,7 @@ class GoalSets(NamedTuple):
     """Candidate joint values for measuring and touching, and those that must be accurate.
 
     Attributes:
-        gravity: poses at which the sensor may read the tool's weight (N, J).
+        gravity: N poses at which the sensor may read the tool's weight (N, J).
         touch: poses at which the tip, by the nominal model, is at ``points`` (T, J).
         points: known positions in the world (T, 3) [m].
         target: poses at which the position error counts (G, J).
@@ -123,7 +123,8 @@ class Robot(ArmBodies):
         return np.asarray(np.swapaxes(self.sensor_pose(q, theta)[0], -1, -2) @ gravity)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """Constants for `compiled.statics` at theta (P,) or (R, P) and gravity (3,), world axes."""
+        """Constants for `compiled.statics` at theta (P,), or (R, P) of R robots, and at gravity
+        (3,) in world axes [m/s²]."""
         raise NotImplementedError
 
     @abstractmethod
@@ -147,11 +148,8 @@ class Robot(ArmBodies):
         return None
 
     def goal_sets(self, pool: int, points: np.ndarray | None, seed: int) -> GoalSets:
-        """Make the candidates of a plan for tool accuracy, with touches of ``points`` (K, 3) [m].
-
-        Raises:
-            NotFoundError: the robot has no tool tip or no target workspace.
-        """
+        """Make the candidates of a plan for tool accuracy: ``pool`` poses to weigh at, and touches
+        of ``points`` (K, 3) [m]. A `NotFoundError` without tool tip or target workspace."""
         raise NotFoundError(f"robot {self.name!r} has no tool tip and target workspace to plan for")
 
     @property
@@ -224,11 +222,8 @@ class SimulatedRobot(Robot):
 
     def link_frames(self, q: Value, theta: np.ndarray) -> Sequence[tuple[Value, Value]]:
         """R_world_link (…, N, 3, 3) and origin (…, N, 3) [m] of the link behind each of MuJoCo's
-        joints, in their order; loops stay closed.
-
-        Raises:
-            NotFoundError: the model of this robot has no frames of links.
-        """
+        joints, in their order; loops stay closed. A `NotFoundError` if the model has no such
+        frames."""
         raise NotFoundError(f"robot {self.name!r} has no frames of links: its joints no torques")
 
     def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
@@ -272,7 +267,7 @@ def load_parameters(inertia: Sequence[float]) -> ParameterSet:
 
 
 def inertia_matrix(p: Values) -> np.ndarray:
-    """Inertia matrix (…, 3, 3) [kg·m²] of the load about its CoG, from parameter values."""
+    """Inertia matrix (…, 3, 3) [kg·m²] of the load about its CoG, from ``tool.inertia`` values."""
     xx, yy, zz, xy, xz, yz = (p[f"tool.inertia.{a}"] for a in INERTIA_AXES)
     rows = [stack_jets([xx, xy, xz]), stack_jets([xy, yy, yz]), stack_jets([xz, yz, zz])]
     return np.stack(rows, axis=-2)
@@ -317,10 +312,9 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
         return (rotation @ mount_turn(turn) if turn.any() else rotation), position
 
     def _leaning(self, base: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """R_world_base (…, 3, 3) of a base tilted from its nominal rotation ``base`` (3, 3).
-
-        The tilt turns gravity as the base sees it: the base turns against it.
-        """
+        """R_world_base (…, 3, 3) of a base whose nominal rotation is ``base`` (3, 3). The
+        parameters ``base.tilt`` turn gravity in the base's axes: the base itself turns the opposite
+        way."""
         tilt = theta[..., self._tilt]
         if not tilt.any():
             return base
@@ -337,7 +331,8 @@ def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
 
 
 def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[float]) -> ParameterSet:
-    """Make the parameters of an arm's base tilt, its sensor's mount and its load."""
+    """Make the parameters of an arm's base tilt, mount and load; nominal tool: mass [kg], CoG (3,)
+    [m] and inertia about it, xx yy zz xy xz yz (6,) [kg·m²], in sensor axes."""
     position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
     items = (
         *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
@@ -351,7 +346,8 @@ def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[floa
 def vector_parameters(
     group: str, axes: str, unit: str, tolerance: float, text: str
 ) -> list[Parameter]:
-    """Make parameters ``group.x`` …, one for each letter of ``axes``, 0 ± ``tolerance`` [unit]."""
+    """Make parameters ``group.x`` …, one for each letter of ``axes``, 0 ± ``tolerance`` [unit];
+    ``text`` describes them."""
     bound = 3.2 if unit == "rad" else 2.0
     return [Parameter(f"{group}.{a}", 0.0, unit, tolerance, -bound, bound, text) for a in axes]
 
@@ -359,11 +355,8 @@ def vector_parameters(
 def sample_until(
     n: int, draw: Callable[[int], np.ndarray], good: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """Call ``draw(n)`` until n rows are ``good``; return these (n, …).
-
-    Raises:
-        WrenchbedError: fewer than 1 in 1,000 draws is good.
-    """
+    """Call ``draw(n)`` until n rows are ``good`` (rows → booleans); return these n rows (n, …). A
+    `WrenchbedError` if fewer than 1 in 1,000 draws is good."""
     kept: list[np.ndarray] = []
     accepted = drawn = 0
     while accepted < n:
@@ -419,7 +412,7 @@ def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarr
 
 
 def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Parameters (P,) changed so that the sensor turns by a vector (3,) [rad] in its axes."""
+    """Parameters (P,) with the sensor turned by a rotation vector (3,) [rad] in its axes."""
     names, turned = robot.parameters.names, np.array(theta, dtype=float)
     if "mount.rotation.x" in names:
         at = [names.index(f"mount.rotation.{a}") for a in "xyz"]

@@ -114,10 +114,9 @@ class SerialChain(MountedArm):
         return np.moveaxis(np.stack([np.broadcast_to(x, shape) for x in seen]), 0, -1)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """Constants for `compiled.statics`: column, zero, cosine and sine of twist of each hinge.
-
-        The twist behind the last hinge counts as zero: the last rotation contains it.
-        """
+        """Constants for `compiled.statics`; own ones are, for each hinge, its column in q, its
+        zero, and cosine and sine of the twist behind it (0 for the last: the last rotation contains
+        it)."""
         hinges, turns = self._hinges, np.stack(self._mounted(theta)[0])
         groups = np.split(turns, hinges + 1)  # the turns between two hinges are one
         between = np.stack([reduce(np.matmul, group) for group in groups])

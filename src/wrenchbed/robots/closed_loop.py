@@ -96,7 +96,8 @@ class ClosedLoops:
         return frames
 
     def residual(self, at: Sequence[Value], arm: ArmModel) -> Value:
-        """Residual (…, N, E) of all loops at L joint values, (…, N) each [m over arm's reach]."""
+        """Residual (…, N, E) of all loops, three numbers each [m over the arm's reach], at L joint
+        values ``at``, (…, N) each."""
         frames = self.frames(at, arm)
         parts: list[Value] = []
         for n, closure in enumerate(arm.closures):
@@ -109,7 +110,8 @@ class ClosedLoops:
         return stack_jets(parts)
 
     def _slopes(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """Derivatives (…, N, E, L) of `residual` by all joints (…, N, L), exact on closed loops."""
+        """Derivatives (…, N, E, L) of `residual` by all joints, at their values ``at`` (…, N, L);
+        exact on closed loops."""
         frames = self.frames(_split(at), arm)
         rows = []
         for n, closure in enumerate(arm.closures):
@@ -128,8 +130,8 @@ class ClosedLoops:
         return np.concatenate(rows, axis=-2)
 
     def _inverse(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """Inverse (…, N, X, X) of the independent residuals' derivatives by the X passive
-        joints."""
+        """Inverse (…, N, X, X) of the derivatives of X independent residuals by the X passive
+        joints, at joint values ``at`` (…, N, L)."""
         slopes = self._kept @ self._slopes(at, arm)[..., self.passive]
         try:
             return np.linalg.inv(slopes)
@@ -137,7 +139,8 @@ class ClosedLoops:
             return np.linalg.inv(slopes + 1e-13 * np.eye(slopes.shape[-1]))
 
     def _at_home(self, at: np.ndarray) -> np.ndarray:
-        """Close the loops at home, choose which equations to keep; return all joint values (L,).
+        """Close the loops near values ``at`` (L,), choose which equations to keep; return all L
+        values.
 
         Raises:
             ParameterError: the loops do not close, leave a joint free, or couple driven joints.
@@ -197,8 +200,9 @@ class ClosedLoops:
     def solved(
         self, q: np.ndarray, driven: np.ndarray | None = None, arm: ArmModel | None = None
     ) -> np.ndarray:
-        """Values of all joints (…, N, L) at driven values q (N, J), NaN rows without solution. For
-        an ``arm`` other than nominal, ``driven`` (…, N, J) are the values with zero offsets."""
+        """Values of all L joints (…, N, L) at driven values q (N, J); rows without solution are
+        NaN. For an ``arm`` other than the nominal one ``driven`` (…, N, J) are q plus its zero
+        offsets."""
         key = q.tobytes(), q.shape
         if key not in self._solutions:
             if len(self._solutions) >= _KEPT:
@@ -212,7 +216,8 @@ class ClosedLoops:
         return self._closed(at, arm)
 
     def _closed(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
-        """Close the loops by Newton from joint values near a solution; NaN rows if that fails."""
+        """Close the loops by Newton from values ``at`` (…, N, L) of all joints near a solution; NaN
+        rows where that fails."""
         with np.errstate(all="ignore"):
             last = np.inf
             for _ in range(_STEPS):
@@ -247,7 +252,8 @@ class ClosedLoops:
         return self._closed(at, self.arm)
 
     def _distances(self, goal: np.ndarray, solutions: np.ndarray) -> np.ndarray:
-        """Scaled distance (N, S) of driven values (N, J) from those of solutions (S, L)."""
+        """Distance (N, S) [rad, m over the arm's reach] of driven values (N, J) from those in S
+        solutions (S, L), values of all joints."""
         way = (goal[:, None] - solutions[None][..., self.driven]) / self._unit[self.driven]
         return np.linalg.norm(way, axis=-1)
 
@@ -269,7 +275,8 @@ class ClosedLoops:
 
     def _follow(self, start: np.ndarray, goal: np.ndarray, stride: float) -> np.ndarray:
         """Joint values (N, L) at the end of a straight way from solutions (N, L) to driven values
-        (N, J), in steps of ``stride``; NaN where a loop cannot be closed on the way."""
+        (N, J), in steps of ``stride`` [rad, m over the arm's reach]; NaN where a loop opens on the
+        way."""
         at, begin = start.copy(), start[:, self.driven]
         longest = (np.abs(goal - begin) / self._unit[self.driven]).max(axis=1)
         strides = np.maximum(1, np.ceil(longest / stride)).astype(int)

@@ -169,8 +169,8 @@ def read(path: Path) -> FileArm | LoopArm:
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
-    """Make a robot from its record in a recording (`FileArm.record`); a `ParameterError` if the
-    record is incomplete."""
+    """Make a robot from its record in a recording (`FileArm.record`, JSON); a `ParameterError` if
+    the record is incomplete."""
     try:
         arm = ArmModel.from_json(record["arm"])
     except (KeyError, TypeError, ValueError, AttributeError) as cause:
@@ -181,7 +181,7 @@ def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
 
 
 def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
-    """Register the sensor that a recording's robot carries; return its name, else ``stated``."""
+    """Register the sensor in a robot's record in a recording; return its name, else ``stated``."""
     carried = record.get("sensor")
     if carried is None:
         return stated
@@ -206,7 +206,8 @@ def _sha(file: Path) -> str:
 def _load(
     arm: ArmModel, frame: str, file: Path, mass: float | None, cog: Sequence[float] | None
 ) -> Load:
-    """Load behind the sensor: the tool that is stated, else what the file has behind the frame."""
+    """Load behind the sensor: the stated tool, mass [kg] and CoG (3,) [m] in sensor axes, else what
+    the model has behind ``frame``; errors begin with ``file``."""
     if mass is None and cog is None and arm.load is not None:
         return arm.load
     if mass is None or cog is None:
@@ -241,7 +242,8 @@ def _floor(arm: ArmModel) -> float | None:
 def _robot(
     text: str, arm: ArmModel, where: str, known_as: Callable[[str], str]
 ) -> FileArm | LoopArm:
-    """Make a robot from a TOML text and its model's arm; ``known_as`` gives its sensor's name."""
+    """Make a robot from a TOML text and its model's arm; ``known_as`` maps the sensor's stated name
+    to a registered one, and errors begin with ``where``."""
     table = toml_fields(text, where, ParameterError)
     table.only(_TOP)
     if table.raw.get("format") != FORMAT:

@@ -235,13 +235,13 @@ def loop_groups(arm: ArmModel) -> list[list[str]]:
 
 
 def _zero(name: str, link: ArmLink, bound: float, text: str) -> Parameter:
-    """Make the parameter of a joint's zero offset, added to its reading, within ± bound."""
+    """Make the parameter ``name`` of a joint's zero offset, 0, within ± ``bound`` [rad or m]."""
     unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
     return Parameter(name, 0.0, unit, size, -bound, bound, text)
 
 
 def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:
-    """Make the parameters ``group.x`` … of the coordinates of a point (3,) [m]."""
+    """Make the parameters ``group.x`` … of a point (3,) [m], each described by ``text``."""
     return [
         Parameter(f"{group}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST, text)
         for a, v in zip("xyz", place, strict=True)

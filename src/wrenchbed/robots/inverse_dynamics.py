@@ -41,9 +41,8 @@ def _regressor(robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.nda
 def rotor_torque(
     robot: SimulatedRobot, theta: np.ndarray, inertias: LinkInertias, q: Jet
 ) -> np.ndarray:
-    """Joint torques (N, J) [N·m, N for slides] that accelerate the motors' inertia.
-
-    A user's MJCF may state such inertia of passive joints too; loops couple it to the motors.
+    """Joint torques (N, J) [N·m, N for slides] that accelerate the motors' inertia, at a jet q (N,
+    J). A user's MJCF may state such inertia of passive joints too; loops couple it to the motors.
     """
     torque = inertias.rotor * q.dd
     if not inertias.passive.any():
@@ -60,7 +59,7 @@ def _unit_speeds(q: np.ndarray) -> Jet:
 
 
 def _moving(frame: tuple[Value, Value], rows: int) -> tuple[Jet, Jet]:
-    """Rotation and origin of a frame as jets of ``rows`` rows, also if they are constant."""
+    """Rotation and origin of a frame as jets of N ``rows``; constant ones get derivatives 0."""
     shapes = ((rows, 3, 3), (rows, 3))
     turn, origin = (
         x

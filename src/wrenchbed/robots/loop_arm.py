@@ -28,11 +28,8 @@ cost time at each first use."""
 
 
 class LoopArm(DescribedArm):
-    """An arm with closed loops from MJCF, and a six-axis sensor at a named frame.
-
-    Raises:
-        ParameterError: its loops do not close at home, or do not determine every passive joint.
-    """
+    """An arm with closed loops from MJCF, and a six-axis sensor at a named frame; `ParameterError`
+    if its loops do not close at home, or do not determine every passive joint."""
 
     candidates = ("joint", "link", "loop", "base.tilt", "mount", "tool.mass", "tool.cog")
 
@@ -131,5 +128,5 @@ class LoopArm(DescribedArm):
 
 
 def _placed(turn: Value, origin: Value, arm: ArmModel) -> tuple[Value, Value]:
-    """Convert a frame (rotation, origin) from base axes to world axes."""
+    """Convert a frame (rotation, origin [m]) from the arm's base axes to world axes."""
     return arm.base_turn @ turn, apply(arm.base_turn, origin) + arm.base_shift

@@ -36,10 +36,7 @@ def _bare(path: Path, _changed: int) -> mujoco.MjSpec:
 
 def frictionless(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """Remove contact and its shapes, dry and viscous friction of joints, and limits of servo forces
-    from a spec, and return it.
-
-    Files have these for viewers; no recording may depend on them.
-    """
+    from a spec, and return it. Files have these for viewers; no recording may depend on them."""
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     for geom in list(spec.geoms):
         if geom.classname.name in _TOUCHING:
@@ -148,5 +145,5 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
 
 
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and origin (3,) of a frame whose parts may have a first axis of length 1."""
+    """Rotation (3, 3) and origin (3,) of a frame, which may have a first axis of length 1."""
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]

@@ -95,7 +95,8 @@ def _with_options(source: ModelSource) -> str:
 
 
 def _refused(source: ModelSource, cause: Exception) -> ParameterError:
-    """Make the error for a file that MuJoCo refuses: its message, or a clearer one, in a line."""
+    """Make the error for a file that MuJoCo refuses with ``cause``: its text, or a clearer one, in
+    a line."""
     words = FLOATS if "free joint" in str(cause) else " ".join(str(cause).split())[:_LONGEST]
     return ParameterError(f"{source.path}: {words}")
 
@@ -123,7 +124,7 @@ def _drop_missing(spec: mujoco.MjSpec, source: ModelSource) -> list[str]:
 
 
 def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
-    """Path of a mesh, beside the model or in a package:// folder above; None if missing."""
+    """Path of a mesh: under ``meshdir``, beside the model, in a ROS package; None if missing."""
     if not name.lower().endswith(_MESHES):
         return None
     plain = name.removeprefix("file://")
@@ -184,7 +185,7 @@ def _strip(spec: mujoco.MjSpec, source: ModelSource) -> None:
 
 
 def _compiled(spec: mujoco.MjSpec, source: ModelSource, notes: list[str]) -> mujoco.MjModel:
-    """Compile a spec; impossible inertias, which MuJoCo refuses, are replaced and noted."""
+    """Compile a spec; replace inertias that MuJoCo refuses, and add that to ``notes``."""
     options = spec.compiler
     options.boundmass = max(options.boundmass, _BOUND)
     options.boundinertia = max(options.boundinertia, _BOUND)

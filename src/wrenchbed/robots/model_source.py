@@ -92,12 +92,8 @@ class ModelSource:
 
 
 def content(path: Path) -> bytes:
-    """Read the bytes of a model file, which must be a regular file.
-
-    Raises:
-        NotFoundError: there is no such file.
-        ParameterError: a device, a pipe or a folder, or more than 16 MB.
-    """
+    """Read the bytes of a model file. A `NotFoundError` if there is none, a `ParameterError` for a
+    device, a pipe, a folder, or more than 16 MB."""
     try:
         there = path.stat()
         if not stat.S_ISREG(there.st_mode):

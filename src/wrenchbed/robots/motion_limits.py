@@ -1,6 +1,7 @@
 """Straight joint-space moves, their speed, and the limits checked before anything moves.
 
-Drivers and the recorder check by it before each move: a looser limit reaches real robots.
+Drivers and the recorder check by it before each move: a looser limit reaches real robots. So no
+limit or constant is free; tests/hardware judge them.
 """
 
 from dataclasses import dataclass
@@ -42,8 +43,8 @@ def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def duration(robot: Robot, start: np.ndarray, end: np.ndarray, share: float = SPEED_SHARE) -> float:
-    """Duration [s] of a minimum-jerk move between poses (J,), whose fastest joint peaks at a share
-    of its top speed."""
+    """Duration [s] of a minimum-jerk move between poses (J,), whose fastest joint peaks at
+    ``share`` (0 … 1) of its top speed."""
     speed = top_speeds(robot) * share
     return max(0.2, float(np.max(_PEAK * np.abs(np.asarray(end) - start) / speed)))
 
@@ -96,7 +97,7 @@ class Limits:
             raise ParameterError(f"workspace {self.workspace}: each upper bound must be larger")
 
     def check_path(self, robot: Robot, q: np.ndarray, where: str) -> None:
-        """Check joint values (N, J) against limits, loops and workspace; an error names the row."""
+        """Check poses (N, J) against limits, loops, workspace; errors name ``where`` and row."""
         nominal = robot.parameters.nominal
         robot.check(q, nominal, where)
         if self.workspace is None:

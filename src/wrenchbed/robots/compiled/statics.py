@@ -34,19 +34,21 @@ class Packed(NamedTuple):
 
 
 def available(name: str, slopes: bool = False) -> bool:
-    """Whether the compiled function of a robot (``slopes``: its derivatives) is installed."""
+    """Whether the compiled function ``name`` of a robot is installed, or with ``slopes`` that of
+    its derivatives."""
     return (f"{name}_slopes" if slopes else name) in _FUNCTIONS
 
 
 def readings(name: str, q: np.ndarray, constants: bytes) -> np.ndarray:
-    """Sensor readings (…, 6) [N, N·m] at rest at q (…, J); constants ordered as in `_statics.c`."""
+    """Sensor readings (…, 6) [N, N·m] at rest at q (…, J), by the function ``name``; the constants
+    are a `Packed`'s numbers in the order of `_statics.c`."""
     out = np.empty((*q.shape[:-1], 6))
     _FUNCTIONS[name](np.ascontiguousarray(q), q.shape[-1], constants, out)
     return out
 
 
 def slopes(name: str, q: np.ndarray, constants: bytes, changes: np.ndarray) -> np.ndarray:
-    """Derivatives (K, N, 6) of `readings` at q (N, J) along changes (K, C) of the constants."""
+    """Derivatives (K, N, 6) of `readings` at q (N, J) along K changes (K, C) of the C constants."""
     out = np.empty((len(changes), len(q), 6))
     given = np.ascontiguousarray(q), q.shape[-1], constants, out, changes.tobytes()
     _FUNCTIONS[f"{name}_slopes"](*given)

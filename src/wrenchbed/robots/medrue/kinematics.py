@@ -119,7 +119,7 @@ class Solved(NamedTuple):
 
 
 def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
-    """Joint positions of five-bar i (1, 2) at two joint values [rad], elbows up (Eqs. 2–11)."""
+    """Points of five-bar i (1, 2) at joint values at A and C [rad], elbows up (Equations 2–11)."""
     ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
     l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
     a = first + p[f"dq{2 * i}"]

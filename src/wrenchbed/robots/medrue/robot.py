@@ -53,8 +53,8 @@ JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b
 
 
 def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
-    """Return MedRUE's MJCF spec with every parameter, closed at ``ref`` (13,), values of
-    `JOINTS`."""
+    """Return MedRUE's MJCF spec with parameters p and load ``tool``, its joints `JOINTS` at ``ref``
+    (13,), where the loops close."""
     spec = bare(mjcf)
     at = dict(zip(JOINTS, (float(r) for r in ref), strict=True))
     for joint, value in at.items():
@@ -290,7 +290,8 @@ def _place(p: Values, of: str) -> Value:
 
 
 def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]]:
-    """Frames of links A–B, B–E, C–D, D–E of five-bar i, in base axes, y along each link."""
+    """Frames (rotation, origin [m]) of links A–B, B–E, C–D, D–E of five-bar i in its plane at ``x``
+    [m], in base axes, y along each link."""
     bars = []
     for k, (anchor, middle) in enumerate((("A", bar.B), ("C", bar.D))):
         start = stack_jets([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]])

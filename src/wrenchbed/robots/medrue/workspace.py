@@ -125,7 +125,8 @@ def _at_a_place(
 def reachable(
     robot: Robot, rotation: np.ndarray, position: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (K, 6) of the tool poses that the nominal robot reaches, and their rows."""
+    """Joint values (K, 6) of those tool poses (N, 3, 3), (N, 3) [m] that the nominal robot reaches,
+    and their row indices (K,)."""
     theta = robot.parameters.nominal
     q = joints(robot.values(theta), rotation, position)
     which = np.flatnonzero(np.isfinite(q).all(axis=1))
