@@ -189,6 +189,17 @@ def test_a_hit_once_a_turn_is_unknown_and_says_when():
     assert d.where[0]["detail"] == "joint 3" and " s " in d.where[0]["sentence"]
 
 
+def test_a_brake_that_drags_at_times_is_no_noise():
+    healthy = case(seed=31)
+    t, q5 = healthy.t, healthy.columns["q5"]
+    on = np.isin((t // 3.1).astype(int), (1, 2, 5, 11, 12, 15))
+    drag = 1.6 * np.tanh(np.gradient(q5, t) / 0.01) * on
+    tau5 = healthy.columns["tau5"] + drag
+    d = diagnose_efforts(with_columns(healthy, {"tau5": tau5})).diagnosis
+    assert d.verdict == "unknown" and not d.which
+    assert d.where[0]["detail"] == "joint 5" and "changes slowly" in d.where[0]["sentence"]
+
+
 @pytest.mark.parametrize(
     ("closed", "least", "after", "right"),
     [(0.9, 0.2, 0.1, 1.0), (0.5, 0.2, 0.1, 0.85), (0.9, 0.2, 3.0, 0.85), (0.8, 1.5, 3.0, 0.68)],
