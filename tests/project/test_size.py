@@ -12,8 +12,8 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 938,
     "cli": 2682,
-    "data": 5398,
-    "diagnosis": 13111,
+    "data": 5395,
+    "diagnosis": 13127,
     "drives": 1667,
     "effects": 4993,
     "environments": 588,
@@ -27,7 +27,7 @@ WRENCHBED = {
     "planning": 1035,
     "plant": 762,
     "reports": 2114,
-    "robots": 4400,
+    "robots": 4399,
     "sensors": 314,
     "simulation": 1302,
     "studies": 1345,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78939,
-    "src/wrenchbed": 69465,
-    "src/robot_emulators": 9474,
-    "tests": 37950,
+    "src": 78943,
+    "src/wrenchbed": 69477,
+    "src/robot_emulators": 9466,
+    "tests": 37961,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
