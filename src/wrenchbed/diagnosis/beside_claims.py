@@ -32,8 +32,8 @@ def minor(
 
     Args:
         a: explanations of the recording, with probabilities.
-        verdict: its claims are not listed again. Under ``unknown`` explanations with a claimable
-            cause do not count for an effect: they were refuted.
+        verdict: its claims are not listed again. If it is ``unknown``, explanations that have a
+            cause large enough to be claimed are ignored: they were refuted.
         spread: factor on standard uncertainties, see `Reliability`.
         right: share of claims that are right, an upper limit of each probability.
     """
@@ -99,13 +99,13 @@ def _instead(
 
 
 def _numbers(a: Analysis, f: Finalist, name: str, spread: float) -> dict[str, Any]:
-    """Keys ``elements``, ``combination`` and ``parameters`` of one effect of a fitted set."""
+    """Keys ``elements``, ``combination``, ``parameters`` of a fitted effect, std × ``spread``."""
     k = f.names.index(name)
     return numbers_of(a, elements(a.refitter, f, k, [name])[name], spread)
 
 
 def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[dict[str, Any]]:
-    """Entries of ``fitted`` of diagnosis.json: bias, mass and CoG beside the explanation."""
+    """Entries of ``fitted`` of diagnosis.json: bias, mass, CoG beside causes; std × ``spread``."""
     d, configuration = a.dictionary, a.prepared.configuration
     estimate = stated(a.refitter, verdict.explanation.finalist)
     size = d.size[d.stated]

@@ -268,7 +268,7 @@ class Weighed(NamedTuple):
 
 
 def weigh(prepared: Prepared, known: Reliability, seed: int) -> Weighed:
-    """Explain the gap of a recording; decide by held-out rows which causes may be claimed."""
+    """Explain a gap; decide by held-out rows (``seed``: bootstrap) which causes may be claimed."""
     return settle(analyse(prepared), known, seed)
 
 
@@ -320,7 +320,7 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
 
 
 def least_beside(touch: Touch | None) -> float:
-    """Least probability of a cause beside a contact: 0 without one, infinite if it is unknown."""
+    """Least probability of a cause beside a contact: 0 without one, ∞ if its force has no point."""
     if touch is None:
         return 0.0
     return PROBABLE if touch.parameters is not None else np.inf
@@ -329,7 +329,7 @@ def least_beside(touch: Touch | None) -> float:
 def _changing(
     a: Analysis, verdict: Verdict[Explanation], names: Collection[str], seed: int
 ) -> constancy.Change | None:
-    """First named cause whose size changes during the recording; None if all are constant."""
+    """Cause, claimed and in ``names``, whose size changes most surely; None if all are constant."""
     parts = _parts(verdict, names)
     return constancy.changing(a, verdict.explanation.finalist, parts, seed) if parts else None
 
@@ -351,7 +351,7 @@ def _refuted(weighed: Weighed, sentence: str, seed: int) -> Weighed:
 def _without_outliers(
     prepared: Prepared, first: Weighed, known: Reliability, seed: int
 ) -> tuple[Weighed, tuple[outliers_.Outlier, ...]]:
-    """Decision without a few poses or stretches that all others contradict; and these outliers."""
+    """Decision, after ``first`` on all rows, without rows that all others contradict; and these."""
     weighed, outliers = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
         decision = weighed.decision
@@ -382,13 +382,13 @@ def _without_outliers(
 
 
 def _learnt(known: Reliability, p_value: float, mode: str) -> str:
-    """Sentence on the simulated cases behind the probabilities, and how like them this one is."""
+    """Sentence on the learning cases, and how like those of a mode a recording of a p-value is."""
     unlike = UNLIKE if known.unlike(p_value, mode) else ""
     return f"the probabilities were learnt on {known.source}{unlike}"
 
 
 def _designs(a: Analysis) -> list[Design]:
-    """What each recording could show, one design each, for the search of blind spots."""
+    """What each recording could show, one design a recording, for the search of blind spots."""
     best = a.ranking.explanations[0].finalist
     recordings = zip((a, *a.others), best.each or [best], strict=True)
     return [Design(x.searcher, f.rung) for x, f in recordings]

@@ -42,7 +42,7 @@ def causes(
     spread: float,
     between: Iterable[RowFinding],
 ) -> list[dict[str, Any]]:
-    """Entries of ``which`` of diagnosis.json: claimed causes; ``spread`` multiplies each std."""
+    """Entries of ``which``: causes, then effects ``between`` rows; each std × ``spread``."""
     result = []
     for c in verdict.causes:
         name, rivals = c.names[0], _rivals(a, verdict, c, spread)
@@ -93,7 +93,7 @@ def _of_elements(entry: Mapping[str, Any]) -> str:
 
 
 def with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Add to a joint's or link's number, in place, those that the data cannot rule out."""
+    """Add to number ``joint`` or ``link``, in place, those of all other elements ``names``."""
     for key in ("joint", "link"):
         if key in parameters and len(names) > 1:
             others = [int(n.split()[1]) for n in names[1:]]
@@ -105,7 +105,7 @@ def _rivals(
     a: Analysis, verdict: Verdict[Explanation], c: Cause, spread: float
 ) -> list[dict[str, Any]]:
     """Entries of ``rivals`` of a cause: effects fitted in its place, each with probability,
-    elements and parameters."""
+    elements and parameters, whose std is multiplied by ``spread``."""
     beside = verdict.explanation.names - {c.part.name}
     shares = c.shares or (1.0 / len(c.names),) * len(c.names)
     result = []
@@ -125,8 +125,8 @@ def _rivals(
 def _numbers(
     a: Analysis, verdict: Verdict[Explanation], cause: Cause, spread: float
 ) -> dict[str, Any]:
-    """Keys that `numbers_of` returns, for a claimed cause; for a wrong stated number its error,
-    of several recordings in the one where it is largest."""
+    """Keys that `numbers_of` returns, with ``spread``, for a claimed cause; for a wrong stated
+    number its error, of several recordings in the one where it is largest."""
     if cause.part.index is None:
         f = verdict.explanation.finalist
         each = zip((a, *a.others), f.each or (f,), strict=True)
@@ -162,7 +162,7 @@ def numbers_of(a: Analysis, of: Elements, spread: float) -> dict[str, Any]:
 
 
 def _covariance(a: Analysis, f: Finalist, part: int, spread: float) -> np.ndarray:
-    """Covariance (k, k) [SI] of a cause's k variables, amplitudes before shapes."""
+    """Covariance (k, k), SI, of cause ``part``'s variables, amplitudes first; std × ``spread``."""
     at = f.variables.of_parts([part])
     size = {p.name: p.tolerance for p in f.parts[part].effect.parameters(a.prepared.robot)}
     scale = spread * np.array([size[f.variables.name[i]] for i in at])
@@ -273,7 +273,7 @@ def _flat(a: Analysis, f: Finalist, i: int) -> float:
 
 
 def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[str, Any]:
-    """Errors of a stated number (bias, mass or CoG) by parameter: true minus stated value."""
+    """Errors, true minus stated, of bias, mass or CoG ``name`` by parameter; std × ``factor``."""
     d, estimate = a.dictionary, stated(a.refitter, f)
     hypothesis = next(h for h in d.hypotheses if h.name == name)
     unit = {p.name: p.unit for p in hypothesis.effect.parameters(a.prepared.robot)}

@@ -66,7 +66,7 @@ def rival(effect: str, probability: float, numbers: Mapping[str, Any]) -> dict[s
 
 
 def families(gap: Closure) -> dict[str, float]:
-    """Share of the closed gap, 0…1, by family of channels (force, torque …, as in `family`)."""
+    """For each family of channels (`family`) its share, 0…1, of the gap that the effects close."""
     closed = dict.fromkeys((family(c) for c in gap.per_channel), 0.0)
     for channel, gaps in gap.per_channel.items():
         closed[family(channel)] += max(gaps["before"] - gaps.get("after", gaps["before"]), 0.0)

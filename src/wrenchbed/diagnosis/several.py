@@ -199,7 +199,7 @@ def rank(refitters: Sequence[Refitter], analyses: Sequence[Analysis]) -> Ranking
 
 
 def _mixed(refitters: Sequence[Refitter], best: Finalist) -> float:
-    """Log posterior of an unknown cause beside a fitted set, in recordings that it explains."""
+    """Log posterior of an unknown cause beside the fitted set ``best``, where it gains anything."""
     base = best.log_posterior + float(np.log(MORE / PRIOR["one"]))
     more = [
         float(logsumexp([s.log_posterior for s in r.added(f) if s.index < 0])) - base
@@ -255,7 +255,7 @@ def _key(parts: Sequence[Hypothesis]) -> _Key:
 
 
 def _mean(refitters: Sequence[Refitter], gaps: Sequence[float]) -> float:
-    """Mean gap over the rows of all recordings."""
+    """Mean over recordings of their gaps, weighted by the numbers of their rows."""
     return float(np.average(gaps, weights=[len(r.y) for r in refitters]))
 
 
@@ -285,7 +285,8 @@ def _explained(refitters: Sequence[Refitter], f: Finalist) -> Explanation:
 
 
 def _same(refitters: Sequence[Refitter], f: Finalist, k: int, name: str, share: float) -> bool:
-    """Whether an effect makes the readings of cause k with equal parameters in all recordings."""
+    """Whether effect ``name`` makes the readings of cause k, which adds the gap ``share``, with the
+    same parameters in all recordings."""
     both = zip(refitters, f.each, strict=True)
     target = np.concatenate([r.d.without_stated(made_by(r, g, [k])) for r, g in both])
     first = refitters[0]
@@ -321,7 +322,7 @@ def _of_data(e: Examined, folds: int) -> list[str]:
 def settles(
     alone: Verdict[Explanation], joint: Verdict[Explanation], names: Sequence[str]
 ) -> list[str]:
-    """Sentences on rivals that further recordings rule out and the first one does not."""
+    """Sentences on rivals that recordings ``names`` together rule out, the first alone does not."""
     result = []
     verb = "tells" if len(names) == 2 else "tell"
     for cause in alone.causes:

@@ -39,7 +39,7 @@ itself is rough, more need more holds than a short recording has."""
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A peak of a power spectrum: frequency with standard uncertainty [Hz], and share of power."""
+    """A peak of a power spectrum: frequency and its std [Hz]; its share of the variance, 0…1."""
 
     frequency: float
     std: float
@@ -107,7 +107,8 @@ def shaking(s: Scatter) -> Shaking | None:
 
 
 def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarray]:
-    """Smallest covariance with traceless part ``vector``, both as (6,); largest variance, axis."""
+    """Smallest covariance with traceless part ``vector``, both (6,) as xx, xy, xz, yy, yz, zz; its
+    largest variance and axis. Variances closer than 3 ``std`` count as equal."""
     B = np.zeros((3, 3))
     B[_P, _Q] = B[_Q, _P] = vector
     power, axes = np.linalg.eigh(B)
@@ -118,7 +119,7 @@ def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarra
 
 
 def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Acceleration of the base along ``direction``, estimated from each row (N,) [m/s²]."""
+    """Base acceleration (N,) along ``direction`` [m/s²]; ``maps`` (G, 6, 3): from it to rows."""
     sensor = np.linalg.pinv(np.cov(s.rows.T) + 1e-9 * np.eye(6))
     v = maps @ direction
     weights = (v @ sensor) / np.einsum("gk,kl,gl->g", v, sensor, v)[:, None]
@@ -126,7 +127,7 @@ def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
-    """Strongest spectral line of a signal (N,); None if it has little of ``power``, a variance."""
+    """Strongest spectral line of x (N,), rows as ``s``; None if it holds little of a ``power``."""
     size = int(s.count.max())
     length = size / s.rate
     grid = np.fft.rfftfreq(GRID * size, 1.0 / s.rate)
@@ -152,7 +153,7 @@ def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
 
 
 def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Variance of a sine fitted to x (N,), by group of rows and by frequency (G, F)."""
+    """Variance of a sine fitted to x (N,) in each of G groups of rows, at F frequencies: (G, F)."""
     t = s.t - np.repeat(s.t[s.starts], s.count)
 
     def wave(at: slice) -> np.ndarray:
@@ -162,7 +163,7 @@ def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
 
 
 def _top(f: np.ndarray, p: np.ndarray) -> float:
-    """Frequency of a sampled spectrum's maximum, by a parabola through three samples."""
+    """Frequency f (F,) at the maximum of a spectrum p (F,), by a parabola through three samples."""
     k = int(np.clip(np.argmax(p), 1, len(p) - 2))
     left, middle, right = p[k - 1 : k + 2]
     bend = left - 2.0 * middle + right

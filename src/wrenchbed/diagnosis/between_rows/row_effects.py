@@ -54,7 +54,7 @@ class RowFinding:
         effect: name in the library of effects.
         probability: probability that it is present and raises the variance by enough to count.
         rise: relative rise of row variance that it explains, in the channel where it is largest.
-        channels: names of channels in which the rise counts; of stale rows all that repeat.
+        channels: names of channels in which the rise counts; of repeated rows all that repeat.
         parameters: value, std (None if not known) and unit of the effect's parameters by name.
         sentence: description of the finding for people.
         size: field ``which[].size`` of diagnosis.json: numbers by name, as in ``parameters``.
@@ -79,7 +79,7 @@ class RowFinding:
 def find_row_effects(
     recording: Recording, configuration: Configuration
 ) -> tuple[tuple[RowFinding, ...], Scatter | None]:
-    """Effects that raise the row noise above the stated one, and residuals of neighbouring rows.
+    """Effects that raise row noise above the stated one; residuals of rows, None if too few rows.
 
     The most probable effect comes first; of equally probable ones, that with the largest rise.
     """
@@ -174,7 +174,7 @@ def _stale(recording: Recording, again: Repeats, s: Scatter | None) -> RowFindin
 
 
 def _late(recording: Recording, again: Repeats, s: Scatter | None) -> float:
-    """Largest relative rise of a channel's variance by rows that repeat old values."""
+    """Largest relative rise of a channel's variance by rows that repeat old values; 0 at rest."""
     stale = again.stale
     fresh = np.flatnonzero(stale == 0)
     if s is None or not stale.any() or len(fresh) < 2 or recording.metadata.mode != "dynamic":
@@ -253,12 +253,12 @@ def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
 
 
 def quantity(value: float, std: float | None, unit: str) -> dict[str, Any]:
-    """Entry of a parameter in ``diagnosis.json``: value, standard uncertainty and unit."""
+    """Entry of a parameter in diagnosis.json: value, standard uncertainty (None: unknown), unit."""
     return {"value": value, "std": std, "unit": unit}
 
 
 def _of_channels(
     stem: str, chosen: Iterable[int], value: np.ndarray, std: Sequence[float]
 ) -> dict[str, dict[str, Any]]:
-    """Entries ``stem.fx`` … of the chosen channels, from value and std (6,)."""
+    """Entries ``{stem}.fx`` … of channels of indices ``chosen``; value and std (6,) of all, SI."""
     return {f"{stem}.{CHANNELS[k]}": quantity(float(value[k]), std[k], UNITS[k]) for k in chosen}

@@ -68,7 +68,7 @@ class Scatter:
         return self.means_of(lambda at: x[at])
 
     def means_of(self, make: Callable[[slice], np.ndarray]) -> np.ndarray:
-        """Mean over each group (G, …) of values (n, …) that ``make`` returns for n rows."""
+        """Mean over each group (G, …) of values (n, …) that ``make`` gives for a slice of rows."""
         total = [
             np.add.reduceat(make(at), self.starts[some] - at.start)
             for some, at in parts(self.count)
@@ -76,7 +76,7 @@ class Scatter:
         return np.asarray((np.concatenate(total).T / self.count).T)
 
     def steady(self, x: np.ndarray) -> np.ndarray:
-        """Whether the scatter x (N, …) of a motion is about equal in all groups of rows (…)."""
+        """Whether x² (N, …) is about equal in all groups of a motion's rows (…); true at rest."""
         groups = self.means_of(lambda at: x[at] ** 2)
         even = np.quantile(groups, 0.25, axis=0) >= QUIET * groups.mean(axis=0)
         return np.asarray(even if len(self.kernel) else np.ones_like(even))
@@ -90,7 +90,7 @@ class Scatter:
         return float((1.0 - course) ** 2 / (1.0 - self.kernel.max()))
 
     def variance(self) -> tuple[np.ndarray, np.ndarray]:
-        """Variance of a row in each channel (6,) and its standard uncertainty (6,).
+        """Variance of a row in each channel (6,), in ``scale``², and its standard uncertainty (6,).
 
         In motion it leaves out scatter that reversals, jumps and friction add for a part of the
         time, or at frequencies just above those of the smoothed motion.
@@ -107,7 +107,7 @@ class Scatter:
 def scatter(
     recording: Recording, configuration: Configuration, stale: np.ndarray
 ) -> Scatter | None:
-    """Residuals of the rows that are not ``stale`` (N,); None with too few groups of rows."""
+    """Residuals of rows not ``stale`` (N,), a mask of repeats; None with too few groups of rows."""
     moving = recording.metadata.mode == "dynamic"
     gathered = _in_motion(recording, stale) if moving else _at_rest(recording, stale)
     if gathered is None or len(gathered[2]) < LEAST_GROUPS:
@@ -172,7 +172,7 @@ def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
 def _carried(
     recording: Recording, configuration: Configuration, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Orientations (G, 3, 3) at G rows; matrix (6, 3) of load [N, N·m] per acceleration [m/s²]."""
+    """R_world_sensor (G, 3, 3) at G row indices; load per acceleration (6, 3) [N, N·m per m/s²]."""
     robot, mass = configuration.model.robot, configuration.mass
     q = np.stack([recording.columns[c][rows] for c in recording.joints or QUATERNION], axis=-1)
     rotation = np.asarray(robot.sensor_pose(q, configuration.robot_theta)[0])

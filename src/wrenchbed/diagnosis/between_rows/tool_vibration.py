@@ -1,8 +1,7 @@
 """Vibration of the tool where joints are not recorded: fast forces that follow an accelerometer.
 
-Rows of a motion scatter about their averages. Noise of the sensor would not show in an
-accelerometer; a tool that vibrates shows the same movement twice, as a force −m a and as an
-acceleration.
+Rows of a motion scatter about their averages. Noise of the sensor does not show in an
+accelerometer; vibration of the tool shows twice, as a force −m a and as an acceleration a.
 """
 
 import numpy as np
@@ -26,7 +25,7 @@ BURST_S, BURST = 0.1, 3.0
 
 
 def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:
-    """Vibration of the tool in an averaged motion; empty if no accelerometer follows it."""
+    """Vibration of the tool in an averaged motion; empty if forces follow no accelerometer."""
     recording = prepared.recording
     read = accelerometer_rows(recording)
     if not prepared.averaged or read is None:
@@ -69,7 +68,7 @@ def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:
 
 
 def _follows(force: np.ndarray, moved: np.ndarray) -> tuple[float, float, float]:
-    """Slope [kg] of forces (N, 3) over accelerations (N, 3), explained share, std of the slope."""
+    """Slope [kg] of forces (N, 3) over accelerations (N, 3); variance share explained, its std."""
     group = np.arange(len(force)) * GROUPS // len(force)
     sums = np.array(
         [
@@ -88,7 +87,7 @@ def _follows(force: np.ndarray, moved: np.ndarray) -> tuple[float, float, float]
 
 
 def _blows(rough: np.ndarray, step: float) -> tuple[int, float]:
-    """Number of stretches far louder than a residual's median, and the loudest's ratio to it."""
+    """Count stretches of rows (N, k) each ``step`` [s] far louder than usual; largest rms ratio."""
     size = max(4, round(BURST_S / step))
     count = len(rough) // size
     loud = np.sqrt((rough[: count * size].reshape(count, size, -1) ** 2).mean(axis=1))
@@ -97,7 +96,7 @@ def _blows(rough: np.ndarray, step: float) -> tuple[int, float]:
 
 
 def _line(rough: np.ndarray, step: float) -> tuple[float, float]:
-    """Strongest frequency [Hz] of a channel (N,), and the spectrum's resolution [Hz]."""
+    """Strongest frequency [Hz] of a signal (N,) sampled each ``step`` [s]; the resolution [Hz]."""
     power = np.abs(np.fft.rfft(rough * np.hanning(len(rough)))) ** 2
     frequency = np.fft.rfftfreq(len(rough), step)
     return float(frequency[int(power.argmax())]), float(frequency[1])

@@ -67,7 +67,7 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
     """Verdict by evidence alone: the likeliest of none, unknown and the leading class of causes.
 
     Sets of causes that claim the same names are one claim. An effect that explains the recording in
-    a cause's place is a rival of that cause (rule ``rivals``).
+    a cause's place is its rival, unless ``without`` names the rule ``rivals``.
     """
     mass: dict[frozenset[Key], float] = {}
     first: dict[frozenset[Key], Option[S]] = {}
@@ -100,7 +100,7 @@ def _cause(
     facts: Facts[S], mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part,
     without: Collection[str],
 ) -> Cause:  # fmt: skip
-    """Cause, with rivals, from a part of the claimed option; ``mass``: probability of each set."""
+    """Cause, with rivals, of a part of ``claim``; ``mass``: probability by set; rules left out."""
     beside = claim.keys - {part.key}
     score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
     score |= {(n, None): 1.0 for n in part.twins}
@@ -119,7 +119,7 @@ def _cause(
 
 
 def _word(causes: Iterable[Cause]) -> str:
-    """Word for claimed causes: ``ambiguous`` if other data could separate one from a rival."""
+    """``ambiguous`` if other data could separate a cause from a rival, else ``identified``."""
     return "identified" if all(c.plain for c in causes) else "ambiguous"
 
 
@@ -134,12 +134,12 @@ def small(gap: Closure) -> bool:
 
 
 def closes(member: Interval | None) -> bool:
-    """Whether a cause closes a gap of at least `LEAST` on rows that no fit used."""
+    """Whether ``member``, the held-out gap that a cause closes, is at least `LEAST`; None: no."""
     return member is not None and member.value >= LEAST
 
 
 def surely(member: Interval | None) -> bool:
-    """Whether a cause surely closes a gap on rows that no fit used: `LEAST`, interval above 0."""
+    """Whether ``member``, held-out gap that a cause closes, is ≥ `LEAST` with interval above 0."""
     return member is not None and closes(member) and member.low > 0.0
 
 
@@ -175,7 +175,7 @@ def _stands(facts: Facts[S], cause: Cause, gap: Closure) -> bool:
 
 
 def _closing(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
-    """Causes that close a gap on rows that no fit used, largest first, doubtful ones last."""
+    """Causes that close a gap on held-out rows, largest first; those whose interval has 0 last."""
     together = gap.closed is not None and gap.closed.low > 0.0
     in_all = gap.in_all is not None and gap.in_all.low > 0.0
     members = {c.part.label: gap.members.get(c.part.label) for c in verdict.causes}
@@ -227,9 +227,9 @@ def partial(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     """Verdict with probabilities times `Facts.right`, the share of such answers that were right.
 
-    What the leading answer loses goes to ``unknown``; a claim no likelier than that becomes
-    ``unknown``. Causes that other channels confirm are kept: the shares were learnt on wrenches
-    alone.
+    What the leading answer loses goes to ``unknown``; a claim that is then no likelier than
+    ``unknown`` becomes it. Causes that other channels confirm are kept: the shares were learnt on
+    wrenches alone.
     """
     if verdict.causes and _stands(facts, verdict.causes[0], gap):
         return verdict
@@ -245,7 +245,7 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 
 def probable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Keep only causes of probability `Facts.least`: beside a contact few rows separate them."""
+    """Keep causes of probability `Facts.least` or more: beside a contact few rows separate them."""
     kept = tuple(c for c in verdict.causes if c.probability >= facts.least)
     if len(kept) == len(verdict.causes):
         return verdict
@@ -275,8 +275,8 @@ def beside_own_rest(
     Args:
         first: decision with the sensor's noise alone.
         again: makes the decision with the residual as noise.
-        rivals: effects that close as much as a verdict's leading cause on held-out rows.
-        changing: sentence on one of the named causes whose size changes; empty if none does.
+        rivals: returns effects that close as much as a verdict's leading cause on held-out rows.
+        changing: returns a sentence on a cause, of those named, whose size changes; else empty.
     """
     if first.settled:
         return replace(first, verdict=widened(first.verdict, rivals(first.verdict))), ""
@@ -299,7 +299,7 @@ def conclude(
 
     Args:
         decision: decision on the means of readings.
-        elements: joints, links or axes that explain as well as the claimed one, by cause.
+        elements: for each cause the joints, links or axes that explain as well, by effect.
         signs: sentences on unusual noise; with one of them the answer is not ``none``.
         between: effects that show between rows only, with probabilities, surest first.
     """
@@ -330,7 +330,7 @@ def beside_contact(
 ) -> Verdict[S]:
     """Verdict on untouched rows, completed by a contact: the effect ``name`` with its probability.
 
-    A force that acts at no one point makes the whole answer ``unknown``.
+    Without ``at_a_point``, if the force acts at no one point, the whole answer is ``unknown``.
     """
     if not at_a_point:
         return replace(verdict, word=UNKNOWN, causes=(), probabilities={UNKNOWN: 1.0})
@@ -342,8 +342,8 @@ def beside_contact(
 
 
 def withdrawn(verdict: Verdict[S], instead: str) -> Verdict[S]:
-    """Verdict ``instead`` (`none` or `unknown`) of an answer that is withdrawn; the answer keeps a
-    small probability.
+    """Verdict ``instead`` (`none`, `unknown`) of a withdrawn answer, which keeps a small
+    probability.
 
     Causes that become `unknown` lower the probability of `none` as well, since there is a gap; an
     `unknown` that becomes `none` lowers those of all causes.

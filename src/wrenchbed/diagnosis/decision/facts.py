@@ -48,7 +48,7 @@ class Facts(Generic[S]):
             that healthy robots have, so that it may imitate causes.
         own_rest: whether the unexplained residual counts as noise: an answer without a cause is
             then ``unknown``.
-        seen: names of effects that single readings show by their values, as a limit.
+        seen: names of effects that values of single readings show, such as a channel's limit.
     """
 
     options: Sequence[Option[S]]

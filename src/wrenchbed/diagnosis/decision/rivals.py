@@ -39,7 +39,7 @@ alone, and a function that returns the gap (S,) with both."""
 def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key, ...]:
     """Effects that do as well in the leading cause's place on held-out rows, best first.
 
-    Empty if the leading cause is a wrong stated number.
+    Empty if that is a wrong stated number. ``seed``: of the bootstrap over held-out blocks.
     """
     if not verdict.causes or verdict.causes[0].part.index is None:
         return ()
@@ -49,7 +49,7 @@ def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key,
 
 
 def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key, ...]:
-    """Effects that close as much of the gap in the leading cause's place, best first."""
+    """Effects that close as much in the leading cause's place, best first; ``seed``: bootstrap."""
     f = verdict.explanation.finalist
     lead, *others = verdict.causes
     claimed = {n for c in others for n in c.names}
@@ -80,11 +80,11 @@ def not_apart(
     """Keys of the candidates that do as well as the leading cause on held-out rows, best first.
 
     Args:
-        mean: mean of gaps (S,) with its interval.
-        without: gap of each observation (S,) with neither of the two.
+        mean: returns the mean of gaps (S,) with its interval.
+        without: gap of each observation (S,) with neither leading cause nor candidate.
         leading: gap of each observation (S,) with the leading cause.
         spare: gap that a rival may leave beyond what the leading cause leaves.
-        each: candidates.
+        each: candidates: key, gaps (S,) with it alone, function to gaps (S,) with both.
     """
     closes, worse = mean(without - leading).value, dict[Key, float]()
     for key, gaps, both in each:
@@ -97,7 +97,7 @@ def not_apart(
 
 
 def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:
-    """Best variants of the likeliest effects beside a fitted set of causes, at most `TRIED`."""
+    """Best variants of the likeliest effects beside a fitted set, not ``taken``; up to `TRIED`."""
     singles = a.refitter.added(base) if base.parts else a.searcher.singles(a.refitter.y)
     best = best_variants(a.searcher.hypotheses, singles)
     return [s for name, s in best.items() if name not in {*taken, *STATED}][:TRIED]

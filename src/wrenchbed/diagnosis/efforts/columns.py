@@ -60,7 +60,7 @@ Made = tuple[list[Column], list[Block]]
 
 
 def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
-    """Columns (effort per unit of a parameter) and causes of one joint, without those by scans."""
+    """Columns (effort per unit of a parameter) and causes of a joint, without those of scans."""
     columns, blocks = list[Column](), list[Block]()
     if rows.command is not None:  # setpoints of limited speed trail by the square of the speed
         speed = np.gradient(rows.command, rows.t)
@@ -117,7 +117,7 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
 
 def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarray]]:
     """Columns (N,) by name, by cause: cables and springs between links, then shapes of torque
-    errors that are no effect of the library."""
+    errors that are no effect of the library, as "offset in time"."""
     size = np.abs(rows.total)
     hats = _hats(rows.t)
     way = 1.0 if rows.hinge else float(np.ptp(rows.angle)) / (2.0 * np.pi)
@@ -146,13 +146,13 @@ def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarra
 
 
 def _hats(t: np.ndarray) -> list[np.ndarray]:
-    """Overlapping triangles in time (N,), one for each of `STRETCHES` but the first."""
+    """Overlapping triangles at times t (N,), one array for each of `STRETCHES` but the first."""
     place = (t - t[0]) / (t[-1] - t[0]) * (STRETCHES - 1)
     return [np.maximum(1.0 - np.abs(place - k), 0.0) for k in range(1, STRETCHES)]
 
 
 def of_sensor(scene: EffortScene, channel: int) -> Made:
-    """Columns and causes without a name of one channel of the wrench, numbered from 0.
+    """Columns of one wrench channel, from 0, and causes that are no named effect of joint efforts.
 
     Tool and tilt have columns in all channels, so that torques and wrench are evidence together.
     Errors of the sensor alone get columns without a name; a diagnosis of the wrench names them.
@@ -178,7 +178,7 @@ def of_sensor(scene: EffortScene, channel: int) -> Made:
 
 
 def of_arm(scene: EffortScene) -> Made:
-    """Columns (N, C), change of readings per unit, and causes of an arm's links, tool and base."""
+    """Columns (N, C), change of C channels per unit, and causes of an arm's links, tool, base."""
     columns, blocks = _links(scene)
     columns += _lag(scene)
     unseen = np.zeros((len(scene.signals.t), len(scene.channels) - scene.joints))
@@ -223,7 +223,7 @@ def _tool(scene: EffortScene) -> Made:
     middle = cog + scene.displaced / 2.0
 
     def seen(form: np.ndarray, at: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
-        """Change of all channels (N, C) by a mass [kg] and a first moment (3,) [kg·m], at a CoG."""
+        """Change of channels (N, C) by a mass ``more`` [kg] and a moment ``moved`` (3,) [kg·m]."""
         places = at, at + _STEP * moved / max(mass, LIGHT)
         now, then = (
             scene.sensed(scene.robot.theta_of_tool(scene.theta, m, [float(c) for c in place]))

@@ -47,7 +47,7 @@ def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives,
 
 
 def _fitted(recording: Recording, drives: Drives) -> Drives:
-    """Drives with stiffness and delay fitted to the recording itself."""
+    """Copy of ``drives`` with servo stiffness and delay fitted to the recording itself."""
     fit = calibrate_servos(recording, (SERVO,))
     kinds, many = (STIFFNESS, DELAY), range(1, len(recording.joints) + 1)
     value = {k: np.array([fit[f"{k}.{j}"].value for j in many]) for k in kinds}

@@ -20,12 +20,12 @@ FIELD = "configured"
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Stated values of drive parameters by kind (J,), with uncertainties; NaN where unknown.
+    """Stated values of the drives of J joints, with uncertainties.
 
     Attributes:
-        value, std: stated values and standard uncertainties (J,), SI, by name of the parameter.
-        load: mass [kg] and centre of gravity [m] of the tool fitted together with them, and the
-            standard uncertainties (2, 4); None if their fit has no tool.
+        value, std: stated values (NaN where unknown) and their standard uncertainties (J,), SI, by
+            name of the parameter, such as ``drive.coulomb`` or ``servo.delay``.
+        load: mass [kg] and CoG [m] of the tool fitted with them, and their std (2, 4), or None.
     """
 
     value: Mapping[str, np.ndarray]
@@ -33,11 +33,11 @@ class Drives:
     load: np.ndarray | None = None
 
     def known(self, kind: str) -> np.ndarray:
-        """Whether each joint (J,) has a stated value of a drive parameter, boolean."""
+        """Whether each joint (J,) has a stated value of parameter ``kind`` (`KINDS`), boolean."""
         return np.asarray(np.isfinite(self.value[kind]))
 
     def of(self, kind: str) -> np.ndarray:
-        """Stated values (J,) of a drive parameter, 0 where unknown."""
+        """Stated values (J,), SI, of the drive parameter ``kind`` (`KINDS`), 0 where unknown."""
         return np.nan_to_num(self.value[kind])
 
 
@@ -71,7 +71,7 @@ def with_tool(recording: Recording, drives: Drives) -> Recording:
 
 
 def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
-    """Write stated values, by name or as lists over joints, into ``value`` by kind (J,)."""
+    """Write stated values, by name or as lists over joints, into ``value`` (J,) by `KINDS`."""
     for kind, values in value.items():
         if (every := stated.numbers(kind, len(values))) is not None:
             values[:] = every
@@ -83,7 +83,7 @@ def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
 def _from_fit(
     recording: Recording, path: Path, value: dict[str, np.ndarray], std: dict[str, np.ndarray]
 ) -> np.ndarray | None:
-    """Write the values of a fit's file into ``value`` and ``std``; return its `Drives.load`."""
+    """Write a fit's file into ``value`` and ``std`` (J,) by kind; return `Drives.load` from it."""
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis

@@ -50,7 +50,7 @@ class EffortFindings:
         d: change of the efforts per unit of each parameter, and their noise.
         verdict: decision; a cause is an effect with the number of its joint.
         simulators: cache of fitted simulators, by the causes that each has.
-        outside: unnamed cause that the gap resembles most, in words; empty if none.
+        outside: cause, no effect of the library, that the gap resembles most, in words, or empty.
         seed: random seed of the bootstrap over blocks of rows.
     """
 
@@ -90,8 +90,7 @@ def diagnose_efforts(
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
         seed: random seed of the bootstrap over held-out blocks.
         wrench: whether to use the recording's wrench as evidence too.
-        material: residual of a torque, and of a force, that counts as a gap of 1; default: a row's
-            noise.
+        material: residual of a torque and of a force that counts as a gap of 1; None: row noise.
         progress: called with the step that begins.
 
     Raises:

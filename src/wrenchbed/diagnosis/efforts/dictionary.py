@@ -33,8 +33,8 @@ class Channel:
     Attributes:
         y: measured less predicted (M,) [N·m; N of slides and forces].
         use: rows used for evidence (M,), boolean: those clear of rest.
-        moving: rows used for a gap (M,): all in motion, also next to reversals, where a delay shows
-            most.
+        moving: rows used for a gap (M,), boolean: all in motion, also next to reversals, where a
+            delay shows most.
         at: indices (K,), in `Dictionary.names`, of its columns, then of those of the whole arm.
         data: these columns (M, K): change of the readings by one unit of each parameter.
         left: residual of y after a fit of these columns (M,), zero where not used.
@@ -53,7 +53,7 @@ class Channel:
 
     @cached_property
     def gram(self) -> np.ndarray:
-        """Mean products (K, K) of the K columns over the rows ``moving``; unit of y: a gap of 1."""
+        """Mean products (K, K) of K columns over rows ``moving``, in units of `counts`²."""
         seen = self.data[self.moving] / self.counts
         return np.asarray(seen.T @ seen / len(seen))
 
@@ -68,7 +68,7 @@ class Dictionary:
         names: names of all columns (P,): channel by channel, then the arm's.
         joint: index of the channel that each column belongs to (P,), −1 for the arm.
         std: prior standard deviation of each amplitude (P,) unless a cause sets it free.
-        free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
+        free, stated: masks (P,) of amplitudes that every fit leaves free, or free within `std`.
         size: rms that an amplitude of 1 adds, over a row's noise (P,): in its joint, or the root
             mean square over joints times √J.
         blocks: causes, with and without a name; those that cannot show here have no columns.
@@ -91,7 +91,7 @@ class Dictionary:
         return tuple(np.array([place[n] for n in b.columns], dtype=int) for b in self.blocks)
 
     def sized(self, block: int) -> np.ndarray:
-        """Indices, in `names`, of the columns whose amplitudes are the size of cause ``block``."""
+        """Indices in `names` of the columns whose amplitudes are the size of `blocks[block]`."""
         begins = all_effects()[self.blocks[block].effect].size.columns or ("",)
         return np.array([k for k in self.at[block] if self.names[k].startswith(begins)], dtype=int)
 
@@ -103,7 +103,7 @@ class Dictionary:
 
     @cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened products of P columns, by B time blocks (B, P, P), and with residuals (B, P)."""
+        """Products of P whitened columns by time block (B, P, P), and with the residuals (B, P)."""
         count = len(self.names)
         gram, right = np.zeros((FOLDS, count, count)), np.zeros((FOLDS, count))
         for channel in self.channels:
@@ -168,7 +168,7 @@ def _made(
     """Columns of channel j, from 0, their values at M kept rows (M, K), and its causes.
 
     Args:
-        y, use: residual of the channel (M,), and the rows to use of it.
+        y, use: residual of the channel (M,), and the mask of rows to use of it (M,).
         arm: columns of the arm at these rows (M, A).
     """
     if j >= scene.joints:

@@ -35,7 +35,7 @@ class Simulator:
 
     Attributes:
         d: columns: changes of the readings per unit of a parameter.
-        blocks: indices of the causes that are free without bounds.
+        blocks: indices, in ``d.blocks``, of the causes that are free without bounds.
         rms: prior rms that each cause adds to the readings, over a row's noise std.
     """
 
@@ -55,8 +55,8 @@ class Simulator:
 
     @cached_property
     def errors(self) -> np.ndarray:
-        """Errors (S, P) of P fitted amplitudes if one of S stated values is off by its standard
-        deviation in healthy robots, which for its own amplitude is no error."""
+        """Errors (S, P) of P fitted amplitudes if one of S stated values is wrong by its standard
+        deviation in healthy robots; its own amplitude, which follows it, has no error."""
         level, at = self._fit[1], np.flatnonzero(self._bounded)
         errors = level.held(level.gram[:, at]).T
         errors[np.arange(len(at)), at] -= 1.0
@@ -82,11 +82,11 @@ class Simulator:
 
     @property
     def _bounded(self) -> np.ndarray:
-        """Whether each amplitude (P,) is of a stated value, free within its ordinary spread."""
+        """Whether each amplitude (P,) is of a stated value and kept within its ordinary spread."""
         return self.d.stated & ~self._unbounded
 
     def _fitted(self, fold: int | None = None) -> tuple[np.ndarray, Products]:
-        """Amplitudes (P,) fitted to all blocks of time but one, and the Gaussian model."""
+        """Amplitudes (P,) fitted to all time blocks but ``fold`` (None: all), and their model."""
         d, bounded, (gram, right) = self.d, self._bounded, self.d.without(fold)
         variance = np.where(bounded, d.std**2, self._unbounded * wide(d, self.rms))
         fixed = np.zeros(right.shape)
@@ -109,11 +109,11 @@ class Simulators:
         self._box = Simulator(d, tuple(range(len(d.blocks))), AMPLITUDE)
 
     def of(self, blocks: Iterable[int] = ()) -> Simulator:
-        """Simulator with the causes of these indices; fitted at the first call."""
+        """Simulator with the causes of these indices in ``d.blocks``; fitted at the first call."""
         return self._made(tuple(sorted(blocks)))
 
     def judged(self, blocks: Sequence[int]) -> Judged:
-        """Gaps on rows that no fit used: as stated, fitted without causes, and with these causes.
+        """Gaps on held-out rows: as stated, fitted without causes, with causes of these indices.
 
         To measure one cause, the others are refitted without it. But a wrong number of the stated
         tool is measured from the configured value (`docs/contracts.md`), so no ordinary error of a
@@ -141,7 +141,7 @@ class Simulators:
         return Judged(d.fold, np.ones(len(use)), rows, without, channels)
 
     def gap(self, blocks: Iterable[int], joint: int | None) -> np.ndarray:
-        """Gap (M,) of each row that no fit used, with these causes: of one joint, or of all."""
+        """Held-out gap (M,) of rows, with causes by index: of ``joint`` (from 1), None: of all."""
         left = self._left(self.of(blocks).each)
         return self._of_rows(left) if joint is None else left[:, joint - 1]
 
@@ -150,7 +150,7 @@ class Simulators:
         return np.stack([c.use for c in self.d.channels], axis=-1)
 
     def _left(self, each: np.ndarray) -> np.ndarray:
-        """Gap (M, C) of each reading, for amplitudes (B, P) fitted without each time block."""
+        """Gap (M, C) of readings, 0 if unused; amplitudes (B, P) are fitted without each block."""
         counts = self._use * np.square([c.noise.std / c.counts for c in self.d.channels])
         return np.asarray((remaining(self.d, each) ** 2 - 1.0) * counts)
 
@@ -180,8 +180,8 @@ def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
 
 
 def remaining(d: Dictionary, each: np.ndarray) -> np.ndarray:
-    """Residual (M, C), over a row's noise, of each time block by the fit without that block, whose
-    P amplitudes are its row of ``each`` (B, P)."""
+    """Residual (M, C) of C channels over a row's noise: each of B time blocks is predicted by its
+    row of ``each`` (B, P), amplitudes fitted without that block."""
     some, result = np.abs(each).max(axis=0) > 0.0, list[np.ndarray]()
     for channel in d.channels:
         of_channel = some[channel.at]

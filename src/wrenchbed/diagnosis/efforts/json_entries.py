@@ -59,7 +59,7 @@ def _entry(s: Simulators, c: Cause, claimed: Sequence[Cause]) -> dict[str, Any]:
 def minor(
     s: Simulators, every: Sequence[Option[Structure]], v: Verdict[Structure]
 ) -> list[dict[str, Any]]:
-    """Entries of ``minor`` of diagnosis.json: detected causes that are too small to be claimed."""
+    """Entries of ``minor`` of diagnosis.json: causes of ``every`` that are too small to claim."""
     claimed = {key for c in v.causes for key in c.keys}
     result = []
     for c in leading(facts_of(s, every, 0, LEAST_MINOR)).causes if v.word != UNKNOWN else ():
@@ -72,7 +72,7 @@ def minor(
 
 
 def scales(d: Dictionary) -> dict[str, Scale]:
-    """Noise of a row and residual that counts as a gap of 1, by name of the channel's column."""
+    """Row noise and residual that counts as a gap of 1 by channel (``tau1`` …, ``fx`` …)."""
     each = zip(d.channels, d.scene.channels, strict=True)
     return {column: Scale(c.noise.std, c.counts, unit) for c, (_, column, unit) in each}
 
@@ -80,7 +80,7 @@ def scales(d: Dictionary) -> dict[str, Scale]:
 def where(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = ()
 ) -> list[dict[str, Any]]:
-    """Entries of ``where`` of diagnosis.json: places of claimed causes, else of most of the gap."""
+    """Entries of ``where`` of diagnosis.json: places of causes, else of signs, else of most gap."""
     if v.word == NONE:
         return []
     if v.causes:
@@ -108,7 +108,7 @@ def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
 def notes(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = (), outside: str = ""
 ) -> tuple[str, ...]:
-    """Notes on data, noise and remaining gap; ``outside``: unnamed cause that the gap resembles."""
+    """Notes on data, noise, signs and gap; ``outside``: unnamed cause that the gap is most like."""
     scene, noise = d.scene, [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
     stated = ", ".join(k for k in scene.drives.value if scene.drives.known(k).any())
     fitted = scene.currents and not scene.drives.known("drive.constant").all()

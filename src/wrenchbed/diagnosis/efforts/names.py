@@ -67,5 +67,5 @@ def place(key: Key) -> str:
 
 
 def title(effect: str, joint: int | None) -> str:
-    """Description of an effect with its joint's number, in lower case."""
+    """Description of an effect with its joint's number, from 1, in lower case."""
     return all_effects()[effect].title.format(joint=joint)

@@ -23,9 +23,9 @@ class RowNoise:
     """Size and autocorrelation of one channel's noise.
 
     Attributes:
-        std: standard deviation of one row's noise [N·m].
+        std: standard deviation of one row's noise [N·m, of slides and forces N].
         filter: whitening filter (K,), which begins with 1.
-        innovation: standard deviation of the filtered noise [N·m].
+        innovation: standard deviation of the filtered noise, unit of ``std``.
     """
 
     std: float
@@ -42,7 +42,7 @@ def row_noise(y: np.ndarray, left: np.ndarray, use: np.ndarray, columns: int) ->
     """Estimate the noise of one channel.
 
     Args:
-        y: measured less predicted (M,) [N·m].
+        y: measured less predicted (M,) [N·m, of slides and forces N].
         left: residual of y after a fit of all columns (M,), zero where not used.
         use: rows to use (M,), boolean.
         columns: number of fitted columns.

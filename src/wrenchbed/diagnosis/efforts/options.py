@@ -33,7 +33,7 @@ of `none` were right on the development seeds), and claims that leave a gap of 1
 def weighed(
     chances: Mapping[Structure, float], simulators: Simulators
 ) -> tuple[Option[Structure], ...]:
-    """Probable sets of causes from ``chances``, their probabilities: best first; each with its
+    """Probable sets of causes from ``chances``, their probabilities: best first, each with its
     causes and the gap that each adds, largest first."""
     likely = {s: p for k, (s, p) in enumerate(chances.items()) if p >= _SMALL or k == 0}
     total, result = sum(likely.values()), list[Option[Structure]]()
@@ -47,8 +47,9 @@ def weighed(
 def _part(
     s: Simulators, chances: Mapping[Structure, float], structure: Structure, block: int
 ) -> Part:
-    """Cause number ``block`` of a set of causes, with its gap. It is named by a simpler cause that
-    it contains unless evidence prefers it (an offset instead of a cable with an offset)."""
+    """Cause ``block``, an index, of the set ``structure``, with its gap. It is named by a simpler
+    cause that it contains unless evidence prefers it (an offset instead of a cable with an offset).
+    """
     d, b, beside = s.d, s.d.blocks[block], [k for k in structure if k != block]
     for k, other in enumerate(d.blocks):
         if other.joint == b.joint and {*other.columns} < {*b.columns}:
@@ -75,7 +76,7 @@ def facts_of(
 ) -> Facts[Structure]:
     """Facts for a decision on joint efforts, from probable sets of causes, best first; see `Facts`.
 
-    ``least``: gap that a cause adds at least. Sets in which unnamed causes add much are unknown.
+    Causes must add a gap of ``least``; sets in which unnamed causes add much count as unknown.
     """
     some, unknown = list[Option[Structure]](), 0.0
     for o in every:
@@ -104,7 +105,7 @@ def facts_of(
 
 def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key, ...]:
     """Effects that do as well in the leading cause's place on held-out rows, best first; none if
-    the claimed causes leave no more than noise in its joint, as a cause with the right law does."""
+    the claimed causes leave only noise in its joint. ``seed``: of the bootstrap over blocks."""
     if not verdict.causes or (index := verdict.causes[0].part.index) is None:
         return ()
     d, (lead, *others) = s.d, verdict.causes

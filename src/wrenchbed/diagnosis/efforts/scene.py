@@ -50,7 +50,7 @@ _LEAST_ROWS = 400
 
 @dataclass(frozen=True, eq=False)
 class EffortScene:
-    """A recording of joint efforts with the stated robot's prediction, at all its rows.
+    """A recording of joint efforts (N rows, J joints) with the stated robot's prediction.
 
     Attributes:
         recording: what was recorded.
@@ -66,8 +66,8 @@ class EffortScene:
         currents: whether currents were recorded and turned into torques.
         step: number of rows from one kept row to the next.
         wrench: measured (N, 6) [N, N·m] where used as evidence too, else None.
-        displaced: of the tool's centre of gravity (3,) [m]; changes of its first moment are exact
-            for this displacement, since inertia grows with its square.
+        displaced: displacement of the tool's CoG (3,) [m] at which changes of its first moment are
+            exact, since inertia grows with its square; 0 before it is fitted.
     """
 
     recording: Recording
@@ -128,8 +128,8 @@ class EffortScene:
         return self.sensed(self.theta)
 
     def sensed(self, theta: np.ndarray, pull: np.ndarray | float = 0.0) -> np.ndarray:
-        """Predicted wrench (N, 6) with parameters (P,) and additional gravity (3,) [m/s²]; (N, 0)
-        without a measured one."""
+        """Predicted wrench (N, 6) with robot parameters ``theta`` (P,) and gravity changed by
+        ``pull`` (3,) [m/s²]; (N, 0) if no wrench was measured."""
         if self.wrench is None:
             return np.zeros((len(self.signals.t), 0))
         whole = self.model.configured(self.recording.metadata)
@@ -139,7 +139,7 @@ class EffortScene:
 
     @property
     def channels(self) -> tuple[tuple[str, str, str], ...]:
-        """Name, column in the recording and unit of each channel (C,): of joints, then ``fx`` …."""
+        """Name, column, unit of each channel: ``joint 1``, ``tau1``, ``N·m`` …, then ``fx`` …."""
         prefix, joints = self.recording.effort, self.robot.joints[: self.joints]
         named = ((f"joint {j}", f"{prefix}{j}", x.own("N·m")) for j, x in enumerate(joints, 1))
         wrench = () if self.wrench is None else zip(CHANNELS, CHANNELS, UNITS, strict=True)
@@ -147,7 +147,7 @@ class EffortScene:
 
     @cached_property
     def speeds(self) -> np.ndarray:
-        """Speeds (N, C) that say which rows to use: of each joint; for the wrench the fastest's."""
+        """Speeds (N, C) that select rows to use: each joint's; for the wrench the fastest one's."""
         arm = np.abs(self.q.d).max(axis=1, keepdims=True)
         return np.hstack([self.q.d, np.repeat(arm, self.load.shape[1], axis=1)])
 
@@ -157,14 +157,14 @@ class EffortScene:
         return self.signals.rate / self.step
 
     def thin(self, columns: np.ndarray) -> np.ndarray:
-        """Columns (N, …) at the kept rows (M, …), low-pass filtered if rows are left out."""
+        """Values (N, …) of all rows at kept rows (M, …), low-pass filtered if rows are left out."""
         if self.step > 1:
             sections = scipy.signal.butter(_ORDER, _PASS / self.step, output="sos")
             columns = scipy.signal.sosfiltfilt(sections, columns, axis=0)
         return np.asarray(columns[self.kept()])
 
     def moving(self) -> np.ndarray:
-        """Which kept rows of each channel to use (M, C), boolean: of joints those clear of rest."""
+        """Mask (M, C) of kept rows to use by channel: of joints those clear of rest, else all."""
         use = [moving(v, self.signals.rate) for v in self.q.d.T]
         use += [np.ones(len(self.q.d), dtype=bool)] * (len(self.channels) - self.joints)
         return np.stack(use, axis=-1)[self.kept()]

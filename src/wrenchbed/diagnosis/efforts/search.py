@@ -77,7 +77,7 @@ class Evidence(Candidates):
         return score, np.linalg.solve(np.linalg.cholesky(normal), side.T)
 
     def beside(self, blocks: Structure, log_posterior: float) -> dict[Structure, float]:
-        """Log posterior of each set of causes with one more cause, of another effect or joint."""
+        """Log posterior of ``blocks`` (cause indices) and one more, of another effect or joint."""
         base = log_posterior + (np.log(MORE) if blocks else -np.log(PRIOR[NONE]))
         of = [b.key for b in self.d.blocks]
         taken = {of[k] for k in blocks}

@@ -43,7 +43,7 @@ class Sign:
     """One sign of trouble in the residual of a channel.
 
     Attributes:
-        joint: number of the channel, from 1.
+        joint: number of the channel, from 1: joints first, then those of the wrench.
         text: what was seen and when; begins in lower case.
     """
 
@@ -81,7 +81,7 @@ def slowness(d: Dictionary) -> np.ndarray:
 
 
 def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
-    """Text on times at which an effort (N,) repeats exactly in motion; empty if none."""
+    """Text on times t (N,) [s] at which an effort (N,) repeats exactly in motion; empty if none."""
     same = (np.diff(effort) == 0.0) & (np.abs(speed[1:]) > REST * np.abs(speed).max())
     long = [(a, b) for a, b in runs(same) if b - a >= _HELD_ROWS and t[b] - t[a] >= _HELD_S]
     if not long:
@@ -94,7 +94,7 @@ def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
 
 
 def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Text on the stretch of time in which a residual (M,) scatters far more; empty if none."""
+    """Text on a time t [s] when a residual (M,) of mask ``use`` is far larger; empty if none."""
     fold = np.arange(len(residual)) * _STRETCHES // len(residual)
     rows = np.bincount(fold, use, _STRETCHES)
     some = np.flatnonzero(rows >= _LEAST_ROWS)
@@ -124,7 +124,7 @@ def peak(residual: np.ndarray, rate: float) -> str:
 
 
 def outliers(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Text on a few extreme rows of a residual (M,), used where ``use``; empty if none."""
+    """Text on extreme rows of a residual (M,) at times t [s], of mask ``use``; empty if none."""
     some = residual[use]
     square = max(float(np.mean(some**2)), 1e-300)
     if float(np.mean(some**4)) / square**2 < _KURTOSIS:

@@ -25,7 +25,7 @@ FITTED = "fitted, since nobody states it"
 
 
 def parameters(fit: Simulator, block: int) -> dict[str, Any]:
-    """Numbers of cause ``block`` for ``parameters`` in diagnosis.json: size, shape and joint."""
+    """Key ``parameters`` of diagnosis.json for cause ``block`` (index): size, shape and joint."""
     d, b = fit.d, fit.d.blocks[block]
     about, some = all_effects()[b.effect], d.sized(block)
     size = about.size
@@ -52,7 +52,7 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
 
 
 def unit_of(d: Dictionary, block: int) -> str:
-    """Unit of the size of cause number ``block``; another one where its joint is a slide."""
+    """Unit of the size of the cause of index ``block``; another one where its joint is a slide."""
     b = d.blocks[block]
     unit = all_effects()[b.effect].size.unit
     if b.joint is None or not (d.joint[d.at[block]] >= 0).all():
@@ -61,7 +61,7 @@ def unit_of(d: Dictionary, block: int) -> str:
 
 
 def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
-    """Factor from column amplitudes of cause ``block`` to its size; x (P,): all amplitudes."""
+    """Factor from a cause's column amplitudes to its size; ``block``: index; x (P,): amplitudes."""
     return 1.0 / _mass_of_tool(d, x) if d.blocks[block].effect == "tool.cog" else 1.0  # moments
 
 
@@ -71,8 +71,7 @@ def _mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
 
 
 def displacement(d: Dictionary) -> np.ndarray:
-    """Displacement (3,) [m] of the tool's centre of gravity, fitted with its mass and nothing else
-    but ordinary errors."""
+    """Displacement (3,) [m] of the tool's CoG, fitted with its mass and ordinary errors alone."""
     tool = (k for k, b in enumerate(d.blocks) if b.effect in ("tool.mass", "tool.cog"))
     x = Simulator(d, tuple(tool)).x
     moment = dict(zip(d.names, x.tolist(), strict=True))
@@ -80,7 +79,7 @@ def displacement(d: Dictionary) -> np.ndarray:
 
 
 def fitted(fit: Simulator) -> list[dict[str, Any]]:
-    """Entries of ``fitted`` in diagnosis.json: friction, rotor inertia, tool, where not stated."""
+    """Entries of ``fitted`` of diagnosis.json: friction, rotor inertia, tool, where not stated."""
     d, result = fit.d, list[dict[str, Any]]()
     for name in (d.names[k] for k in np.flatnonzero(d.free)):
         kind, _, of = name.partition(".")
@@ -98,7 +97,7 @@ def fitted(fit: Simulator) -> list[dict[str, Any]]:
 
 
 def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
-    """Fitted drive value, tool mass or CoG of column ``name``, from all amplitudes x (P,)."""
+    """Value, SI, of the column ``name`` (drive, tool mass or CoG) at all amplitudes x (P,)."""
     (kind, _, of), amplitude = name.partition("."), float(x[d.names.index(name)])
     if kind != "tool":
         start = dict(zip(FRICTION, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
@@ -111,7 +110,7 @@ def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
 
 
 def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Contents of ``drives.json``: drive values corrected by amplitudes x (P,), named effects."""
+    """Contents of ``drives.json``: drive values at amplitudes x (P,), and effects ``entries``."""
     each = {f"drive.{n}": n for n in d.names}
     values = {k: _value(d, n, x) for k, n in each.items() if k.rpartition(".")[0] in FRICTION}
     for entry in entries:
@@ -125,8 +124,8 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
 
 
 def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
-    """Effects, by joint or link, that these efforts would show at no plausible size, or only at
-    sizes larger than one that adds a gap of 1."""
+    """Effects, by joint or link, that these efforts would show at no plausible size, or only above
+    a plausible one or one that adds a gap of 1."""
     d, spots, every = evidence.d, list[BlindSpot](), shown_from(evidence)
     keys = {b.key for b in d.blocks if not b.outside}
     for effect, number in sorted(keys, key=lambda key: (key[0], key[1] or 0)):
@@ -143,8 +142,8 @@ def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
 
 
 def shown_from(evidence: Evidence) -> dict[int, tuple[float, float]]:
-    """For each named cause by index: size from which 95 % of recordings like this one report it,
-    and size that adds a gap of 1, if all its columns have that size."""
+    """For each named cause by index, two sizes: that from which 95 % of recordings like this one
+    report it, and that which adds a gap of 1, if all its columns have that size."""
     d = evidence.d
     named = [(k, d.sized(k)) for k, b in enumerate(d.blocks) if not b.outside]
     result = {k: (np.inf, np.inf) for k, _ in named}  # without reversal, or anything that warms

@@ -38,7 +38,7 @@ _Shape = tuple[tuple[str, float], ...]
 
 
 def features(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Smooth functions (C R, k) at R rows of C channels, by variable; each group has gap 1."""
+    """Smooth functions as columns (C R, k), R rows of C channels, by variable; gap 1 a variable."""
     groups: dict[str, np.ndarray] = {}
     for name, base in variables(prepared).items():
         columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
@@ -54,8 +54,7 @@ def features(prepared: Prepared) -> dict[str, np.ndarray]:
 
 
 def _flowing(prepared: Prepared) -> np.ndarray:
-    """Columns (C R, k) of a tool whose CoG follows earlier orientations smoothly, as a thick
-    liquid."""
+    """Columns (C R, k) of a tool whose CoG follows earlier orientations, as a thick liquid."""
     scene, of = prepared.scene, prepared.families[0]
     force = scene.tool_force(scene.load)
     down = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
@@ -129,7 +128,7 @@ def _scaled(x: np.ndarray) -> np.ndarray:
 
 
 def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Columns (C R, C) from x (H,), averaged to R rows: one for each of C whitened channels."""
+    """Columns (C R, C), one a channel: values x (H,) averaged to R rows there, 0 in the others."""
     count = len(prepared.variance)
     fit = prepared.averages(x[:, None])
     return np.asarray((fit[:, :, None] * np.eye(count)).reshape(-1, count))
@@ -156,10 +155,10 @@ class EffectDictionary:
 
     Attributes:
         prepared: the design and its noise, with the scene at the baseline's parameters.
-        baseline: whitened readings that the baseline predicts (C R,).
+        baseline: whitened readings that the baseline predicts (C R,), row by row.
         E: whitened change of the readings per typical size of each parameter (C R, n).
         size: typical size of each column's parameter (n,), SI.
-        label: (effect, parameter) of each column, or (kernel, '') of a feature.
+        label: (effect, parameter) of each column, or (variable, '') of a smooth function.
         hypotheses: variants of effects that may be claimed; ``invisible``: names of the others.
         kernels: indices of smooth functions' columns, by the variable that they depend on.
         stated: indices of the numbers that every user fits; ``tolerance`` in typical sizes.
@@ -238,8 +237,7 @@ class EffectDictionary:
 
     @cached_property
     def fitted_away(self) -> np.ndarray:
-        """Orthonormal basis (C R, S) of the S columns that every fit frees, each vector in one
-        channel."""
+        """Orthonormal basis (C R, S) of the S columns that every fit frees, each in one channel."""
         return np.linalg.qr(self.E[:, self.always])[0]
 
     def mean_square(self, x: np.ndarray) -> np.ndarray:
@@ -250,14 +248,14 @@ class EffectDictionary:
         return np.stack(squares)
 
     def gap(self, signal: np.ndarray, *, configured: bool = False) -> float:
-        """Gap of a whitened signal (C R,): before bias, mass and CoG are fitted if ``configured``,
-        else after."""
+        """Gap of a whitened signal (C R,) after bias, mass, CoG are fitted, before if
+        ``configured``."""
         if not configured:
             signal = self.without_stated(signal)
         return float(self.mean_square(signal).sum())
 
     def gaps(self, signal: np.ndarray) -> np.ndarray:
-        """Gap (F,) of a whitened signal (C R,) by channel, after the fit of bias, mass and CoG."""
+        """Gap (F,) of a whitened signal (C R,) in each channel after the fit of bias, mass, CoG."""
         return self.mean_square(self.without_stated(signal)) - self.channel_noise
 
     @cached_property
@@ -267,7 +265,7 @@ class EffectDictionary:
 
     @cached_property
     def gap_of_channel(self) -> np.ndarray:
-        """Gap that each of n columns adds in each of F channels (F, n), as `configured_gap`."""
+        """Gap of each of n columns in each of F channels (F, n) at typical size, before any fit."""
         return self.mean_square(self.E)
 
     @cached_property
@@ -291,7 +289,7 @@ class EffectDictionary:
         return np.asarray(signal - self.fitted_away @ (self.fitted_away.T @ signal))
 
     def without(self, fold: int) -> "EffectDictionary":
-        """Dictionary of the same columns on the rows outside a fold."""
+        """Dictionary of the same columns on the rows outside the fold of number ``fold``."""
         keep = np.repeat(self.prepared.fold_rows != fold, self.channels)
         return replace(
             self,
@@ -340,7 +338,7 @@ def build(
 
     Args:
         prepared: the recording's design and noise.
-        robot_theta: parameters of the robot at the baseline.
+        robot_theta: parameters of the robot at the baseline, its tool included (P,).
         tolerance: tolerance of bias, mass and CoG by effect, SI; inf if they are not stated.
     """
     at = prepared.at(robot_theta)
@@ -410,7 +408,7 @@ def nuisance(prepared: Prepared) -> np.ndarray:
 
 
 def _of_channels(prepared: Prepared, each: Sequence[np.ndarray]) -> np.ndarray:
-    """Whitened columns (C R, k) from each channel's derivatives (M, c, n), 0 in other channels."""
+    """Whitened columns (C R, k): each channel's derivatives (M, c, n) by n numbers, 0 elsewhere."""
     width, result = prepared.families[-1].stop, list[np.ndarray]()
     for slopes, of in zip(each, prepared.families, strict=True):
         for slope in np.moveaxis(slopes, 2, 0):
@@ -429,7 +427,7 @@ def _shape(variant: Variant) -> _Shape:
 def _columns(
     prepared: Prepared, response: Response, effect: Effect, variants: Sequence[Variant]
 ) -> dict[tuple[str, _Shape], np.ndarray]:
-    """Columns (C R,) of an effect by its amplitude's name and shape."""
+    """Whitened columns (C R,) of an effect's variants by name of amplitude and shape parameters."""
     known = {p.name: p for p in effect.parameters(response.scene.robot)}
     wanted: dict[_Shape, dict[str, Parameter]] = {}
     for variant in variants:
@@ -467,7 +465,7 @@ def _with_hypotheses(
 
 
 class FittedResidual:
-    """Leading channel's residual after the fit of bias, mass and CoG, scanned by effects."""
+    """Residual of the first channel after the fit of bias, mass and CoG, for effects to scan."""
 
     def __init__(self, prepared: Prepared, response: Response, stated: Collection[str]) -> None:
         alone = Response(prepared.scene, prepared.channels)
@@ -488,7 +486,7 @@ class FittedResidual:
         self._fitted = basis.reshape(*self._value.shape, -1)
 
     def suggests(self, effect: Effect) -> tuple[Variant, ...]:
-        """Variants of an effect that its scan of the residual suggests."""
+        """Variants, with shape parameters, that an effect's scan of the residual suggests."""
         known = {p.name: p for p in effect.parameters(self.scene.robot)}
 
         def tangent(name: str, at: Mapping[str, float]) -> np.ndarray:

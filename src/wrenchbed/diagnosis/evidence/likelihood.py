@@ -87,7 +87,7 @@ class OfProducts:
         return self.informations([columns])[0]
 
     def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
-        """`information` of several groups of sets of columns; their common factor is not cached."""
+        """`information` (b, k, k) of each group of sets (b, k); the common factor is not cached."""
         factor, lower = self._factor
         of = self._beside()
         half = solve_triangular(factor, of.T, lower=lower, overwrite_b=True, check_finite=False)
@@ -124,7 +124,7 @@ class BackgroundLevel(OfProducts):
         V: variance of each column's coefficient (n,).
         weighed: makes Eᵀ v₀⁻¹ E (n, n) from a v₀ (C R,) that is the same in all rows of a measured
             column; computed from E if None.
-        channels: number C of measured columns of each row; 1 where rows are not whole.
+        channels: number C of values of each row; 1 if some values of a row may be left out.
     """
 
     E: np.ndarray
@@ -134,7 +134,7 @@ class BackgroundLevel(OfProducts):
     channels: int = 1
 
     def of_rows(self, rows: np.ndarray) -> "BackgroundLevel":
-        """Copy with selected rows (C R,), boolean."""
+        """Copy with only the values that the mask ``rows`` (C R,) selects."""
         return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None, channels=1)
 
     @property
@@ -197,7 +197,7 @@ class BackgroundLevel(OfProducts):
         return white.products(white)
 
     def precision(self, rows: np.ndarray) -> np.ndarray:
-        """Block (k, k), for k rows, of the inverse covariance K₀⁻¹ of noise and background."""
+        """Block (k, k), at k values of indices ``rows``, of K₀⁻¹ (noise and background)."""
         if not self.tall:
             return np.asarray(self._inverse[np.ix_(rows, rows)])
         root = np.sqrt(self.v0[rows])
@@ -232,11 +232,11 @@ class BackgroundLevel(OfProducts):
 
 
 class Whitened(NamedTuple):
-    """Factors of columns x for products x'ᵀ K₀⁻¹ x, K₀ the covariance of noise and background.
+    """Factors of k columns x for products x'ᵀ K₀⁻¹ x, K₀ the covariance of noise and background.
 
     Attributes:
-        rows: columns over the noise (m, k).
-        taken: part that the background explains (r, k).
+        rows: columns at m values, over the noise's standard deviation (m, k).
+        taken: part that the r columns of the background explain (r, k).
     """
 
     rows: np.ndarray
@@ -247,7 +247,7 @@ class Whitened(NamedTuple):
         return np.asarray(self.rows.T @ other.rows - self.taken.T @ other.taken)
 
     def put(self, columns: Sequence[int], other: "Whitened") -> None:
-        """Replace some columns, in place, by those of another factorization."""
+        """Replace the columns of these indices, in place, by those of ``other``, in its order."""
         self.rows[:, columns] = other.rows
         self.taken[:, columns] = other.taken
 
@@ -276,8 +276,8 @@ def gains(
     """Gain in log evidence when a hypothesis widens its columns' prior: b hypotheses of k columns.
 
     Args:
-        information: P of each hypothesis' columns (b, k, k).
-        score: w of its columns (b, k, C) for C cases.
+        information: P = Eᵀ K₀⁻¹ E of each hypothesis' columns E (b, k, k), K₀ without it.
+        score: w = Eᵀ K₀⁻¹ y (b, k, C) for C cases of readings y.
         size: relative prior standard deviations (b, k).
         scales: factors on ``size`` to try (s,) or (b, s).
 
@@ -338,7 +338,7 @@ def over_scales(
         moments: information and score of the k columns, and log evidence without causes.
         owner: index of the cause of each column (k,).
         fixed: prior standard deviation of columns whose scale is known (k,), else 0.
-        ladder: scales to try of each of p causes (p, s).
+        ladder: prior standard deviations ("scales") to try of each of p causes (p, s).
     """
     information, score, start = moments
     best, total = np.median(ladder, axis=1), -np.inf
@@ -379,7 +379,7 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
 
 
 def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
-    """Prior variance (n,) of n columns' coefficients at the background level of this gap.
+    """Prior variance (n,) of n columns' coefficients on the background level that adds ``gap``.
 
     The gap is of the wrench: in further channels a background adds `NORMAL` at most.
     """

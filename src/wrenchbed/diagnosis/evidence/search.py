@@ -48,7 +48,7 @@ class SingleEvidence:
 def best_variants(
     hypotheses: Sequence[Hypothesis], singles: Iterable[SingleEvidence]
 ) -> dict[str, SingleEvidence]:
-    """Best variant of each effect by name, likeliest effect first."""
+    """Best variant of each effect by name, likeliest effect first; smooth functions left out."""
     best: dict[str, SingleEvidence] = {}
     for s in sorted(singles, key=lambda s: -s.log_posterior):
         if s.index >= 0:
@@ -91,8 +91,7 @@ class Candidates:
             rung: index of the background level.
             base: log posterior of the set of causes alone.
             score: derivatives w of the log likelihood by all columns (n,), beside these causes.
-            known: H (m, n), where HᵀH is the information of the columns that these causes take up;
-                None if there are none.
+            known: H (m, n): HᵀH is the information that these causes take up; None without any.
         """
         result: list[SingleEvidence] = []
         for batch, alone in zip(self.batches, self._information(rung), strict=True):
@@ -107,7 +106,7 @@ class Candidates:
         return result
 
     def _information(self, rung: int) -> list[np.ndarray]:
-        """Information matrices (b, k, k) of each group of variants at a background level."""
+        """Information (b, k, k) of each batch on the background level of index ``rung``."""
         if rung not in self._informations:
             every = (batch.columns for batch in self.batches)
             self._informations[rung] = self.levels[rung].informations(every)
@@ -187,11 +186,11 @@ class Searcher(Candidates):
         return total
 
     def nulls(self, y: np.ndarray) -> np.ndarray:
-        """Log evidence without any cause at each of L background levels (L,), prior included."""
+        """Log evidence of y (C R,), no cause, on each of L background levels, prior included."""
         return self._scored(y)[1]
 
     def _scored(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Scores w (n,) of n columns at each background level, and `nulls`; the last are cached."""
+        """Scores w (n,) of y (C R,) by background level, and `nulls`; cached for the last y."""
         if self._last is None or self._last[0] is not y:
             both = [r.level.scored(y[:, None]) for r in self.rungs]
             null = np.array([float(n[0]) for _, n in both]) + self.rung_prior(y)
@@ -199,7 +198,7 @@ class Searcher(Candidates):
         return self._last[1]
 
     def singles(self, y: np.ndarray) -> list[SingleEvidence]:
-        """Posterior of every effect variant, or smooth function, alone at each background level."""
+        """Posterior of every variant or smooth function alone by background level, for y (C R,)."""
         result: list[SingleEvidence] = []
         scores, nulls = self._scored(y)
         for r, (base, score) in enumerate(zip(nulls, scores, strict=True)):
@@ -215,8 +214,8 @@ class Searcher(Candidates):
         Args:
             rung: index of the background level.
             energy: square of the whole signal over background and noise.
-            score: w of all columns (n,), for the signal as readings.
-            known: H (m, n), as in `added`.
+            score: scores w of all columns (n,), for the signal as readings.
+            known: factor (m, n) of the information taken up by causes, as in `added`.
         """
         result = np.full(len(self.hypotheses), np.inf)
         for batch, alone in zip(self.batches, self._information(rung), strict=True):

@@ -95,7 +95,7 @@ class Stated(NamedTuple):
 
 
 def explained(refitter: Refitter, f: Finalist) -> Explanation:
-    """Explanation of a fitted set: effects that add enough, and stated numbers that are wrong."""
+    """Explanation of a fitted set: effects that add enough gap, stated numbers that are wrong."""
     d = refitter.d
     total, each = d.gaps(refitter.y), {k: shares(refitter, f, k) for k in f.effects}
     against = {k for k, g in each.items() if contradicted(g, total)}
@@ -135,8 +135,8 @@ def contradicted(added: np.ndarray, total: np.ndarray) -> bool:
 def _standing_in(
     refitter: Refitter, f: Finalist, large: Collection[int | None]
 ) -> tuple[list[Part], float]:
-    """Small causes, beside those ``large``, that replace each other (to leave out one costs little,
-    to leave out all costs much), and the gap that then remains, noise subtracted.
+    """Small causes, beside those of indices ``large``, that replace each other (to leave out one
+    costs little, to leave out all costs much), and the gap that then remains, noise subtracted.
 
     The cause that reduces the gap most gets that reduction as its share, then the next.
     """
@@ -165,7 +165,7 @@ def _standing_in(
 
 
 def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
-    """Whether a cause may only correct the formula of a larger cause of its effect's family."""
+    """Whether a cause may only correct the formula of a larger one of ``parts``, alike in kind."""
     assert part.index is not None
     family = f.parts[part.index].effect.family
     for other in parts:
@@ -202,7 +202,7 @@ def wrong_odds(
         mean: estimated error of each number (S,).
         std: standard uncertainty of each error (S,).
         tolerance: tolerance of each number (S,), inf where nothing is stated.
-        offset: how far effects may shift each (S,) by convention.
+        offset: size (S,) by which effects may shift each, as the zero of a drift is a convention.
     """
     finite = np.isfinite(tolerance)
     width = np.where(finite, tolerance, 1.0) + offset
@@ -235,7 +235,7 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
 
 
 def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
-    """Biases as large as a signal's ranges ``extent`` (C,), among stated numbers (S,), else 0."""
+    """Per stated number (S,): bias as large as the ``extent`` (C,) of its channel, else 0."""
     result = np.zeros(len(d.stated))
     for i in np.flatnonzero(d.of_stated(STATED[0])):
         column = np.abs(d.E[:, d.stated[i]].reshape(-1, d.channels)).max(axis=0)
@@ -263,8 +263,7 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
 
 
 def stated_errors_beside(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """Errors of bias, mass and CoG (S,), in typical sizes, fitted to the residual of a set of
-    causes that keep their values."""
+    """Errors (S,) of bias, mass, CoG, in typical sizes, fitted to what a fitted set leaves."""
     d = refitter.d
     spread = np.full(len(d.stated), LARGEST)
     return _fitted(_exact(refitter, f.rung), d.E[:, d.stated], f.residual, spread)[0]
@@ -288,14 +287,14 @@ def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Co
 def _fitted(
     level: BackgroundLevel, columns: np.ndarray, y: np.ndarray, spread: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Posterior mean (k,) and covariance (k, k) of k coefficients; columns (C R, k), y (C R,)."""
+    """Posterior mean, covariance of coefficients: columns (C R, k), y (C R,), prior std (k,)."""
     every = level.products(np.column_stack([columns, y]))
     covariance = np.linalg.inv(every[:-1, :-1] + np.diag(1.0 / spread**2))
     return covariance @ every[:-1, -1], covariance
 
 
 def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
-    """Background level in which the stated bias, mass and CoG are exact.
+    """Background level of index ``rung`` in which the stated bias, mass and CoG are exact.
 
     The sensor's self-weight looks like mass and CoG and adds nothing to the calibrated gap, so its
     prior is bounded by half of `MOST` typical sizes and by half the stated mass's tolerance.

@@ -23,7 +23,7 @@ SAME, EXCUSED = 0.02, 0.1
 
 
 def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
-    """Whitened readings (C R,) that causes with indices ``parts`` add to those of the others."""
+    """Whitened readings (C R,) that causes of indices ``parts`` add to those of the others."""
     amplitudes = np.isin(f.variables.part, list(parts)) & ~f.variables.shape
     without = np.where(amplitudes, 0.0, f.x)
     return np.asarray(refitter.response(f.parts, f.x) - refitter.response(f.parts, without))
@@ -35,12 +35,12 @@ def any_free_form(f: Finalist) -> bool:
 
 
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """Reduction of the gap by one cause of a fitted set, all channels together."""
+    """Reduction of the gap, all channels together, by the cause of index ``part`` of a set."""
     return float(shares(refitter, f, part).sum())
 
 
 def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
-    """Reduction of each of F channels' gap (F,) by one cause while the others keep their sizes.
+    """Reduction (F,) of each channel's gap by the cause of index ``part``; others keep their sizes.
 
     If one has a free curve, the others are refitted: two large curves may cancel each other.
     """
@@ -61,7 +61,7 @@ def claimable(refitter: Refitter, f: Finalist) -> list[int]:
 
 
 def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> float:
-    """Gap that a fitted set leaves with its causes ``large`` alone, noise subtracted."""
+    """Gap that a fitted set leaves with its causes of indices ``large`` alone, noise subtracted."""
     minor = made_by(refitter, f, [k for k in range(len(f.parts)) if k not in large])
     return refitter.d.gap(f.residual + minor) - refitter.d.row_noise
 
@@ -69,8 +69,8 @@ def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> floa
 def twins(
     refitter: Refitter, f: Finalist, part: int, share: float, named: Collection[int]
 ) -> tuple[str, ...]:
-    """Names of effects that explain as much in the place of cause ``part``, which adds the gap
-    ``share``; causes with indices ``named`` are left out."""
+    """Names of effects that explain as much in the place of the cause of index ``part``, which adds
+    the gap ``share``; causes of indices ``named`` are left out."""
     claimed = {f.parts[k].name for k in named}
     others = _as_many_numbers(refitter, f, part, made_by(refitter, f, [part]), share)
     alike = (n for n in others if n not in claimed)
@@ -78,8 +78,8 @@ def twins(
 
 
 def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
-    """Names of effects that make a cause's readings at plausible sizes, with any number of
-    amplitudes; those that nearly do in the linear model are refitted with finite angles."""
+    """Names of effects that make the readings of the cause of index ``part`` at plausible sizes,
+    with any number of amplitudes; those that nearly do are refitted with finite angles."""
     hypotheses, small = refitter.searcher.hypotheses, f.parts[part]
     signal = made_by(refitter, f, [part])
     energy, remainders = refitter.remainders(f, part, signal)
@@ -101,7 +101,7 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
 
 
 def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
-    """Whether a free curve ``wide`` has all columns of ``part``: a straight curve is a gain."""
+    """Whether a free curve ``wide`` has all columns of ``part``, as a straight curve is a gain."""
     if not wide.variant.free_form or part.variant.shape or not len(part.columns):
         return False
     unit = refitter.d.E / np.maximum(np.linalg.norm(refitter.d.E, axis=0), 1e-300)
@@ -120,8 +120,8 @@ def doubled(refitter: Refitter, f: Finalist) -> bool:
 def _as_many_numbers(
     refitter: Refitter, f: Finalist, part: int, added: np.ndarray, share: float
 ) -> list[str]:
-    """Names of effects that make the readings ``added`` with as many amplitudes: a slow filter for
-    a delay, a drift for a temperature that rises steadily."""
+    """Names of effects that make the readings ``added`` (C R,) of cause ``part`` with as many
+    amplitudes (a slow filter for a delay); at most a part of its gap ``share`` may remain."""
     d = refitter.d
     count = len(f.parts[part].columns)
     others = [h for h in d.hypotheses if len(h.columns) == count and not h.effect.stated]

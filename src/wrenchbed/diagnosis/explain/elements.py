@@ -60,7 +60,7 @@ def of_element(variant: Variant) -> bool:
 
 
 def element(variant: Variant) -> str:
-    """Name of the element that a variant is of: ``joint 3``, ``fx``, else the variant's label."""
+    """Joint, link, axis or channel of a variant as text: ``joint 3``, ``fx``, else its label."""
     for key in NAMING:
         if key in variant.detail:
             value = str(variant.detail[key])
@@ -115,8 +115,7 @@ def elements(
 def _imitating(
     refitter: Refitter, f: Finalist, part: int, signal: np.ndarray, effects: Collection[str]
 ) -> dict[str, list[Hypothesis]]:
-    """Hypotheses that nearly make a cause's readings ``signal`` (C R,), by effect: the best of each
-    element.
+    """Best hypothesis of each element that nearly makes readings ``signal`` (C R,), by effect.
 
     For a cause of several elements, one may leave as much as imperfections of the others make."""
     replaced, hypotheses = f.parts[part], refitter.searcher.hypotheses
@@ -154,7 +153,7 @@ def _likely(log_posteriors: Sequence[float]) -> list[int]:
 
 
 def combination(refitter: Refitter, of: Elements, spread: float) -> Combination | None:
-    """Weighted sum of several elements' sizes that the readings determine; None without one.
+    """Weighted sum of elements' sizes that readings determine, std × ``spread``; None without one.
 
     The elements must be of one effect, with one amplitude each and proportional readings.
     """
@@ -188,7 +187,7 @@ def combination(refitter: Refitter, of: Elements, spread: float) -> Combination 
 def _sum(
     effect: str, parameters: Sequence[str], weights: Sequence[float], names: Sequence[str]
 ) -> str:
-    """Words for a weighted sum: by elements if the weights are equal, else by their parameters."""
+    """Words for a sum: of elements ``names`` if the weights are equal, else of ``parameters``."""
     if all(abs(w - 1.0) < EVEN for w in weights):
         return f"sum of {effect} of {listed(names, 'and')}"
     first, *others = zip(weights, parameters, strict=True)
@@ -197,7 +196,7 @@ def _sum(
 
 
 def listed(names: Iterable[str], last: str = "or") -> str:
-    """Words for elements: ``joint 2``, ``joints 2, 3 or 4`` (in order), ``fx or fy``."""
+    """Words for elements: ``joint 2``, ``joints 2, 3 or 4``, ``fx or fy``; ``last``: "or"."""
     every = list(names)
     kinds = {n.rpartition(" ")[0] for n in every}
     if len(every) > 1 and (kinds == {"joint"} or kinds == {"link"}):

@@ -54,7 +54,7 @@ class Finalist:
         covariance: covariance (m, m) of the numbers of ``design``, background counted.
         residual: measured minus fitted (C R,), whitened; errors of stated numbers are still in it.
         y: readings linearised at x (C R,).
-        design: derivatives of the response by x, then columns of blamed stated numbers (C R, m).
+        design: derivatives by x, then columns of stated numbers claimed as wrong (C R, m).
         spread: prior standard deviation of each column of ``design`` (m,).
         log_posterior: log of prior times evidence, over all background levels and sizes.
         each: the same fit in each recording fitted together; empty for a single one.

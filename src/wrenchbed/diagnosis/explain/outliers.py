@@ -117,7 +117,7 @@ def _axis(x: np.ndarray) -> str:
 
 
 def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
-    """Mark the observations (H,) of blocks that all others contradict; none if there are many.
+    """Mask (H,) of observations in blocks that all others contradict; none if these are many.
 
     Formulas of ``claimed`` causes are not exact: a block whose error is less than what they change
     there is no outlier. Nor are readings at a limit of their channel.
@@ -150,9 +150,11 @@ def _with_known_jumps(a: Analysis, f: Finalist) -> Finalist:
 def _contradicted(
     level: BackgroundLevel, f: Finalist, p: Prepared, blocks: np.ndarray, made: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Whether each block (b,) is far from its prediction by others; ratio of largest to median.
+    """Whether each block (b,) is far from its prediction by others; ratio of largest to median
+    error.
 
-    Blocks with the largest errors go first: predictions that use them miss other blocks as well.
+    Largest errors go first: predictions that use them miss other blocks. ``blocks`` (R,): number of
+    each row's block; ``made`` (b,): mean square that claimed causes change in each, allowed too.
     """
     numbers, count = np.unique(blocks, return_counts=True)
     none, most = np.zeros(len(numbers), dtype=bool), max(1.0, MOST * len(numbers))
@@ -181,7 +183,7 @@ def _contradicted(
 
 
 def _of_blocks(x: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """Mean of row values (R,) over each block (b,)."""
+    """Mean of row values x (R,) over each block (b,); ``blocks`` (R,): each row's block."""
     return np.array([x[blocks == b].mean() for b in np.unique(blocks)])
 
 
@@ -195,8 +197,8 @@ def pose_numbers(p: Prepared) -> np.ndarray:
 
 
 def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outlier, ...]:
-    """Outliers among the observations ``rows`` (H,) set aside: those that differ from the readings
-    (M, 6) predicted without them."""
+    """Outliers among the observations set aside, of mask ``rows`` (H,): those that differ from
+    readings (M, 6) predicted without them."""
     p = p.leading
     error = p.y - reading[p.scene.held]
     large = np.sqrt(((error / p.sigma) ** 2).mean(axis=1)) > LARGE * np.sqrt(p.noise.max())
@@ -217,7 +219,7 @@ def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outli
 
 
 def _stretches(far: np.ndarray, t: np.ndarray) -> list[np.ndarray]:
-    """Observations at t (H,) [s] in stretches around those ``far`` (H,), with a margin."""
+    """Indices, by stretch, of observations at t (H,) [s] near those marked ``far`` (H,)."""
     near = far.copy()
     for k in np.flatnonzero(far):
         near[np.searchsorted(t, t[k] - MARGIN_S) : np.searchsorted(t, t[k] + MARGIN_S)] = True

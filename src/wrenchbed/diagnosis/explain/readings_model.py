@@ -71,7 +71,7 @@ class ReadingsModel:
         return frozenset(effect for effect, parameter in self.d.label if parameter)
 
     def values(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[dict[str, float]]:
-        """All parameters of each cause at variables x (k,), SI; shapes within their bounds."""
+        """Parameters, SI, of each cause at x (k,), in typical sizes; shapes within their bounds."""
         given, result = iter(x.tolist()), []
         for h in parts:
             known = _parameters(h.effect, self.scene.robot)
@@ -100,7 +100,7 @@ class ReadingsModel:
 
     def searched(self, parts: Sequence[Hypothesis], rung: int, x: np.ndarray) -> np.ndarray:
         """Variables x (k,) after a random search over the last cause's shape parameters, its
-        amplitudes refitted."""
+        amplitudes refitted, on the background level of index ``rung``."""
         level, v, last = self.searcher.rungs[rung].level, Variables.of(parts), len(parts) - 1
         moves, free = v.shape & (v.part == last), ~v.shape & (v.part == last)
         rng = np.random.default_rng(0)
@@ -196,7 +196,7 @@ class ReadingsModel:
         return f.covariance * np.outer(wider / std, wider / std)
 
     def level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
-        """Background level ``rung``; stated numbers among ``parts``, claimed as wrong, are free."""
+        """Background level of index ``rung``; stated numbers of ``parts``, as wrong, are free."""
         blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)
         if not blamed:
             return self.searcher.rungs[rung].level
@@ -243,9 +243,8 @@ class ReadingsModel:
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray | float,
         which: Sequence[int], step: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Derivatives (C R, m) by m variables, steps (k,) from x (k,); causes add f (C R,) at x.
-
-        Amplitudes that act on different channels are changed at once.
+        """Derivatives (C R, m) by variables of indices ``which``, with ``step`` (k,) from x (k,),
+        where the causes add f (C R,). Amplitudes of different channels are changed at once.
         """
         v, groups = Variables.of(parts), dict[tuple[int, str], list[int]]()
         apart = all(_channel_by_channel(h.effect) for h in parts if not h.effect.stated)

@@ -48,7 +48,7 @@ class Refitter(ReadingsModel):
         return next(k for k, r in enumerate(self.each) if r is self)
 
     def without(self, fold: int) -> "Refitter":
-        """Refitter of the same recordings without one fold of each."""
+        """Refitter of the same recordings without the fold of number ``fold`` of each."""
         return together([r._less(fold) for r in self.each])[self._place]
 
     def _less(self, fold: int) -> "Refitter":
@@ -95,7 +95,7 @@ class Refitter(ReadingsModel):
         return self._fitted(*self._of_parts(f, keep), rough=False) if keep else self.nothing()
 
     def again(self, f: Finalist) -> Finalist:
-        """Refit a set of causes, fitted to other rows, to these: variables and residual only."""
+        """Refit of causes, fitted to other rows, to these: new variables and residual only."""
         views = tuple(self._views(f))
         if views not in self._again:
             s, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
@@ -156,8 +156,8 @@ class Refitter(ReadingsModel):
     def _minimum(
         self, s: Structure, rungs: Sequence[int], x: np.ndarray, spread: np.ndarray
     ) -> np.ndarray:
-        """Most probable variables (k,), by Gauss–Newton from x, with prior standard deviations
-        ``spread`` (k,) about the hypotheses' own shapes.
+        """Most probable variables (k,), by Gauss–Newton from x on background levels ``rungs``
+        (indices), with prior std ``spread`` (k,) about the hypotheses' own shapes.
 
         Derivatives by shapes are renewed at each step, those by amplitudes at every third.
         """
@@ -207,7 +207,7 @@ class Refitter(ReadingsModel):
         return x
 
     def _judged(self, s: Structure, rungs: Sequence[int], x: np.ndarray) -> list[Finalist]:
-        """Fit of each recording for a set of causes at x (k,), on the best background levels."""
+        """Fits, by recording, of causes at x (k,) on the best background levels near ``rungs``."""
         f = s.response(x)
         residual, slopes = s.y - f, s.design(x, f, range(len(x)))
         y = residual + slopes @ (x - s.start)
@@ -272,8 +272,8 @@ class Refitter(ReadingsModel):
 def together(
     refitters: Sequence[Refitter], known: Sequence[Sequence[Finalist]] = ()
 ) -> tuple[Refitter, ...]:
-    """Refitters of several recordings that fit every set of causes to all of them, from those of
-    each recording alone and its fitted sets ``known``."""
+    """Refitters of several recordings that fit every set of causes to all of them, made from those
+    of single recordings; ``known``: sets of causes fitted to each alone, best first."""
     each = tuple(copy(r) for r in refitters)
     for r, finalists in zip(each, known or [()] * len(each), strict=True):
         r.each, r.known, r._again = each, finalists, each[0]._again

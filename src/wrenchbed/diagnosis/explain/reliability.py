@@ -114,7 +114,7 @@ class Reliability:
         return min(float(expit(np.dot(self.claim, features))), self.believed)
 
     def p_value(self, mode: str, design: Sequence[float]) -> float:
-        """Conformal p-value that a recording of a mode is like the learning cases."""
+        """Conformal p-value that a recording with features ``design`` is like those of a mode."""
         taught = self.designs.get(mode)
         return 1.0 if taught is None else familiarity.p_value(design, taught)
 
@@ -137,7 +137,7 @@ UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
 
 
 def features(verdict: Verdict[Any], closed: float, mode: str) -> tuple[float, ...]:
-    """Features (F,) that speak for a verdict's leading claim, in the order of `NAMES`."""
+    """Features (F,), as `NAMES`, of a verdict's claim that closes ``closed`` (0…1) of the gap."""
     lead = key_of(verdict)
     others = sum(p for name, p in verdict.probabilities.items() if name != lead)
     odds = np.log(max(verdict.probabilities[lead], 1e-300) / max(others, 1e-300))
@@ -192,7 +192,7 @@ def conformal(shares: Sequence[float], weights: Sequence[float]) -> float:
 
 
 def credible(probabilities: Mapping[str, float], level: float) -> tuple[str, ...]:
-    """Names of the likeliest answers that sum to ``level``; of a class the names of its members."""
+    """Names of the likeliest answers that sum to ``level``; for a class, names of its members."""
     total, names = 0.0, dict[str, None]()
     for name, share in sorted(probabilities.items(), key=lambda kv: -kv[1]):
         names |= dict.fromkeys(name.split("|"))
@@ -209,7 +209,7 @@ def set90(verdict: Verdict[Any], known: Reliability) -> tuple[str, ...]:
 
 
 def learnt(lessons: Sequence[Lesson], source: str) -> Reliability:
-    """Fit the model to lessons.
+    """Fit the model to lessons, which ``source`` describes in words.
 
     Raises:
         DiagnosisError: no lesson has a claim.

@@ -84,7 +84,7 @@ class Structure:
 
     def merged(self, each: Sequence[np.ndarray], last: int = 0) -> np.ndarray:
         """Values of all variables (k,) from those of each recording; where these differ, shared
-        ones are recording ``last``'s."""
+        ones are those of the recording of index ``last``."""
         result = np.zeros(self.free)
         for r in [*reversed(range(len(each))), last]:
             result[self.at[r]] = each[r]
@@ -127,7 +127,7 @@ class Structure:
         return np.concatenate([c.response(parts, x[at]) for c, parts, at in every])
 
     def design(self, x: np.ndarray, f: np.ndarray, which: Iterable[int]) -> np.ndarray:
-        """Derivatives (C R, n) of the response by the n variables ``which`` at x, where it is f."""
+        """Derivatives (C R, n) of the response, f at x, by variables of n indices ``which``."""
         some = list(which)
         result = np.zeros((len(f), len(x)))
         for c, parts, at, rows in zip(self.cases, self.parts, self.at, self.rows, strict=True):
@@ -146,7 +146,7 @@ class Structure:
 
 
 def _homes(cases: Sequence[ReadingsModel], same: Sequence[Hypothesis]) -> list[int]:
-    """Indices of recordings with own values of a cause's numbers; one if they are the robot's."""
+    """Indices of recordings with values of their own of a cause; one if it is the robot's."""
     shows = [r for r, (c, h) in enumerate(zip(cases, same, strict=True)) if h.name in c.shown]
     if same[0].effect.stated:
         return [r for r in shows if len(same[r].columns)]

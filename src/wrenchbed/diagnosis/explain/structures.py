@@ -58,7 +58,8 @@ fewer a rival that is worse in the linear model but better when refitted is miss
 
 
 def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> np.ndarray:
-    """Errors P_bb⁻¹ (P y)_b (C R,) of predicting each block b of readings y from all others."""
+    """Errors (C R,) of predicting each block b of readings y from all others, P_bb⁻¹ (P y)_b with
+    their precision P; ``block_rows`` (R,): number of each row's block."""
     half, w = _weighed(level, f)
     result = np.empty_like(w)
     for rows in _of_blocks(block_rows, len(w)):
@@ -77,7 +78,7 @@ def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarra
 
 
 def _of_blocks(block_rows: np.ndarray, values: int) -> Iterator[np.ndarray]:
-    """Indices of each block's values among those of all R rows and C channels."""
+    """Indices of each block's values among all C R ``values``; ``block_rows`` (R,): row's block."""
     block = np.repeat(block_rows, values // len(block_rows))
     for b in np.unique(block):
         yield np.flatnonzero(block == b)
@@ -184,7 +185,7 @@ def with_rivals(
 def _near(
     refitter: Refitter, more: Sequence[SingleEvidence], f: Finalist, part: int
 ) -> list[SingleEvidence]:
-    """Best variants of other effects whose posterior comes near that of cause ``part``."""
+    """Best variants in ``more``, of other effects, with a posterior near that of cause ``part``."""
     best, name = best_variants(refitter.searcher.hypotheses, more), f.parts[part].name
     mark = best[name].log_posterior if name in best else -np.inf
     others = [s for n, s in best.items() if n not in f.names and n not in STATED]
@@ -226,7 +227,8 @@ def _distinct(
 ) -> list[SingleEvidence]:
     """Best evidence of each effect, at most ``count``, with a second variant if nearly as good.
 
-    A variant with a free curve counts as an effect of its own: formulas gain when refitted.
+    A free curve counts as an effect of its own: formulas gain when refitted. The gain of the best
+    over ``base``, the log posterior without effects, sets how far below it others are kept.
     """
     kept: list[SingleEvidence] = []
     best: dict[tuple[str, bool], list[SingleEvidence]] = {}
@@ -301,14 +303,14 @@ def analyse(prepared: Prepared) -> Analysis:
 
 
 def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseline) -> Analysis:
-    """Rank the sets of causes that explain a recording, linearised at the baseline ``at``."""
+    """Rank a recording's sets of causes, linearised at ``at``; ``coarse``: shorter averages."""
     searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance))
     refitter = Refitter(searcher, readings_from_baseline(searcher.d, coarse, at))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), refitter)
 
 
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
-    """Largest change of the causes' gap if the tool becomes that of ``to``, in ratio to load."""
+    """Change of the causes' gap with the tool of ``to``: gap × largest squared change over load."""
     p = p.leading
     here, there = (p.rows(x.expected) for x in (p, p.at(to.robot_theta)))
     change = ((there - here) ** 2).mean(axis=0) / np.maximum(here.var(axis=0), LEAST_LOAD)
@@ -318,8 +320,7 @@ def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
 def readings_from_baseline(
     d: EffectDictionary, prepared: Prepared, baseline: Baseline
 ) -> np.ndarray:
-    """Whitened readings (C R,) minus those of the dictionary's baseline, the calibrated simulator,
-    with mass and CoG as stated."""
+    """Whitened readings (C R,) less those of the calibrated simulator with stated mass and CoG."""
     moved = np.zeros(len(d.stated))  # baseline minus stated mass and CoG, SI
     for effect, change in baseline.moved.items():
         moved[d.of_stated(effect)] = change

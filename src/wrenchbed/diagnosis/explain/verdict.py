@@ -114,7 +114,7 @@ class Cause:
 
     @property
     def plain(self) -> bool:
-        """Whether it has no rival or element that further data could separate."""
+        """Whether the cause has no rival and no element that further data could separate."""
         if self.open_elements or len(self.keys) > len(self.names):
             return False
         return any(

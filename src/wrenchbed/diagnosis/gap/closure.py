@@ -45,7 +45,8 @@ def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
 
 
 def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: float) -> np.ndarray:
-    """Predict whitened y (H, C) from x (H, k), fitted to each ``stride``-th row of ``fit`` (H,)."""
+    """Prediction of whitened y (H, C) by x (H, k), fitted to each ``stride``-th row of the mask
+    ``fit`` (H,); ``noise``: least variance of y."""
     x = (x - x[fit].mean(axis=0)) / np.maximum(x[fit].std(axis=0), 1e-9)
     x = np.column_stack([np.ones(len(x)), x])
     use = np.flatnonzero(fit)[::stride]
@@ -95,14 +96,14 @@ class Claimed:
 
     @classmethod
     def of(cls, a: Analysis, f: Finalist, keep: Sequence[int], wrong: Sequence[str]) -> "Claimed":
-        """Simulator with causes ``keep`` of a fitted set; ``wrong`` has wrong stated numbers."""
+        """Simulator with causes ``keep``, indices in ``f``; ``wrong``: wrong stated numbers."""
         return cls(twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
 
 def judged(
     a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter] | None = None
 ) -> Judged:
-    """Gaps of the stated, calibrated, black-box and claimed simulators on rows that no fit used."""
+    """Held-out gaps of stated, calibrated, black-box and claimed simulators; ``fits``: by fold."""
     p, held_out, crossed = a.prepared, HeldOut(a.prepared), CrossFit(a, fits)
     before, of = crossed.calibrated(calibrated(a)), p.families[0]
     readings, further = {"calibrated": before[:, of]}, {"calibrated": held_out.further(before)}
@@ -126,7 +127,7 @@ def judged(
 
 
 def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
-    """Gaps of all recordings on rows that no fit used, with the claimed causes or without any."""
+    """Held-out gaps of all recordings, with the claimed causes or none; ``seed``: of bootstrap."""
     every = (a, *a.others)
     claims = [
         claim and (Claimed.of(one, claim.finalist.each[k], claim.keep, claim.wrong) if k else claim)

@@ -57,7 +57,8 @@ class Change:
 
 def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Change | None:
     """Cause, of those with indices ``parts`` in ``f``, whose size changes most surely; None if all
-    are constant. In the analysis the unexplained residual must count as noise."""
+    are constant. The analysis must count the unexplained residual as noise. ``seed``: permutations.
+    """
     d = a.dictionary
     scale = np.tile(np.sqrt(np.maximum(d.prepared.variance, 1e-300)), d.rows)
     block = d.prepared.block_rows
@@ -99,7 +100,7 @@ def grown(a: Analysis, f: Finalist, parts: Sequence[int]) -> float:
 
 def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.ndarray:
     """Larger of the two score statistics (n,), studentised over n permuted residuals (n, R, C), of
-    a cause's readings (R, C)."""
+    a cause's readings (R, C); ``block`` (R,): number of each row's block, in order."""
     first = np.flatnonzero(np.diff(block, prepend=-1))
     score = np.add.reduceat(np.einsum("nrc,rc->nr", rest, made), first, axis=1)
     squares = [(score**2).sum(axis=1), (np.cumsum(score, axis=1) ** 2).sum(axis=1)]
@@ -116,5 +117,5 @@ def _basis(columns: np.ndarray) -> np.ndarray:
 
 
 def _without(basis: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Residuals (n, C R) minus their projection on a basis."""
+    """Residuals (n, C R) minus their projection on an orthonormal basis (C R, k)."""
     return np.asarray(x - (x @ basis) @ basis.T)

@@ -91,7 +91,7 @@ def family_wise(
 
 
 def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: float) -> np.ndarray:
-    """Shares (V,) of ``gap`` that each of the chosen variables explains of a residual (R, C).
+    """Shares (V,) of ``gap`` that each variable of mask ``chosen`` explains of a residual (R, C).
 
     Forward selection: each step takes the variable that explains most of the rest beyond what as
     many random columns would, and gives it only what earlier ones did not explain. ``gap`` is the
@@ -165,7 +165,7 @@ def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
 
 
 def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
-    """Functions (C, H, k) of each channel's load, of |F| and |T|, and of the load's direction."""
+    """Functions (C, H, k) of each channel's load (M, C), of |F|, |T|, and the load's direction."""
     held = prepared.scene.held
     scaled = load / np.maximum(np.abs(load).max(axis=0), 1e-9)
     x = scaled[held].T[:, :, None]
@@ -182,7 +182,7 @@ def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _turned(prepared: Prepared, joint: int) -> np.ndarray:
-    """Derivative (H, 3) of gravity's direction in sensor axes by a joint [1/rad or 1/m]."""
+    """Derivative (H, 3) of gravity's direction in sensor axes by ``joint``, from 0 [1/rad, 1/m]."""
     scene = prepared.scene
     q = scene.joints[scene.held]
     step = np.zeros(q.shape[1])
@@ -238,10 +238,10 @@ def _fitted(prepared: Prepared) -> np.ndarray:
 
 
 def orders(block: np.ndarray, permutations: int, rng: np.random.Generator) -> np.ndarray:
-    """Permuted row numbers (1 + permutations, R); the first row is the original order.
+    """Permuted row numbers (1 + permutations, R), the first row in original order, for rows with
+    block numbers ``block`` (R,).
 
-    Rows of a motion are shifted in a circle, cut into stretches of one block's length, and the
-    stretches permuted.
+    Rows of a motion are shifted in a circle, cut into stretches of one block's length, permuted.
     """
     rows = len(block)
     length = max(1, rows // len(np.unique(block)))

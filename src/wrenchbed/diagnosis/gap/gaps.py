@@ -207,7 +207,7 @@ class Bootstrap:
         return result
 
     def ratio(self, part: np.ndarray, of: np.ndarray) -> Interval | None:
-        """Ratio of the sums of two gaps (S,) with its interval; None unless the second is > 0."""
+        """Ratio of the sums of gaps ``part`` and ``of`` (S,), with its interval; None if of ≤ 0."""
         top, bottom = self._sums(part), self._sums(of)
         if bottom.sum() <= 0:
             return None

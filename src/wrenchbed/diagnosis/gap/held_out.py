@@ -79,7 +79,7 @@ class HeldOut:
 
 
 def _errors(baseline: Baseline, refitter: Refitter) -> np.ndarray:
-    """Errors (S,) of the S stated numbers as fitted by a baseline, in typical sizes."""
+    """Fitted less stated values (S,) of a baseline's bias, mass and CoG, in typical sizes."""
     d = refitter.d
     result = np.zeros(len(d.stated))
     bias = {STATED[0]: baseline.configuration.bias} if STATED[0] in baseline.tolerance else {}
@@ -116,7 +116,7 @@ class CrossFit:
         self._fits = {k: without(k) if fits is None else fits[k] for k in p.folds}
 
     def calibrated(self, baseline: Twin) -> np.ndarray:
-        """Readings (M, C) of the simulator after the fit of bias, mass and CoG."""
+        """Held-out readings (M, C) with bias, mass, CoG refitted; ``baseline``: of all rows."""
         a, whole = self._a, self._a.at_baseline
         error, all_rows = _errors(a.baseline, whole), whole.d.fitted(whole.y)
         at_all = self._read(a.baseline.configuration, ())
@@ -171,7 +171,7 @@ class CrossFit:
     def _read(
         self, c: Configuration, active: Sequence[ActiveEffect], seen: np.ndarray | None = None
     ) -> np.ndarray:
-        """Readings (M, C) in closed form, unknowns of sensors fitted where ``seen`` (H,)."""
+        """Readings (M, C) in closed form, unknowns of sensors fitted to the mask ``seen`` (H,)."""
         p = self._a.prepared
         seen = p.fitted if seen is None else seen
         every = refitted(p.channels, replace(p.scene, theta=c.robot_theta), active, p.y, seen)

@@ -48,7 +48,7 @@ class Finding:
             ``temperature``, ``speed``.
         share: share of the residual beyond noise, 0 … 1; all sum to at most 1. The split is
             sequential: what explains most beyond chance comes first, each further one counts only
-            with what those before it did not explain, and those not seen have 0.
+            with what those before it did not explain, and insignificant ones have 0.
         p_value: family-wise over all findings, above 0.
         sentence: description of the finding for people.
     """
@@ -168,7 +168,7 @@ def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
 
 
 def of_channels(gap: Closure, places: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Entries of ``where`` for the two channels with most of a gap; places: (subsystem, name)."""
+    """Entries of ``where`` for the two channels of largest gap; places: each (subsystem, name)."""
     before = [max(gaps["before"], 0.0) for gaps in gap.per_channel.values()]
     result = []
     for j in sorted(filter(before.__getitem__, range(len(before))), key=lambda j: -before[j])[:2]:

@@ -114,7 +114,7 @@ class Action:
 
 
 def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Iterator[Action]:
-    """Recordings that this robot can make after ``prepared``, whose scene is calibrated."""
+    """Recordings that a robot can make after ``prepared``; up to ``sweeps`` joints swept singly."""
     at_rest = () if prepared.moving else (_revisit, _hold)
     for make in (_poses, _payload, *at_rest, _motion):
         yield from filter(None, [make(prepared, seed)])
@@ -149,8 +149,8 @@ def static_noise(prepared: Prepared) -> np.ndarray:
 def _visit(
     prepared: Prepared, q: np.ndarray, text: str, variables: tuple[str, ...], dwell: float = 0.0
 ) -> Action | None:
-    """Action that visits poses (N, J) next, with a dwell [s] or the recording's; None if too
-    few."""
+    """Action that visits poses (N, J) next, with a ``dwell`` [s] (0: the recording's); None if too
+    few. ``text`` ({n}: their number) and ``variables`` as in `Action`."""
     robot = prepared.robot
     if robot.joints:
         q = reachable(robot, q)

@@ -118,7 +118,7 @@ class Design:
     @cached_property
     def signatures(self) -> tuple[Hypothesis, ...]:
         """Variants that may be claimed, and invisible ones whose columns are known; each with its
-        gap."""
+        gap at typical size."""
         seen: dict[tuple[str, str], list[int]] = {}
         for k, key in enumerate(self.d.label):
             if key[1]:
@@ -293,8 +293,8 @@ def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
 def _spot(
     d: EffectDictionary, name: str, ways: Sequence[tuple[Hypothesis, float]]
 ) -> BlindSpot | None:
-    """Blind spot of one element of an effect, by the usual of its variants ``ways`` (of several the
-    one hardest to see), each with its size s95; None if a typical size is reported."""
+    """Blind spot of element ``name`` by the likeliest of its variants ``ways``, each with its size
+    s95 (of equally likely ones the hardest to see); None if a typical size is reported."""
     seen = [(w, size) for w, size in ways if np.isfinite(size)]
     if not seen:
         before = max(float(d.configured_gap[w.columns].sum()) for w, _ in ways)
@@ -313,7 +313,7 @@ def _spot(
 def _without_variant(
     d: EffectDictionary, effect: Effect, ways: Sequence[Hypothesis]
 ) -> list[BlindSpot]:
-    """Blind spots of elements for which the design has no variant: they change nothing, or only
+    """Blind spots of elements that none of the variants ``ways`` has: they change nothing, or only
     joint torques at rest, in which they are not searched."""
     why = NOT_SOUGHT if any(c.by_pose for c in d.prepared.channels) else NOTHING
     known = {n for w in ways for n in (*w.variant.free, *w.variant.at)}

@@ -73,7 +73,7 @@ def of_plan(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> Prepared:
 
 
 def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
-    """Metadata of a recording of the nominal robot."""
+    """Metadata of a recording of the nominal robot, ``static`` or ``dynamic``, at ``rate`` [Hz]."""
     nominal = robot.parameters.nominal
     tool, values = robot.tool(nominal), robot.values(nominal)
     sensor = registry.load("sensors", robot.sensor)
@@ -88,8 +88,7 @@ def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
 
 @dataclass(frozen=True)
 class DryRun:
-    """Effects that a plan's recording could show, with those that it could not separate from each,
-    and its blind spots."""
+    """Effects that a plan's recording could show, each with those like it, and its blind spots."""
 
     showings: tuple[Showing, ...]
     blind: tuple[BlindSpot, ...]
@@ -97,7 +96,7 @@ class DryRun:
 
 @one_thread
 def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
-    """Rehearse a plan of poses or a motion on the nominal robot with its sensor's noise.
+    """Rehearse a plan of poses or a motion on the nominal robot with its sensor's noise; `of_plan`.
 
     Raises:
         DiagnosisError: such a recording could not be diagnosed, and why.

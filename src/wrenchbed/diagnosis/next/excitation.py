@@ -85,7 +85,7 @@ def excite(
 
 
 class _Search:
-    """Motions of one robot by coefficients (1 + 2 H, J): middle pose, H sines and cosines."""
+    """Motions of one robot by coefficients (1 + 2 H, J): middle pose, then H sines and cosines."""
 
     def __init__(self, robot: SerialChain, seconds: float) -> None:
         self._robot, self._seconds = robot, seconds
@@ -103,7 +103,7 @@ class _Search:
         return np.concatenate([middle, rng.normal(size=(2 * HARMONICS, middle.shape[1]))])
 
     def motion(self, coefficients: np.ndarray, t: np.ndarray) -> Jet:
-        """Joint values (N, J) with speeds and accelerations, scaled up to the limits."""
+        """Joint values (N, J) and derivatives at t (N,) [s], scaled up to the joints' limits."""
         middle = coefficients[0]
         wave = self._wave(coefficients[1:], self._t)
         room = np.minimum(np.minimum(self._high - middle, middle - self._low), _WIDEST)
@@ -115,7 +115,7 @@ class _Search:
         return middle + np.maximum(size, 0.0) * self._wave(coefficients[1:], t)
 
     def _wave(self, parts: np.ndarray, t: np.ndarray) -> Jet:
-        """Sums of sines and cosines (N, J), faded in from rest and out to rest."""
+        """Sines and cosines (N, J) of amplitudes ``parts`` (2 H, J), faded from and to rest."""
         end, one = self._seconds - t, np.ones((len(t), 1))
         near = np.clip(np.minimum(t, end) / _FADE_S, 0.0, 1.0)
         way = np.where(t < end, 1.0, -1.0) / _FADE_S
@@ -126,7 +126,7 @@ class _Search:
         return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s) * wave
 
     def value(self, coefficients: np.ndarray, beaten: float) -> float:
-        """log det of the information; −∞ if not above ``beaten`` or if the arm collides."""
+        """log det of a motion's information; −∞ if not above ``beaten`` or if the arm collides."""
         q = self.motion(coefficients, np.linspace(0.0, self._seconds, _ROWS))
         gravity = np.asarray(self._robot.gravity)
         y = torque_regressor(self._robot, self._theta, q, gravity)[..., self._base]

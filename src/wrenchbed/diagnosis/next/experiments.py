@@ -60,7 +60,7 @@ class Comparison:
 
     Args:
         d: dictionary of the recording.
-        candidates: two or more explanations.
+        candidates: two or more explanations: a variant of an effect, and its fitted amplitudes.
         others: further recordings of the robot.
     """
 
@@ -145,7 +145,7 @@ class Comparison:
         return np.asarray(known + self.information(session))
 
     def _only_there(self, base: Prepared) -> list[np.ndarray]:
-        """Columns, at typical size, of effects that the planned mode alone (rest, motion) shows."""
+        """Columns, at typical size, of effects that only the planned mode (rest, motion) shows."""
         if base.moving == self.d.prepared.moving:
             return []
         mode, known = ("dynamic", "static") if base.moving else ("static", "dynamic")
@@ -161,8 +161,8 @@ class Comparison:
         return result
 
     def distance(self, first: int, rival: int, known: np.ndarray) -> float:
-        """Standard deviations between an explanation's predictions and all that a rival can make,
-        for an information ``known`` (n, n)."""
+        """Standard deviations between predictions of candidate ``first``, an index, and all that
+        candidate ``rival`` can make, for an information ``known`` (n, n) on the columns' sizes."""
         variance = self.background.copy()
         variance[self.columns_of(self.candidates[rival][0])] += FREE**2
         x, root = self.sizes[first], np.sqrt(variance)
@@ -172,7 +172,7 @@ class Comparison:
         return float(np.sqrt(max(x @ along - taken, 0.0)))
 
     def divergence(self, known: np.ndarray) -> dict[tuple[int, int], float]:
-        """Jensen–Shannon divergence [nat] of each pair of explanations; at most log 2."""
+        """Jensen–Shannon divergence [nat], ≤ log 2, of each pair of candidates, by indices."""
         result = {}
         for a, b in combinations(range(len(self.candidates)), 2):
             both = (self.distance(a, b, known), self.distance(b, a, known))
@@ -197,8 +197,8 @@ def settled(divergence: float) -> float:
 def _columns_of(
     d: EffectDictionary, candidates: Sequence[Candidate]
 ) -> tuple[np.ndarray, list[_Column]]:
-    """Columns that a comparison needs: the candidates', the stated ones, one variant of each
-    effect."""
+    """Columns that a comparison needs, by index and in the same order: the candidates', the stated
+    ones, one variant of each effect."""
     columns: dict[int, _Column] = {}
 
     def add(h: Hypothesis) -> None:
@@ -254,7 +254,7 @@ class Experiment:
         separates: effects that it would separate, or the variable that it would show.
         gain: Jensen–Shannon divergence that it adds per minute [nat/min], mean over the pairs; 0 if
             it explores an unknown cause.
-        minutes: duration, moves and mounting included.
+        minutes: duration, moves and mounting included [min].
         plan: plan to record; None where there is nothing to plan.
         sentence: whole proposal, for people.
     """
@@ -293,7 +293,7 @@ def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate
 
 
 def candidate(f: Finalist, part: int) -> Candidate:
-    """Variant of an effect, and fitted amplitudes (k,), of one cause of a fitted set."""
+    """Variant and fitted amplitudes (k,) of the cause of index ``part`` of a fitted set."""
     h, at = f.parts[part], f.variables.of_parts([part])
     size = {f.variables.name[i]: f.x[i] for i in at}
     return h, np.array([size[n] for n in h.variant.free])

@@ -42,7 +42,7 @@ class Baseline:
         return self.configuration.robot_theta
 
     def with_configuration(self, stated: Configuration, beside: Configuration) -> "Baseline":
-        """Copy with the tool's mass and CoG of ``beside``, as fitted together with a cause."""
+        """Copy with mass and CoG of ``beside``, fitted with a cause; ``stated``: before any fit."""
         mass = np.array([beside.mass - stated.mass])
         moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}
         return Baseline(beside, {k: moved[k] for k in self.moved}, self.tolerance)
@@ -92,13 +92,13 @@ def load_slopes(prepared: Prepared, x: np.ndarray) -> np.ndarray:
 
 
 def _weighed(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Expected whitened readings (C R,), C columns at R rows, with a mass and CoG (4,)."""
+    """Expected whitened readings (C R,), R rows of C columns, with mass [kg] and CoG [m] x (4,)."""
     at = _with_load(prepared, x).robot_theta
     return prepared.rows(prepared.at(at).expected).ravel()
 
 
 def _with_load(prepared: Prepared, x: np.ndarray, bias: np.ndarray | None = None) -> Configuration:
-    """Stated simulator with another mass and CoG (4,) [kg, m].
+    """Stated simulator with another mass [kg] and CoG [m], x (4,), and bias (6,) if given.
 
     Raises:
         DiagnosisError: no tool can have them.

@@ -55,7 +55,7 @@ class Configuration:
     def with_load(
         self, mass: float, cog: Sequence[float] | np.ndarray, bias: np.ndarray | None = None
     ) -> "Configuration":
-        """Copy with another tool [kg, m] and, if given, another bias (6,) [N, N·m]."""
+        """Copy with a tool of mass [kg] and CoG (3,) [m] and, if given, a bias (6,) [N, N·m]."""
         theta = self.theta.copy()
         theta[: len(self.robot_theta)] = self.model.robot.theta_of_tool(
             self.robot_theta, float(mass), [float(c) for c in cog]

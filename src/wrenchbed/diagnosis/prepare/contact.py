@@ -125,7 +125,7 @@ def _long(rows: np.ndarray, least: int) -> np.ndarray:
 
 
 def _point(residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Point r (3,) [m] of T = r × F + T₀ fitted to rows (H, 6), its uncertainty (3,), and R²."""
+    """Point r (3,) [m] of T = r × F + T₀ fitted to wrenches (H, 6), its std (3,), and R²."""
     force, torque = residual[:, :3], residual[:, 3:]
     levers = _levers(force)
     design = (levers - levers.mean(axis=0)).reshape(-1, 3)
@@ -195,7 +195,8 @@ def _point_near(
 
 
 def _deepest(at: np.ndarray, touched: np.ndarray, aside: np.ndarray, way: np.ndarray) -> bool:
-    """Whether a plane nearly normal to ``way`` separates touched tips from those not set aside."""
+    """Whether a plane nearly normal to ``way`` separates tips ``at`` (H, 3) [m] that are
+    ``touched`` (mask (H,)) from those not set ``aside`` (mask (H,))."""
     normals = np.vstack([way, sphere(WAYS)])
     normals = normals[normals @ way >= LEAN]
     height = at @ normals.T
@@ -220,7 +221,7 @@ def _touch(
 
 
 def _parameters(peak: float, point: np.ndarray, std: np.ndarray) -> dict[str, dict[str, Any]]:
-    """Parameters of a contact: largest force [N], and its point (3,) [m] with uncertainties."""
+    """Parameters of a contact: largest force ``peak`` [N], its point (3,) [m] and std (3,) [m]."""
     result: dict[str, dict[str, Any]] = {"force": {"value": peak, "std": None, "unit": "N"}}
     for axis, v, e in zip("xyz", point, std, strict=True):
         result[f"point.{axis}"] = {"value": float(v), "std": float(e), "unit": "m"}

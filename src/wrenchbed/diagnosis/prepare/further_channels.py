@@ -85,7 +85,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
 def _unexplained(
     channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
 ) -> float:
-    """Standard deviation of a residual (H k,) that no effect or unknown of the sensor explains."""
+    """Std of a residual (H k,) of k columns that no effect or unknown of the sensor explains."""
     nuisance = flat(channel.nuisance(scene)[scene.held])
     imperfect = flat(channel.imperfections(scene)[scene.held])
     of_effects = _of_effects(channel, scene)
@@ -127,7 +127,7 @@ def _of_effects(channel: Channel, scene: Scene) -> list[np.ndarray]:
 
 
 def _scatter(channel: Channel, prepared: Prepared, data: Observations, y: np.ndarray) -> np.ndarray:
-    """Standard deviation (k,) of an observation by its rows' scatter; 0 without repeats."""
+    """Standard deviation (k,) of observations y (H, k) by their rows' scatter; else 0."""
     free = len(channel.rows(prepared.recording, data)) - len(y)
     if free <= 0:
         return np.zeros(y.shape[1])

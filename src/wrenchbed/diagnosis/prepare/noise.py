@@ -64,7 +64,7 @@ def noise_in_motion(
 
 
 def _sum(power: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Weighted sum (6,) over frequencies of the steady part of a power (F, 6, stretches)."""
+    """Weighted sum (6,) over frequencies, ``weight`` (F,), of a power's (F, 6, T) steady part."""
     quiet = np.array(QUIET)
     spread = weight @ weight
     for k, c in enumerate(HANN, start=1):

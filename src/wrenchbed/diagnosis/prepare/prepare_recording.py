@@ -99,7 +99,7 @@ def _with_wrench(
 
 
 def _stride(expected: np.ndarray, period: float) -> int:
-    """Number of rows to average, from the bandwidth of the expected wrench (M, 6)."""
+    """Number of rows to average, by bandwidth of the expected wrench (M, 6) each ``period`` [s]."""
     y = (expected - expected.mean(axis=0)) / np.maximum(np.ptp(expected, axis=0), 1e-9)
     power = (np.abs(np.fft.rfft(y * np.hanning(len(y))[:, None], axis=0)) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(len(y), period)
@@ -136,7 +136,7 @@ def _noise_at_rest(recording: Recording, data: Observations) -> np.ndarray:
 
 
 def _noise_of_averages(residual: np.ndarray, period: float, stride: int) -> np.ndarray:
-    """Variance (6,) of averages over that for white noise, ≥ 1, from rows (N, 6) over noise."""
+    """Variance (6,) of averages of ``stride`` rows (N, 6), over that of white noise; at least 1."""
     return np.maximum(1.0, noise_in_motion(residual, period, stride)[1])
 
 

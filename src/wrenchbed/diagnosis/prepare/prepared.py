@@ -266,8 +266,7 @@ class Prepared:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """Notes on rows of a long recording that were left out, on unusual noise, on further
-        channels."""
+        """Notes on rows of a long recording left out, on unusual noise, on further channels."""
         given = self.recording if self.given is None else self.given
         rows = scenes.notes(given, self.recording, self.excerpt)
         return (*rows, *filter(None, [self.noise_note]), *self.further_notes)
@@ -296,11 +295,11 @@ class Prepared:
         return tuple(int(k) for k in np.unique(self.fold[self.judged]))
 
     def without(self, fold: int) -> "Prepared":
-        """Copy with a fold held out of all fits."""
+        """Copy with the fold of number ``fold`` held out of all fits."""
         return replace(self, held_out=fold)
 
     def aside(self, rows: np.ndarray) -> "Prepared":
-        """Copy with some observations (H,) set aside."""
+        """Copy with the observations of the mask ``rows`` (H,) set aside: no part in fits, gaps."""
         return replace(self, fold=np.where(rows, -1, self.fold))
 
     def rows(self, x: np.ndarray) -> np.ndarray:
@@ -370,7 +369,7 @@ class Prepared:
         )  # fmt: skip
 
     def at(self, robot_theta: np.ndarray) -> "Prepared":
-        """Copy with the scene at other parameters of the robot."""
+        """Copy with the scene at other parameters (P,) of the robot, its tool included."""
         return replace(self, scene=replace(self.scene, theta=robot_theta))
 
 

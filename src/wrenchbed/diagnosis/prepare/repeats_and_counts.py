@@ -75,7 +75,7 @@ def step(y: np.ndarray) -> Step | None:
 
 
 def _refined(d: np.ndarray, size: float) -> Step | None:
-    """Step fitted to ever larger multiples of it; None if the values do not lie on it."""
+    """Step about ``size`` fitted to differences d (n,) of values; None if they do not lie on it."""
     d = np.sort(d)
     reach = 4.0
     while True:
@@ -163,7 +163,7 @@ def _chance(same: np.ndarray) -> float:
 
 
 def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
-    """Share of rows equal to the one `FAR` rows before, others between: only quantised ones are."""
+    """Share of rows equal to that `FAR` rows before, others between: by coarse counts alone."""
     changes = np.concatenate([[0], np.cumsum(~all_same)])
     same = (wrench[FAR:] == wrench[:-FAR]).all(axis=1)
     return float(np.mean(same & (changes[FAR:] > changes[:-FAR])))

@@ -30,7 +30,7 @@ LEAST_IN_HOLD, RUNS = 200, 100
 def of_poses(
     model: Model, robot_theta: np.ndarray, q: np.ndarray, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
-    """Scene of poses at rest (H, J) at times (H,) [s], joined by straight joint-space moves."""
+    """Scene of poses (H, J) at t (H,) [s], joined by straight moves; ``warmth`` (H,) [K]."""
     gravity = np.asarray(model.gravity)
     if not model.robot.joints or len(q) < 2:
         return Scene(model.robot, robot_theta, gravity, q, t, np.ones(len(q), dtype=bool), warmth)
@@ -51,7 +51,7 @@ def of_poses(
 def of_motion(
     model: Model, robot_theta: np.ndarray, q: Value, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
-    """Scene of a motion's samples (N, J), jets, or orientations (N, 4), at times (N,) [s]."""
+    """Scene of samples (N, J), jets, or orientations (N, 4) at t (N,) [s]; ``warmth`` (N,) [K]."""
     held = np.ones(len(value(q)), dtype=bool)
     return Scene(model.robot, robot_theta, np.asarray(model.gravity), q, t, held, warmth)
 
@@ -67,8 +67,7 @@ def of_recording(recording: Recording, configuration: Configuration, data: Obser
 
 
 def stretch(recording: Recording) -> Recording:
-    """Longest piece of a motion with joints without a gap, at most its middle `MOTION` rows; other
-    recordings unchanged."""
+    """Longest piece without a gap of a motion with joints, at most its middle `MOTION` rows."""
     if recording.metadata.mode != "dynamic" or not recording.joints:
         return recording
     parts = pieces(recording.columns)
@@ -107,7 +106,7 @@ def longest(recording: Recording, keep: np.ndarray) -> Recording:
 
 
 def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]:
-    """Notes on rows of ``given`` that ``used`` lacks, or ``looked`` (searched between rows)."""
+    """Notes on rows of ``given`` that are not ``used``, else on those not ``looked`` at singly."""
     if len(used) < len(given):
         first, last = used.t[0] - given.t[0], used.t[-1] - given.t[0]
         return (
@@ -121,5 +120,5 @@ def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]
 
 
 def at_rows(recording: Recording, keep: slice | np.ndarray) -> Recording:
-    """Recording of some rows alone."""
+    """Recording of the rows ``keep`` alone: a slice, a mask or indices."""
     return replace(recording, columns={k: v[keep] for k, v in recording.columns.items()})
