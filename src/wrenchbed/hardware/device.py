@@ -1,4 +1,5 @@
-"""Lifecycle, health and clock of a connected device: a robot's driver or a sensor's electronics."""
+"""Lifecycle, health and clock of a connected device: a robot's driver or a sensor's electronics.
+`STALE_S`, `GONE_S` and the states of `Health` decide when robots stop: run scripts/reactions."""
 
 import errno
 import math
@@ -31,8 +32,9 @@ _FEW = 4
 
 @dataclass(frozen=True)
 class Health:
-    """Health of a device: its state, a sentence on what is wrong (empty if all is well), and
-    counters of readings, losses and restarts by name."""
+    """Health of a device: its state (`State`: ``ok``, ``stale``, ``lost``, ``stopped`` …), a
+    sentence on what is wrong (empty if all is well), and name → counter of readings, losses,
+    restarts."""
 
     state: State
     detail: str = ""
@@ -45,7 +47,8 @@ class Health:
 
 
 def by_age(age: float, what: str, counters: Mapping[str, float]) -> Health:
-    """Health (ok, stale, lost) of the link ``what`` by the age [s] of its newest reading."""
+    """Health (ok, stale, lost) of the link called ``what`` by the age [s] of its newest reading;
+    ``counters`` are passed on."""
     if age < STALE_S:
         return Health("ok", "", counters)
     state: State = "stale" if age < GONE_S else "lost"
@@ -82,7 +85,7 @@ def connected(host: str, port: int, timeout: float) -> socket:
 class ClockFit:
     """Fits a line from a device's clock to this machine's clock, through the least delayed
     readings. Delays make readings late and never early, so only the least late reading of each
-    stretch of time counts. ``stretch`` [s] is so long that one of its readings arrives nearly
+    ``stretch`` of time [s] counts; it must be so long that one of its readings arrives nearly
     without delay."""
 
     def __init__(self, stretch: float) -> None:
@@ -128,7 +131,8 @@ class ClockFit:
 
 
 class Device:
-    """Base class of drivers and transducers: hardware that is connected, used and closed."""
+    """Base class of drivers and transducers: hardware that is connected, used and closed. ``name``
+    is its name in commands, ``title`` one line on what it is."""
 
     name: ClassVar[str]
     title: ClassVar[str]

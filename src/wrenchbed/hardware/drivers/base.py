@@ -80,7 +80,7 @@ class Reached:
 
 
 class Move(ABC):
-    """A running move of a robot towards ``goal`` (J,): poll it, wait for it, or cancel it."""
+    """A running move of a robot to ``goal`` (J,) [rad or m]: poll it, wait for it, or cancel it."""
 
     def __init__(self, goal: np.ndarray) -> None:
         self.goal = goal
@@ -167,10 +167,8 @@ class Driver(Device, ABC):
         self._active = False
 
     def activate(self) -> None:
-        """Make the robot ready to move, with its watchdog on; it does not move yet.
-
-        Raises:
-            DriverError: the robot is stopped, in fault or not powered; says what to do.
+        """Make the robot ready to move, with its watchdog on; it does not move yet. Raises a
+        `DriverError`, which says what to do, if the robot is stopped, in fault or not powered.
         """
         self._check_connected()
         if not self._active:
@@ -201,7 +199,7 @@ class Driver(Device, ABC):
         return self._read_wrench()
 
     def write(self, q: np.ndarray) -> Applied:
-        """Send one streamed joint target (J,); return what was sent, or why it was refused."""
+        """Send a streamed joint target (J,) [rad or m]; return what was sent, or why not."""
         self._check_connected()
         if not self._active:
             return Applied(None, f"driver {self.name!r} is not active: call activate() first")
@@ -222,7 +220,7 @@ class Driver(Device, ABC):
         self._stop(kind)
 
     def recover(self, unlock: bool = False) -> None:
-        """Clear what can be cleared after a stop or a fault; nothing moves.
+        """Clear what can be cleared after a stop or a fault, then `activate`; nothing moves.
 
         ``unlock`` also clears protective stops and drives' faults: a person must have looked first.
 
@@ -249,10 +247,8 @@ class Driver(Device, ABC):
         return self._touch(np.asarray(point, dtype=float))
 
     def settle(self) -> float:
-        """Wait until the joints are at rest and the wrench is steady; return the time taken [s].
-
-        Raises:
-            LateError: they are not steady by the deadline.
+        """Wait until joints are at rest and the wrench is steady; return the time taken [s]. Raises
+        a `LateError` if they are not by the deadline.
         """
         self._check_connected()
         return self._settle()
@@ -350,6 +346,7 @@ def as_designed(
     """Make the metadata of a recording from the nominal values of its robot.
 
     Args:
+        robot: robot that the recording is of.
         source: where the recording is from, such as ``sim`` or ``ur_rtde``.
         mode: ``static`` (poses at rest) or ``dynamic`` (motion).
         rate: rate of the rows [Hz].

@@ -78,8 +78,8 @@ def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
 
 
 def check_ready(health: Health) -> None:
-    """Raise the error of a device that is not ok: `StoppedError` if the robot stopped or is in
-    fault, `LinkError` if the device is silent or gone."""
+    """Do nothing if a device is ok; else raise `StoppedError` if the robot stopped or is in fault,
+    `LinkError` if the device is silent or gone."""
     if health.state in ("stopped", "fault"):
         raise StoppedError(health.detail)
     if not health.ok:
@@ -87,8 +87,8 @@ def check_ready(health: Health) -> None:
 
 
 class WatchedMove(Move):
-    """A running move planned to take ``seconds``; stops the robot if link, robot, wrench or
-    deadline fail."""
+    """A running move of ``driver`` to ``goal`` (J,), planned to take ``seconds``; stops the robot
+    if link, robot or deadline fail, or the wrench exceeds its limits."""
 
     def __init__(self, driver: "LiveDriver", goal: np.ndarray, seconds: float) -> None:
         super().__init__(goal)
@@ -131,7 +131,8 @@ class WatchedMove(Move):
 
 
 def pace(due: float, period: float) -> float:
-    """Sleep until ``due`` [s]; return the next deadline, ``period`` [s] later, or later if late."""
+    """Sleep until ``due`` [s]; return the next deadline, ``period`` [s] later; if more than a
+    period late, ``period`` from now."""
     now = time.monotonic()
     if now < due:
         time.sleep(due - now)
@@ -141,7 +142,7 @@ def pace(due: float, period: float) -> float:
 
 
 def settled(wrench: np.ndarray) -> bool:
-    """Whether wrenches (n, 6) are steady: the means of both halves agree within `_SIGMAS`."""
+    """Whether wrenches (n, 6) are steady: halves' means agree within `_SIGMAS` standard errors."""
     first, second = np.array_split(wrench, 2)
     if len(first) < 4 or len(second) < 4:
         return False
@@ -250,8 +251,8 @@ class LiveDriver(Driver):
         return self._aim(q, time.monotonic())
 
     def _aim(self, q: np.ndarray, at: float, stops: int | None = None) -> Applied:
-        """Check a target (J,) for a `time.monotonic` time [s]; send it unless the robot was stopped
-        since ``stops``, the number of stops when its stream began."""
+        """Check a target (J,) for a `time.monotonic` time [s]; send it. ``stops`` is the number of
+        stops when its stream began: after a later stop it is not sent."""
         health, guarded = self._health(), self.limits.force or self.limits.torque
         late_sensor = health.state == "stale" and self._arm_health().ok
         if not health.ok and (guarded or not late_sensor):
@@ -371,7 +372,7 @@ class LiveDriver(Driver):
             time.sleep(min(remaining, _POLL_S))
 
     def _states(self, after: float) -> Sequence[ArmSample]:
-        """States that arrived after a time [s], oldest first; by default only the newest one."""
+        """States that arrived after a `time.monotonic` time [s], oldest first; by default one."""
         arm = self._read()
         return [arm] if arm.t > after else []
 

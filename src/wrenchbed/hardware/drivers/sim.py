@@ -210,7 +210,8 @@ class SimDriver(Driver):
         self, options: SimOptions, active: tuple[ActiveEffect, ...], drives: Mapping[str, float],
         faults: tuple[str, ...],
     ) -> ReportedEfforts | None:  # fmt: skip
-        """Make the model of the efforts that simulated drives report; None for ``effort`` off."""
+        """Make the model of the efforts that simulated drives report, None for ``effort`` off, from
+        ``active`` effects, parameters of drives by name, and texts of drive faults."""
         if options.effort not in ("torque", "current", "off"):
             raise ParameterError(f"effort {options.effort!r}: give torque, current or off")
         if options.effort == "off":
@@ -260,7 +261,7 @@ class SimDriver(Driver):
         return Applied(q)
 
     def _stop(self, kind: str) -> None:
-        """Bring the simulated robot to rest at its present joint values."""
+        """Bring the simulated robot to rest at its present joint values, whatever the ``kind``."""
         start, begun = self._plant.q, self._time
         self._time += self._plant.settle(start)[1]
         if self._playback is not None:
@@ -289,7 +290,7 @@ class SimDriver(Driver):
         return SimMove(goal, self._steps(start, goal, seconds), halt)
 
     def _steps(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Iterator[Reached]:
-        """Yield the joint values after each control period of a move and, last, those at rest."""
+        """Yield joint values after each control period of a move of ``seconds``, then at rest."""
         self._contact = np.zeros(6)
         steps = max(1, int(np.ceil(seconds / CONTROL_S)))
         for fraction in minimum_jerk(np.arange(1, steps + 1) / steps):
@@ -326,7 +327,8 @@ class SimDriver(Driver):
         return columns
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Yield rows of a motion along targets (N, J), in blocks; with effects, all at its end."""
+        """Yield rows of a motion along targets (N, J) at ``rate`` [Hz], in blocks; with effects or
+        efforts after all of it was simulated."""
         moved: Iterable[Samples] = self._moved(targets, rate)
         readings: np.ndarray | None = None
         efforts: dict[str, np.ndarray] = {}
@@ -347,7 +349,8 @@ class SimDriver(Driver):
             yield columns | {name: values[part] for name, values in efforts.items()}
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
-        """Yield samples of a motion in blocks, with sensor readings, or loads if effects are on."""
+        """Yield samples of a motion along targets (N, J) at ``rate`` [Hz], in blocks: with the
+        sensor's readings or, if effects are on, with loads."""
         from scipy.interpolate import CubicSpline  # slow to load: only when it is used
 
         block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)
@@ -372,8 +375,9 @@ class SimDriver(Driver):
 
 
 def _moving(t: np.ndarray, q: np.ndarray) -> Jet:
-    """Joint values, speeds and accelerations (n, J) of a complete motion, by a spline: MuJoCo's own
-    are those of half a step before (semi-implicit Euler)."""
+    """Joint values, speeds and accelerations (n, J) of a complete motion with joint values q (n, J)
+    at times t (n,) [s], by a spline: MuJoCo's own are those of half a step before (semi-implicit
+    Euler)."""
     if len(t) < _LEAST_ROWS:
         raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
     from scipy.interpolate import make_interp_spline  # slow to load: only when it is used

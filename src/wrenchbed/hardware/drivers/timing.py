@@ -97,8 +97,8 @@ def controller_time(arm: ArmSample) -> float:
 
 def hermite(q: Pair, qd: Pair, span: float, s: float) -> Pair:
     """Joint values and speeds (J,) on the cubic through two states, at a fraction s, 0 … 1, of the
-    ``span`` [s] between them; ``q`` and ``qd`` are the values and speeds of both. CAN drives are
-    commanded along it too (`can.setpoints`): a change moves robots."""
+    ``span`` [s] between them; ``q`` and ``qd`` are the pairs (first, second) of their values and
+    speeds. CAN drives are commanded along it too (`can.setpoints`): a change moves robots."""
     ahead, behind = s * (1 - s) ** 2, s * s * (s - 1)
     between = (1 + 2 * s) * (1 - s) ** 2 * q[0] + s * s * (3 - 2 * s) * q[1]
     slope, into, out = 6 * s * (s - 1) / span, (1 - s) * (1 - 3 * s), s * (3 * s - 2)

@@ -77,7 +77,8 @@ class Past:
     def add(
         self, t: ArrayLike, wrench: ArrayLike, status: ArrayLike = 0, saturated: ArrayLike = 0
     ) -> None:
-        """Append readings (n, 6) at times (n,) [s]; a time before its predecessor is set to it."""
+        """Append readings (n, 6) at times (n,) [s], with status words and bits of saturated
+        channels, (n,) or one for all; a time before its predecessor is set to it."""
         times = np.maximum.accumulate(np.atleast_1d(np.asarray(t, dtype=float)))
         if self._batches:
             times = np.maximum(times, self._batches[-1][0][-1])

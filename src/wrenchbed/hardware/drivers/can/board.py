@@ -88,7 +88,7 @@ class BoardQueries:
         return (*parts[2], *parts[3], *parts[4])
 
     def _collect(self, opcode: int, data: bytes = b"", n: int = 1) -> list[Reply]:
-        """Send a query and return the n frames that answer it; a `LinkError` without them."""
+        """Send query ``opcode`` with ``data``; return the n answers; a `LinkError` without them."""
         for tries in range(TRIES):
             with self._came:
                 self._answers.clear()
@@ -104,7 +104,7 @@ class BoardQueries:
         )
 
     def _wait(self, opcode: int, each: int, n: int) -> list[Reply]:
-        """Return up to n answers to opcodes ``opcode`` … + ``each`` − 1 that arrive in time."""
+        """Return up to n answers to opcodes ``opcode`` … + ``each`` − 1 within `ANSWER_S`."""
 
         def answers() -> list[Reply]:
             return [a for a in self._answers if 0 <= a.opcode - opcode < each]
@@ -117,9 +117,10 @@ class BoardQueries:
 def in_si(
     raw: np.ndarray, counts: tuple[Any, ...], units: tuple[Any, ...], slot: int
 ) -> np.ndarray:
-    """Convert a calibration as a board states it to a matrix (6, 6) from gauge counts to N and N·m:
-    ``raw`` (6, 6) is its matrix, ``counts`` are counts per unit of force and of torque, ``units``
-    their codes, ``slot`` is its number. Raises a `DriverError` for values that are unusable."""
+    """Convert a calibration as a board states it to a matrix (6, 6) from gauge counts to N and N·m.
+    ``raw`` (6, 6) is its matrix; ``counts`` and ``units`` are counts per unit, and code of the
+    unit, of force and of torque; ``slot`` is its number, for errors: a `DriverError` if values are
+    unusable."""
     usable = np.isfinite(raw).all() and np.abs(raw).max() < 1e12
     if not usable or np.linalg.matrix_rank(raw / max(np.abs(raw).max(), 1e-30)) < 6:
         raise DriverError(f"calibration {slot} of the sensor's board holds no usable matrix")
@@ -165,7 +166,7 @@ class GaugeBoard(Transducer):
         self._unusable = ""
 
     def use(self, link: CanLink) -> None:
-        """Set the open CAN bus for the next `connect`."""
+        """Set the open CAN bus that the next `connect` uses; the caller keeps and closes it."""
         self._link = link
 
     def poll(self) -> None:

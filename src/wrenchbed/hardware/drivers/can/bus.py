@@ -133,7 +133,7 @@ def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -
 
 
 def _check_server(host: str, port: int, channel: str) -> None:
-    """Shake hands with a socketcand server within a deadline: python-can has none."""
+    """Raise `LinkError` unless a socketcand server opens bus ``channel`` within a deadline."""
     where = f"CAN server at {host}:{port}"
     try:
         with socket.create_connection((host, port), OPENING_S) as trial:

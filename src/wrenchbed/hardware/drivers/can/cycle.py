@@ -251,7 +251,7 @@ class Cycle:
             self.answers = CycleAnswers(self._synced, q, _slope(self._recent), torque, sequence)
 
     def _count_round(self, drive: DriveState) -> None:
-        """Update how many rounds each drive missed, from the order of answers, not their times."""
+        """Update every drive's missed rounds at an answer of ``drive``, by the order of answers."""
         if drive.node in self._round:
             self._round.clear()
             self._rounds += 1

@@ -88,8 +88,9 @@ class Drives:
         self._link.leave(self._received)
 
     def configure(self, nodes: Sequence[int]) -> None:
-        """Configure these drives for the cyclic exchange and start them. Raises as `read`, and a
-        `DriverError` for a drive that lacks a required object, profile or mode."""
+        """Configure the drives with these node ids for the cyclic exchange and start them. Raises a
+        `DriverError` for one that lacks an object, profile or mode, a `LinkError` for a silent
+        one."""
         for node in nodes:
             self._command(PRE_OPERATIONAL, node)
         for node in nodes:
@@ -188,7 +189,7 @@ class Drives:
             )
 
     def _try(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
-        """Write an object that a drive may lack; if it refuses, note that and return False."""
+        """Write ``size`` bytes to an object that a drive may lack; note a refusal, return False."""
         without = self._lacking.setdefault(index, set())
         without.discard(node)
         try:
@@ -210,7 +211,8 @@ class Drives:
         return None
 
     def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
-        """Write a number of ``size`` bytes to an object of a drive; errors as of `read`."""
+        """Write a number of ``size`` bytes to an object of a drive. Raises a `LinkError` if the
+        drive does not answer, a `DriverError` if it refuses."""
         self._transfer(node, index, sub, struct.pack("<Q", value)[:size])
 
     def _transfer(self, node: int, index: int, sub: int, raw: bytes | None) -> bytes:

@@ -50,15 +50,16 @@ def _need(fits: bool, refusal: str) -> None:
 
 
 def master(base: int, nodes: Sequence[int]) -> int:
-    """Return the node id for this program's heartbeat: the highest that no drive or board uses."""
+    """Return the node id for this program's heartbeat: the highest that neither drives (``nodes``)
+    nor the sensor board (``base``: upper seven bits of its ids) use."""
     return next(
         n for n in range(MOST_NODE, 0, -1) if n not in nodes and (HEARTBEAT + n) >> 4 != base
     )
 
 
 def check(base: int, nodes: Sequence[int]) -> None:
-    """Check that node ids are possible and that the sensor board's CAN ids, ``base`` × 16 + 0 … 15,
-    are used by none of them. A `ParameterError` names an id, both of its users, and the remedy."""
+    """Check that node ids are possible, and not used by the sensor board: its CAN ids are ``base``
+    × 16 + 0 … 15. A `ParameterError` names an id, both of its users, and the remedy."""
     different = len(set(nodes)) == len(nodes) and all(1 <= node <= MOST_NODE for node in nodes)
     _need(different, f"nodes {tuple(nodes)}: give different numbers from 1 to {MOST_NODE}")
     _need(0 <= base <= 0x7F, f"base 0x{base:X} must be 0 … 0x7F")

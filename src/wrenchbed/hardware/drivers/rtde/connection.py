@@ -134,11 +134,9 @@ class ControlProcess:
         self._kill = weakref.finalize(self, _end, self._process)
 
     def wait_ready(self, seconds: float) -> None:
-        """Wait until the process controls the robot; kill it if that takes over ``seconds``.
-
-        Raises:
-            LinkError: the process is late, or the robot cannot be reached.
-            DriverError: the robot refuses to be controlled; says why.
+        """Wait until the process controls the robot; kill it if that takes over ``seconds``. Raises
+        a `LinkError` if it is late or the robot cannot be reached, a `DriverError` if the robot
+        refuses.
         """
         if not wait_until(
             lambda: bool(self.gone()) or self.ready or bool(self._last_words), seconds, _POLL_S
@@ -152,14 +150,13 @@ class ControlProcess:
             raise LinkError(why)
 
     def send(self, do: str, **more: Any) -> bool:
-        """Send a command without waiting for an answer; return False if the channel was full."""
+        """Send command ``do`` and its values, do not wait; return False if the channel was full."""
         return self._wire.send({"do": do} | more)
 
     def ask(self, do: str, timeout: float, **more: Any) -> str:
-        """Send a command and return its answer: empty on success, else the reason for refusal.
-
-        Raises:
-            LinkError: the process is gone or did not answer within ``timeout`` [s].
+        """Send command ``do`` with its values ``more``; return its answer: empty on success, else
+        the reason for refusal. Raises a `LinkError` if the process is gone or silent for
+        ``timeout`` [s].
         """
         number = next(self._numbers)
         if not self.send(do, id=number, **more):
@@ -258,11 +255,8 @@ class Links:
         return self._receiver.ended if self._receiver else "the stream of states was not opened"
 
     def open_state(self) -> None:
-        """Connect to the robot and start receiving its states.
-
-        Raises:
-            LinkError: the robot cannot be reached within the deadline.
-            DriverError: its answer cannot be used.
+        """Connect to the robot and start receiving its states. Raises a `LinkError` if it cannot be
+        reached within the deadline, a `DriverError` if its answer cannot be used.
         """
         before = self._receiver.newest if self._receiver else Snapshot()
 
@@ -278,7 +272,8 @@ class Links:
         self._try(attempt)
 
     def renew_state(self) -> None:
-        """Reconnect when the stream delivers no fresh states; raises as `open_state`."""
+        """Reconnect if the stream delivers no fresh states. Raises a `LinkError` if the robot
+        cannot be reached within the deadline, a `DriverError` if its answer cannot be used."""
         state = self.state
         silent = state is None or time.monotonic() - state.t > STALE_S or state.back > 0.0
         if silent or self.ended:
@@ -288,12 +283,9 @@ class Links:
             self.open_state()
 
     def open_control(self) -> ControlProcess:
-        """Start and return a process that controls the robot, with the robot's watchdog on.
-
-        Raises:
-            StoppedError: the robot does not accept a program.
-            DriverError: another client controls it.
-            LinkError: it cannot be reached within the deadline.
+        """Start and return a process that controls the robot, with the robot's watchdog on. Raises
+        a `StoppedError` if the robot does not accept a program, a `DriverError` if another client
+        controls it, a `LinkError` if it cannot be reached within the deadline.
         """
         options, state = self._options, self.state
         native = NATIVE_HZ[state is not None and state.major > 3]
@@ -333,7 +325,8 @@ class Links:
             self.shared.beat("driver")
 
     def _try(self, attempt: Callable[[float], T]) -> T:
-        """Return ``attempt(deadline)``; after a transient failure call it again, until then [s]."""
+        """Call ``attempt`` with its deadline (`time.monotonic` [s]) and return its result; call it
+        again after a transient failure, until that deadline."""
         options = self._options
         deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
         failure: DriverError | None = None

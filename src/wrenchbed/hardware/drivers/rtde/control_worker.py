@@ -91,10 +91,8 @@ class MessageChannel:
         return False
 
     def receive(self, timeout: float) -> Message | None:
-        """Receive the next message; None if none arrives within ``timeout`` [s].
-
-        Raises:
-            Closed: the other end is gone.
+        """Receive the next message; None if none arrives within ``timeout`` [s]. Raises `Closed` if
+        the other end is gone.
         """
         try:
             if not self._poll.poll(max(0.0, timeout) * _MS):
@@ -325,7 +323,8 @@ class Control:
         return ""
 
     def _move(self, message: Message) -> str:
-        """Start a move, after any other motion is over; return why it was refused, else ""."""
+        """Start the move that ``message`` has (q, speed, acceleration) after any other motion is
+        over; return why it was refused, else ""."""
         q, speed, acceleration = message["q"], message["speed"], message["acceleration"]
         if not is_six_numbers(q) or not math.isfinite(speed + acceleration):
             return "a goal must be 6 finite angles"
@@ -388,7 +387,9 @@ def is_six_numbers(q: object) -> bool:
 
 
 def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) -> None:
-    """Control the robot: execute the driver's commands until ``quit`` or the driver's end."""
+    """Control the robot: execute commands from ``wire`` until ``quit`` or the driver's end.
+    ``setting`` has host, frequency [Hz], watchdog_hz, period [s] of targets, and alarm [s] for
+    connecting."""
 
     def end(event: str, why: str, code: int) -> None:
         wire.send({"event": event, "why": why})

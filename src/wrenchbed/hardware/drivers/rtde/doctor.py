@@ -37,7 +37,7 @@ _UNSAID, _ANOTHER = "the controller does not say it", "give --robot as the arm i
 
 @dataclass(frozen=True)
 class Line:
-    """Result of one check: its grade, what was found, and the remedy if it is not ok."""
+    """Result of one check: name, grade (ok, note, fails), what was found, remedy if not ok."""
 
     name: str
     grade: Grade
@@ -70,7 +70,7 @@ def doctor(robot: Robot, host: str, sensor: str, seconds: float) -> list[Line]:
 
 
 def _line(name: str, fine: bool, text: str, remedy: str, grade: Grade = "note") -> Line:
-    """Make the result of one check: ok if ``fine``, else with this grade and remedy."""
+    """Make the result of a check: ok if ``fine``, else ``grade`` (note or fails) with a remedy."""
     return Line(name, "ok", text) if fine else Line(name, grade, text, remedy)
 
 

@@ -93,10 +93,8 @@ class Followed:
 
 
 class RtdeDriver(LiveDriver):
-    """Driver of a UR robot over RTDE, with a Net F/T sensor or the robot's own wrench.
-
-    Raises:
-        ParameterError: an option is impossible.
+    """Driver of a UR robot over RTDE, with a Net F/T sensor or the robot's own wrench. Raises a
+    `ParameterError` for impossible options.
     """
 
     name = "rtde"
@@ -146,7 +144,7 @@ class RtdeDriver(LiveDriver):
         return np.repeat(own_wrench.CB3_END if cb3 else own_wrench.E_END, 3)
 
     def stop(self, kind: str = "soft") -> None:
-        """Brake and wait until the robot is at rest.
+        """Brake (``kind``: soft or hard) and wait until the robot is at rest.
 
         Raises:
             LinkError: the stop was not delivered; the robot's watchdog ends its program.
@@ -263,7 +261,7 @@ class RtdeDriver(LiveDriver):
         return Applied(None, why) if why else Applied(q)
 
     def _stop(self, kind: str) -> None:
-        """Brake through the control process; if it does not answer, stop by the dashboard."""
+        """Brake, soft or hard, by the control process; if it is silent, stop by the dashboard."""
         self._followed, self._last_target = Followed(), None
         self._undelivered = ""
         control = self._control

@@ -58,7 +58,7 @@ def settings(host: str) -> dict[str, Any]:
 
 
 def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
-    """Rename a controller's outputs to the metadata's names; modes become words."""
+    """Rename a controller's outputs (name → values) to the metadata's names; modes become words."""
     values: dict[str, Any] = {
         name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
     }

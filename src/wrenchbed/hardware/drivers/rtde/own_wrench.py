@@ -69,10 +69,8 @@ class OwnWrench(Transducer):
 
 
 def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
-    """Make the transducer that option ``sensor`` names; ``own`` is that of the robot's own wrench.
-
-    Raises:
-        ParameterError: the option names no sensor.
+    """Make the transducer that option ``sensor`` names: ``own`` for the robot's own wrench, else a
+    Net F/T box, by default at ``host``. Raises a `ParameterError` if the option names no sensor.
     """
     if sensor in OWN:
         return own
@@ -84,7 +82,7 @@ def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
 
 
 def reading(state: Snapshot, robot: Robot) -> WrenchSample:
-    """Convert the wrench in a state to a sample in the axes of the nominal robot's sensor."""
+    """Convert the wrench in a state to a sample in the axes of the nominal ``robot``'s sensor."""
     wrench = np.array(state.raw)
     if not np.isfinite(wrench).all():
         rotations, origins = robot.sensor_pose(np.array([state.q]), robot.parameters.nominal)
@@ -99,7 +97,8 @@ def reading(state: Snapshot, robot: Robot) -> WrenchSample:
 
 def facts(state: Snapshot, controller: Mapping[str, Any]) -> Mapping[str, Any]:
     """Recording metadata on how the controller states its wrench: source output, axes, reference
-    point and, if it compensates for a payload, which payload."""
+    point and, if it compensates for a payload, which (from ``controller``, its own facts by
+    name)."""
     if np.isfinite(state.raw).all():
         raw = {"source": "ft_raw_wrench", "frame": "flange", "reference": "flange"}
         return raw | {"compensated": False}

@@ -107,7 +107,7 @@ class Outputs:
             raise
 
     def _choose(self, names: Sequence[str], end: float) -> None:
-        """Subscribe to those of these outputs that the controller has, and start the stream."""
+        """Subscribe to those of ``names`` that the controller has, start the stream by ``end``."""
         wanted, types = list(names), [_MISSING]
         while _MISSING in types:
             body = struct.pack(">d", self.rate) + ",".join(wanted).encode()
@@ -159,7 +159,8 @@ class Outputs:
         self.close()
 
     def _ask(self, kind: int, body: bytes, end: float) -> bytes:
-        """Send a request and return the body of its answer; skip text messages before it."""
+        """Send a request of type ``kind``; return the body of its answer, by `time.monotonic`
+        ``end`` [s]; skip text messages before it."""
         try:
             self._link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
         except OSError as error:

@@ -150,10 +150,8 @@ def judge(
 
 
 def request(host: str, command: str, timeout: float = 1.0) -> str:
-    """Send one command to the robot's dashboard server and return its answer.
-
-    Raises:
-        LinkError: no answer came within ``timeout`` [s].
+    """Send one command to the robot's dashboard server and return its answer; a `LinkError` if none
+    came within ``timeout`` [s].
     """
     try:
         with connected(host, PORT, timeout) as link:
@@ -181,7 +179,8 @@ def _line(link: socket.socket, end: float) -> bytes:
 
 
 def _done(host: str, command: str, done: Callable[[], bool], seconds: float, trouble: str) -> None:
-    """Send a dashboard command and wait for ``done``; after ``seconds`` raise `StoppedError`."""
+    """Send a dashboard command and wait for ``done``; after ``seconds`` raise `StoppedError`, whose
+    text begins with ``trouble``."""
     answer = request(host, command)
     if not wait_until(done, seconds):
         raise StoppedError(f"{trouble}, the dashboard says {answer!r}")
@@ -189,10 +188,8 @@ def _done(host: str, command: str, done: Callable[[], bool], seconds: float, tro
 
 def clear(host: str, look: Look) -> None:
     """Unlock a protective stop and stop any program, by the dashboard; ``look`` reads the state.
-
-    Raises:
-        StoppedError: the stop cannot be cleared from here; says what to do.
-        LinkError: the dashboard does not answer.
+    Raises a `StoppedError`, which says what to do, if that fails, a `LinkError` if the dashboard is
+    silent.
     """
     state, trouble = look(), problem(look())
     if safety(state) == "protective stop":
@@ -212,11 +209,9 @@ def clear(host: str, look: Look) -> None:
 
 
 def switch_on(host: str, look: Look) -> None:
-    """Power the robot on and release its brakes, by the dashboard; ``look`` reads the state.
-
-    Raises:
-        StoppedError: the robot does not come up in time.
-        LinkError: the dashboard does not answer.
+    """Power the robot on and release its brakes, by the dashboard; ``look`` reads the state. Raises
+    a `StoppedError` if the robot does not come up in time, a `LinkError` if the dashboard is
+    silent.
     """
     if int(look().mode) not in (IDLE, RUNNING):
         up = (lambda: int(look().mode) in (IDLE, RUNNING), _POWER_S)

@@ -148,7 +148,7 @@ class Tracker:
         return True
 
     def _begin(self, pair: tuple[int, int]) -> None:
-        """Accept a jump to this pair of counters; compute from ft_sequence how many were lost."""
+        """Accept a jump to (rdt_sequence, ft_sequence); count the losses from ft_sequence."""
         if self._begun:
             samples = signed(pair[1] - self.last[1])
             if samples > 0:
@@ -160,7 +160,7 @@ class Tracker:
 
 
 class DeviceClock:
-    """Unwraps a device's 32-bit counter at a rate [Hz] and fits it to this machine's clock."""
+    """Unwraps a device's 32-bit counter, at ``rate`` [Hz], and fits it to this machine's clock."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
@@ -250,7 +250,7 @@ class Receiver:
         return word
 
     def _send(self, command: int) -> None:
-        """Send an RDT request; if it cannot be sent now it is lost, as any datagram may be."""
+        """Send an RDT request by command number; if it cannot be sent now, it is lost."""
         with contextlib.suppress(OSError):
             self._socket.sendto(_REQUEST.pack(0x1234, command, 0), self.box)
 

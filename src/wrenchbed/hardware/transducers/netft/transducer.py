@@ -71,8 +71,9 @@ relative drift of the clock, as `_PPM`."""
 
 
 def get(host: str, port: int, target: str) -> bytes:
-    """Fetch a page from a box's web server and return its bytes. Raises a `LinkError` if nobody
-    listens or the page is not complete in time, a `DriverError` if it is invalid or too long."""
+    """Fetch the page ``target`` (path) of a box's web server as bytes. Raises a `LinkError` if
+    nobody listens or the page is not complete in time, a `DriverError` if it is invalid or too
+    long."""
     where = f"http://{host}:{port}{target}"
     link = HTTPConnection(host, port, timeout=PAGE_S)
     try:
@@ -99,7 +100,8 @@ def get(host: str, port: int, target: str) -> bytes:
 
 
 def get_any(host: str, ports: Sequence[int], target: str) -> tuple[int, bytes]:
-    """Fetch a page from the first port that connects; return port and page; errors as of `get`."""
+    """Fetch the page ``target`` (path) from the first port that connects; return port and page.
+    Raises a `LinkError` without a complete page, a `DriverError` for an invalid one."""
     for port in ports[:-1]:
         try:
             return port, get(host, port, target)
@@ -132,10 +134,8 @@ class Configuration:
 
 
 def parse(page: bytes) -> Configuration:
-    """Parse the bytes of a box's page netftapi2.xml into its settings.
-
-    Raises:
-        DriverError: too long, malformed, or a field that is missing or impossible; names it.
+    """Parse the bytes of a box's page netftapi2.xml into its settings. A `DriverError` says that
+    the page is too long or malformed, or names a field that is missing or impossible.
     """
     fields = _fields(page)
     counts = (_positive(fields, "cfgcpf"), _positive(fields, "cfgcpt"))
@@ -369,10 +369,8 @@ class NetftTransducer(Transducer):
 
 
 def at_address(address: str) -> NetftTransducer:
-    """Make a transducer, not yet connected, for the box at an address of the form `FORM`.
-
-    Raises:
-        ParameterError: the address has another form.
+    """Make a transducer, not yet connected, for the box at an address of the form `FORM`; a
+    `ParameterError` for another form.
     """
     why = ""
     try:
