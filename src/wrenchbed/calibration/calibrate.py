@@ -96,7 +96,8 @@ def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> l
     """First moment h = m c (3,) [kg m] that best satisfies τ = h × g; of several the shortest.
 
     Args:
-        x, y, z: of gx, gy and gz each, covariance sums with gravity, force and torque (9,).
+        x, y, z: of gx, gy, gz each: sums over rows of its products with g, f and τ, less means
+            (9,).
         w: weights of the three torques (3,).
     """
     u, v, s = w

@@ -22,11 +22,8 @@ _REMEDY = "record with payload 0, or with a Net F/T box (--sensor netft://HOST)"
 
 def restored(recording: Recording) -> Recording:
     """Add the payload's weight that a controller subtracted back to a recording's wrench, by the
-    nominal robot; a recording without compensation is returned unchanged.
-
-    Raises:
-        CalibrationError: the subtracted payload is unknown, or the robot moved.
-    """
+    nominal robot; return a recording without compensation unchanged. A `CalibrationError` if the
+    subtracted payload is unknown, or the robot moved."""
     notes = recording.metadata.extra.get(_WRENCH)
     if not isinstance(notes, Mapping) or not notes.get("compensated") or notes.get(_RESTORED):
         return recording

@@ -142,7 +142,8 @@ def _taken(source: str, like: str) -> str:
 
 
 def _figures(rest: "RestNoise", white: np.ndarray) -> str:
-    """Text of noise figures with uncertainties, for ``source`` in the sensor's TOML file."""
+    """Text of noise figures with uncertainties, for ``source`` in the sensor's TOML file; ``white``
+    (6,): standard deviations of white noise [N, N·m]."""
     parts = [
         f"{c} {w:.3g} ± {s.white_std:.1g}, 1/f "
         + (f"{s.flicker:.3g} ± {s.flicker_std:.1g}" if s.flicker else f"< {s.flicker_most:.2g}")
@@ -245,7 +246,8 @@ class RestNoise:
 
 
 def _slope_std(fits: list[Spectrum], clock: Clock) -> np.ndarray:
-    """Standard uncertainty (6,) of the channels' drifts; unseen 1/f noise is at its upper limit."""
+    """Standard uncertainty (6,) of the channels' drifts, due to their noise; where no 1/f noise is
+    significant, its upper limit counts."""
     return np.array([clock.slope_std(s.white, s.flicker or s.flicker_most) for s in fits])
 
 

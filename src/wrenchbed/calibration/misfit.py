@@ -128,7 +128,8 @@ def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Linear fit, at observations of indices ``some``, by parameters and the faults ``every``."""
+    """Linear fit, at observations of indices ``some``, by the parameters of ``problem`` and the
+    faults ``every``, about the solution in ``outcome``."""
 
     problem: Problem
     outcome: Outcome
@@ -171,7 +172,8 @@ class _Rows:
         return np.where(least > 0.0, least, np.inf)
 
     def white(self, noise: np.ndarray) -> np.ndarray:
-        """All rows (n, K + C + 1): `wrenches` divided by the noise (6,), then `others`."""
+        """All n rows (n, K + C + 1): those of `wrenches`, divided by the noise (6,) [N, N·m] of a
+        reading, then those of `others`; columns are K parameters, C fault columns, residual."""
         wrenches = (self.wrenches / noise[:, None]).reshape(-1, self.wrenches.shape[2])
         return np.concatenate([wrenches, self.others])
 

@@ -113,8 +113,9 @@ def _in_span(x: np.ndarray, basis: np.ndarray) -> bool:
 
 
 def _sparsest(basis: np.ndarray) -> list[np.ndarray]:
-    """Sparse vectors of the null space ``basis`` (K, D), in which each parameter that it moves is 1
-    once and the 1-norm is least; the sparsest first.
+    """Sparse vectors in the null space ``basis`` (K, D): for each parameter that it moves, the
+    vector of least 1-norm that moves this one by 1, scaled to a largest entry of 1; the sparsest
+    first.
 
     Minimum 1-norm as a proxy for fewest entries: Donoho 2006, doi 10.1002/cpa.20132.
     """

@@ -143,7 +143,8 @@ def _long(recording: Recording, window: int) -> list[slice]:
 
 
 def _smoothed(recording: Recording, parts: Sequence[slice], window: int, deriv: int) -> np.ndarray:
-    """Joint values (N, J) of parts of a motion, or derivatives, smoothed over a window [rows]."""
+    """Joint values (N, J) of parts of a motion, or their ``deriv``-th time derivative, smoothed
+    over a ``window`` [rows]."""
     h, q = _step(recording), recording.q.astype(float)
     smooth = partial(scipy.signal.savgol_filter, deriv=deriv, delta=h, axis=0)
     return np.concatenate([smooth(q[p], window, _ORDER) for p in parts])
@@ -178,7 +179,8 @@ def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
 
 
 def _allowed(recording: Recording) -> float:
-    """Largest force per kg of tool [N/kg] by rough joint values that the sensor's noise hides."""
+    """Largest force per kg of tool [N/kg], due to noise of the joint values, that the sensor's own
+    noise hides."""
     std = recording.metadata.sensor.noise_std
     force = float(_SCALE[0]) if std is None or min(std[:3]) == 0 else max(std[:3])
     return force / (recording.metadata.tool.mass or 1.0)
@@ -188,7 +190,7 @@ def _check_smooth(recording: Recording, force: np.ndarray, rough: np.ndarray) ->
     """Raise `CalibrationError` if the joints' acceleration is mostly noise: the variance of its
     force ``force`` (J,) [N²/kg²], from joint values minus smoothed ones, ``rough`` (N, J).
 
-    Noise in a regressor biases the fit towards a smaller mass further in, whatever the sensor.
+    Noise in a regressor makes fitted mass and lever too small, whatever the sensor.
     """
     worst, allowed = float(np.sqrt(force.sum())), _allowed(recording)
     if worst > allowed:

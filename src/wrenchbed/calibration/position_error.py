@@ -17,13 +17,9 @@ _ROWS_AT_ONCE = 20_000
 def tip_jacobian(
     robot: Robot, q: np.ndarray, theta: np.ndarray, columns: Sequence[int]
 ) -> np.ndarray:
-    """Derivative (N, 3, K) of the tool tip's position [m] by the parameters at ``columns``, exact.
-
-    Columns beyond the robot's own parameters (the sensor's) are zero.
-
-    Raises:
-        NotFoundError: the robot has no tool tip.
-    """
+    """Derivative (N, 3, K) of the tool tip's position [m] by the parameters with indices
+    ``columns``, exact; 0 for the sensor's parameters. A `NotFoundError` if the robot has no tool
+    tip."""
     parameter_count = len(robot.parameters)
     result = np.zeros((len(q), 3, len(columns)))
     shifted = np.tile(theta[:parameter_count].astype(complex), (len(columns), 1, 1))
@@ -47,7 +43,8 @@ class Goal:
 
     @property
     def weight(self) -> np.ndarray:
-        """Mean GᵀG (K, K): trace(weight · parameter covariance) is the mean square error [m²]."""
+        """Mean GᵀG (K, K) over poses, G (3, K) a pose's derivatives: trace(weight · parameter
+        covariance) is the mean square position error [m²]."""
         flat = self.sensitivity.reshape(-1, self.sensitivity.shape[-1])
         return flat.T @ flat / len(self.sensitivity)
 
@@ -60,8 +57,8 @@ class Goal:
         return np.linalg.norm(np.einsum("tik,...k->...ti", self.sensitivity, deviation), axis=-1)
 
     def quantile(self, covariance: np.ndarray, share: float) -> float:
-        """Bound [m] below which a robot's rms position error lies with probability ``share``, if
-        its parameters err with the covariance (K, K)."""
+        """Position error [m], rms over the poses, that a robot stays below with probability
+        ``share`` if its parameters' errors have the covariance (K, K)."""
         half = np.linalg.cholesky(
             self.weight + 1e-15 * np.trace(self.weight) * np.eye(len(covariance))
         )

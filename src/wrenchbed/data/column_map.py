@@ -164,11 +164,8 @@ def ready() -> dict[str, Path]:
 
 
 def read(path: str | Path) -> ColumnMap:
-    """Read and check a column map, from a file or by the name of one of `ready`.
-
-    Raises:
-        MapError: names the file, the entry and what it should say.
-    """
+    """Read and check a column map, from a file or by the name of one of `ready`. A `MapError` names
+    the file, the entry and what it should say."""
     path = ready().get(str(path), Path(path))
     try:
         raw = load(path, MapError, "TOML")

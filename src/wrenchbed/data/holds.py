@@ -352,7 +352,8 @@ class _Path:
         return bool((way > _DRIFT + _SIGMAS * self.noise * np.sqrt(2.0 / third)).any())
 
     def without_creep(self, run: tuple[int, int], window: int) -> list[tuple[int, int]]:
-        """Parts of a run that rest also over longer windows, if it creeps; else the run itself."""
+        """Parts of a run that rest also over longer windows, if its ends differ (a slow creep);
+        else the run itself. Runs are first row and end (exclusive)."""
         path = self.part(run)
         if not path.creeps:
             return [run]

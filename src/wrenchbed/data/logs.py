@@ -251,7 +251,8 @@ def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages
 
 
 def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield a topic's messages from an MCAP file, read once from begin to end; fill ``topics``."""
+    """Yield a topic's messages from an MCAP file, in file order; none if ``topic`` is None. Fill
+    the dict ``topics``: name of every topic → message type."""
     library = registry.require("mcap.stream_reader", "logs")
     kinds = registry.require("mcap.records", "logs")
     schemas: dict[int, Any] = {}
@@ -293,7 +294,8 @@ def _channel_of_mcap(record: Any, schema: Any) -> Channel:
 
 
 def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield a topic's messages from a ROS 1 or 2 bag; fill ``topics`` with name → type of all."""
+    """Yield a topic's messages from a ROS 1 or 2 bag, in file order; none if ``topic`` is None.
+    Fill the dict ``topics``: name of every topic → message type."""
     bag1 = path.suffix == ".bag"
     library = registry.require(f"rosbags.rosbag{1 if bag1 else 2}.reader", "logs")
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path

@@ -52,8 +52,8 @@ class Plan:
         rate_hz: float | None = None,
         points: np.ndarray | None = None,
     ) -> "Plan":
-        """Make a plan of poses q (N, J), touches of points (N, 3) [m] or a motion at
-        ``rate_hz``."""
+        """Make a plan from joint values q (N, J): poses to hold, poses at which to touch ``points``
+        (N, 3) [m], or with ``rate_hz`` a motion."""
         n = len(q)
         segment = np.arange(n) if rate_hz is None else np.zeros(n, dtype=int)
         mode = "static" if rate_hz is None else "dynamic"

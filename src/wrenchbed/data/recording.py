@@ -202,7 +202,8 @@ def holds_readings(columns: Container[str]) -> bool:
 
 
 def _from_journal(path: Path, recording: Path) -> pa.Table:
-    """Read all complete batches of a writer's journal, an Arrow stream that may lack its end."""
+    """Read all complete batches of a writer's journal, an Arrow stream that may lack its end;
+    ``recording`` is the file beside it, for the message of a `RecordingError`."""
     batches: list[pa.RecordBatch] = []
     try:
         with pa.ipc.open_stream(path.read_bytes()) as reader:

@@ -229,7 +229,7 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
 
 
 def loop_groups(arm: ArmModel) -> list[list[str]]:
-    """Names ``loop.<closure>.<body>`` of the two points that each loop closure joins."""
+    """Of each loop closure, the names ``loop.<closure>.<body>`` of the two points that it joins."""
     bodies = [*(link.body for link in arm.links), "base"]  # −1 is the base
     return [[f"loop.{c.name}.{bodies[k]}" for k in (c.first, c.second)] for c in arm.closures]
 

@@ -114,7 +114,8 @@ class LoopArm(DescribedArm):
         return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), feasible)
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
-        """MuJoCo's joint coordinates (N, nq); zeros are in the MJCF's bodies, not in these."""
+        """MuJoCo's joint coordinates (N, nq), without zero offsets, which the MJCF's bodies
+        contain."""
         at, _ = self._solved(q, theta)
         at = [1.0 * x for x in at]
         for j, k in enumerate(self.arm_model.driven):

@@ -179,7 +179,7 @@ def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
 
 
 def _one_weight(rest: Observed, force: np.ndarray) -> bool:
-    """Whether forces (K, 3) [N] are as large as the weight that the observations ``rest`` show."""
+    """Whether forces (K, 3) [N] are as large as the weight in ``rest``, observations at rest."""
     some = thinned(rest)
     phi = some.moments.fit().phi
     zero = (some.y[:, :3] - some.design[:, :3] @ phi).mean(axis=0)
@@ -355,7 +355,7 @@ def _units(seen: Observed, load: Load) -> Finding | None:
 
 
 def _longer(seen: Observed, load: Load) -> float | None:
-    """Fitted over stated distance of the CoG; None if none is stated or the direction differs."""
+    """Ratio of fitted to stated distance of the CoG; None if unstated or in another direction."""
     if seen.cog is None or not (square := float(seen.cog @ seen.cog)):
         return None
     lever = load.phi[1:4] / load.phi[0]

@@ -93,8 +93,9 @@ def _whole(mistake: Mistake) -> bool:
 
 
 def channel_mistake(seen: Observed, before: Load) -> Finding | None:
-    """Finding on swapped or negated channels that carry too little load for `mistake` to notice;
-    None without any. ``seen`` is `thinned`; ``before`` is the load fitted to it."""
+    """Finding on swapped or negated channels that carry too little load for `mistake` to notice,
+    else None. ``seen``: observations, `thinned` by the caller; ``before``: the load fitted to them.
+    """
     if before.channel.max() < WRONG:
         return None
     for after, finding in _mended(seen.moments, float(before.phi[0])):
@@ -220,10 +221,8 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
 
 
 def best_turn(gravity: np.ndarray, force: np.ndarray) -> np.ndarray | None:
-    """Rotation (3, 3) that best aligns forces (M, 3) with gravity (M, 3); None if a mirror does.
-
-    Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
-    """
+    """Rotation (3, 3) that best aligns forces (M, 3) with gravity (M, 3); None if a mirroring
+    aligns them better. Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451."""
     about = force - force.mean(axis=0)
     link = np.linalg.lstsq(gravity - gravity.mean(axis=0), about, rcond=1e-6)[0]
     u, _, vt = np.linalg.svd(link)
@@ -267,7 +266,8 @@ def _of_orientations(seen: Observed) -> Iterator[Mistake]:
 
 
 def _of_gravity(seen: Observed, into: np.ndarray) -> Iterator[Mistake]:
-    """Yield the mistake that gravity acts along another base axis, fitted to the forces."""
+    """Yield the mistake that gravity acts along another base axis, the one that best fits the
+    forces at rest; ``into`` (M, 3, 3) are rotations from world to sensor axes."""
     if isinstance(seen.q, Jet):
         finding = Finding(
             "gravity",

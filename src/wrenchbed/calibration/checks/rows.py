@@ -67,11 +67,8 @@ _MAD = 1.4826
 
 def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
     """First finding from a recording's rows alone, None without any. With ``blocking`` only
-    findings count that make the recording useless even for a diagnosis.
-
-    Raises:
-        RecordingError: the recording has no wrench.
-    """
+    findings count that make the recording useless even for a diagnosis. A `RecordingError` without
+    a wrench."""
     recording.require_wrench()
     checks = (_lost, _channels, _spikes, _ranges, _clock, standing)
     findings = (finding for check in checks for finding in check(recording))

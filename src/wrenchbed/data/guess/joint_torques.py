@@ -20,11 +20,8 @@ _USUAL = {"tau": "N·m", "i": "A"}
 
 
 def by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
-    """Map of a table with named joint torques or currents, and a sentence on it; else None.
-
-    Raises:
-        MapError: no robot is stated, or it has another number of joints.
-    """
+    """Map of a table with named joint torques or currents, and a sentence on it; else None. A
+    `MapError` if no robot is stated, or one with another number of joints."""
     kind = next((k for k in _USUAL if f"{k}1" in sheet.roles), None)
     if kind is None or "q1" not in sheet.roles:
         return None

@@ -135,8 +135,8 @@ def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
 
 
 def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Reading]:
-    """Yield the ways to read three columns as rotation vector, roll pitch yaw, or KUKA's A B C: all
-    of them, or only the kind that their names state."""
+    """Yield the ways to read three columns as rotation vector, roll pitch yaw, or yaw pitch roll:
+    all, or the kind ``only`` that their names state."""
     stated, largest = sheet.units.get(next(iter(names))), max(sheet.largest[n] for n in names)
     units = [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
     if stated in ("rad", "deg"):

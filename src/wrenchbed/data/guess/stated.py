@@ -168,8 +168,8 @@ class KnownLoad:
         self, recording: dict[str, Any], wrench: Mapping[str, dict[str, Any]], gravity: float
     ) -> None:
         """Write tool, zeros and tolerances to a map's ``[recording]`` and its entries ``wrench`` of
-        the six channels. The mass is at least as uncertain as the fit's rms force over ``gravity``
-        [m/s²]."""
+        the six channels. The mass's tolerance is at least the fit's rms force residual /
+        ``gravity`` [m/s²]."""
         recording["tool"] = {"mass": round(self.mass, 6), "cog": [round(x, 6) for x in self.cog]}
         for channel, bias in zip(CHANNELS, self.bias, strict=True):
             entry = wrench[channel]
