@@ -191,6 +191,7 @@ def octaves(count: int) -> Iterator[slice]:
 
 
 def _misfit(ratio: np.ndarray) -> float:
-    """Mean squared misfit of octaves, 1 if expected, from measured over fitted density (K,)."""
+    """Mean over octaves of (mean ratio − 1)² times the number of frequencies: 1 is expected.
+    ``ratio`` (K,): measured over fitted density."""
     parts = [ratio[part] for part in octaves(len(ratio))]
     return float(np.mean([(part.mean() - 1.0) ** 2 * len(part) for part in parts]))

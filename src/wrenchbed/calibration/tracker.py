@@ -158,8 +158,8 @@ class Sight:
         return rotation, np.broadcast_to(position, rotation.shape[:-1])
 
     def _seen(self, rotation: np.ndarray, position: np.ndarray, stand: np.ndarray) -> np.ndarray:
-        """Target positions (H, 3) in the tracker's axes [m], for sensor poses; ``stand`` (9,) is
-        the tracker's pose and the target's position."""
+        """Target positions (H, 3) in the tracker's axes [m], for sensor poses. ``stand`` (9,): the
+        tracker's rotation vector [rad] and shift [m], the target's position in sensor axes [m]."""
         turn = exp(*stand[:3]) @ self.turn
         return np.asarray((position + apply(rotation, stand[6:])) @ turn.T + stand[3:6])
 

@@ -397,9 +397,7 @@ def mount_turn(vector: np.ndarray) -> np.ndarray:
 
 def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Parameters (P,) changed so that gravity, in base axes, turns by a rotation vector (3,) [rad].
-
-    A turn about the vertical is lost on robots whose base has a tilt only; no wrench shows it.
-    """
+    A turn about the vertical is lost on robots whose base has a tilt only; no wrench shows it."""
     names, turned = robot.parameters.names, np.array(theta, dtype=float)
     if "base.tilt.x" in names:
         at = [names.index(f"base.tilt.{a}") for a in "xy"]

@@ -100,7 +100,8 @@ class SerialChain(MountedArm):
         return [(stack_jets(axes), origin) for *axes, origin in frames]
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Gravity in sensor axes (…, N, 3), rotated joint by joint: half the cost of a pose."""
+        """Gravity in sensor axes (…, N, 3), from world axes (3,), by turning it joint by joint:
+        half the cost of a pose."""
         turns, _ = self._mounted(theta)
         angle = np.ascontiguousarray(np.moveaxis(q + self.zeros(theta), -1, 0))
         seen: Vector = np.moveaxis(gravity @ turns[0], -1, 0)

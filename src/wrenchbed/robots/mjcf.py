@@ -145,5 +145,6 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
 
 
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and origin (3,) of a frame, which may have a first axis of length 1."""
+    """Rotation (3, 3) and origin (3,) of a frame, whose ``turn`` or ``origin`` may have one more
+    axis, the first, of length 1."""
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]

@@ -191,10 +191,8 @@ class SerialArm(SerialChain):
         return spec
 
     def drawn(self) -> "mujoco.MjSpec":
-        """Make an MJCF spec from the arm's data, with sticks for its links.
-
-        Inertias of links are estimates: no force that the sensor reads depends on them.
-        """
+        """Make an MJCF spec from the arm's data, with sticks for its links. Inertias of links are
+        estimates: no force that the sensor reads depends on them."""
         from wrenchbed.robots.arm_spec import spec_of
         from wrenchbed.robots.mjcf import write_load
 

@@ -162,7 +162,8 @@ class MedRUE(SimulatedRobot):
         return [(base @ turn, apply(base, at) + _place(p, "0")) for turn, at in inner]
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Gravity in sensor axes (…, N, 3), rotated angle by angle: half the cost of a pose."""
+        """Gravity in sensor axes (…, N, 3), from world axes (3,), by turning it angle by angle:
+        half the cost of a pose."""
         p = self.values(theta)
         loops, mount = solved(p, q), _turn(p, "S")
         x, y, z = np.moveaxis(gravity @ _turn(p, "0"), -1, 0)
