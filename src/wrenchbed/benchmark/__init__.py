@@ -1,9 +1,9 @@
 """Judges of the diagnosis: look-alike cases, the independent referee, sealed cases, scores.
-Free: sizes, shapes and wording of drawn faults, as long as tests/benchmark pass.
-Others rely on: names in `fault.EFFECTS` (tests/effects); draws: a change of any makes other cases
-of the same seed, one of `lookalikes` needs new lessons (`scripts/learn_reliability`); files of
-`sealed` (docs/contracts.md) and keys of `arena` (docs/how-to/arena.md).
-Never: import effects or the diagnosis into `referee`, `lookalikes` or `efforts` (a test sees to
-it); change a lesson or a commitment by hand.
-Read first: `scoring/metrics` (what is scored), then `sealed/make` and `referee/case`.
+Free: code that draws no random number and writes no file, wording; tests/benchmark checks it.
+Others rely on: names in `fault.EFFECTS`: change them with the effect. Draws (also their order):
+a change makes other cases of a seed, so make docs/explanation/benchmark.md anew, for `lookalikes`
+after `scripts/learn_reliability`. Files of `sealed`: change docs/contracts.md with them; keys of
+an `arena` catalogue: docs/how-to/arena.md.
+Never: import effects or the diagnosis into `referee`, `lookalikes` or `efforts` (a test); change a
+lesson or a commitment by hand. Read first: `scoring/metrics`, `sealed/make`, `referee/case`.
 """

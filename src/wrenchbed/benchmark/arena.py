@@ -34,7 +34,9 @@ _NEEDED = ("id", "repository", "commit", "files", "run", "right")
 
 @dataclass(frozen=True)
 class ArenaSet:
-    """One data set of a catalogue with its true answer (docs/how-to/arena.md explains the keys)."""
+    """One data set of a catalogue with its true answer (docs/how-to/arena.md): ``files``: start of
+    the SHA-256 by path; ``run``: command lines; ``right``: what `judge` takes; ``facts``: texts for
+    the page; ``write``: texts of files by name; ``prepare``: Python code that runs first."""
 
     id: str
     repository: str
@@ -47,13 +49,12 @@ class ArenaSet:
     prepare: str = ""
 
     def source(self, name: str, data: Path) -> Path:
-        """Path below ``data`` of a file: ``PATH`` in the set's repository, or
-        ``OWNER/NAME:PATH``."""
+        """Path below ``data`` of the file ``PATH`` of this repository or ``OWNER/NAME:PATH``."""
         other, _, path = name.rpartition(":")
         return data / (other or self.repository) / path
 
     def missing(self, data: Path) -> str:
-        """Sentence on the first file that is missing or another version; empty if none is."""
+        """Sentence on the first file that ``data`` lacks or has in another version, else ""."""
         for name, digest in self.files.items():
             path = self.source(name, data)
             if not path.is_file():
@@ -64,7 +65,7 @@ class ArenaSet:
 
 
 class Judged(NamedTuple):
-    """Mark of an answer (one of `MARKS`), its text, and claims above `SURE`: name, p, if right."""
+    """Mark of an answer (of `MARKS`), its text, and claims above `SURE` as (name, p, right)."""
 
     mark: str
     said: str
@@ -105,8 +106,8 @@ def version() -> str:
 
 
 def answer(one: ArenaSet, data: Path, folder: Path, method: str, limit: float) -> dict[str, Any]:
-    """Run the commands of a set in a folder, each within a limit [s], and diagnose by ``method`` (a
-    command) unless it is empty; return exit code, last output and the answer's JSON."""
+    """Run the commands of a set in ``folder``, emptied first, each within ``limit`` [s]; unless
+    empty ``method`` replaces ``diagnose``. Return exit code, last output and the answer's JSON."""
     remove(folder)
     for name in one.files:
         link = folder / "files" / name.rpartition(":")[2]
@@ -140,9 +141,9 @@ def answer(one: ArenaSet, data: Path, folder: Path, method: str, limit: float) -
 
 
 def judge(right: Mapping[str, Any], given: Mapping[str, Any]) -> Judged:
-    """Compare what a run gave with the true answer: ``causes`` (one of them must be claimed; if
-    there are none, nothing may be), ``besides`` (may be claimed too), ``values`` ({name: [value,
-    tolerance]}, or ["<", bound]) or ``refusal`` (its words)."""
+    """Compare ``given`` of `answer` with the true answer ``right``: ``causes`` (one must be
+    claimed; if there are none, nothing may be), ``besides`` (may be claimed too), ``values``
+    ({name: [value, tolerance]}, or ["<", bound]) or ``refusal`` (its expected words)."""
     said, content = str(given["words"]).removeprefix("wrenchbed: error: "), given["answer"]
     reason = right.get("refusal")
     if content is None:
@@ -168,7 +169,7 @@ def judge(right: Mapping[str, Any], given: Mapping[str, Any]) -> Judged:
 
 
 def _value(content: Mapping[str, Any], name: str) -> float:
-    """Value of a parameter of a fit or of a claim, else of a field, by name; NaN if none is."""
+    """Value, by name, of a parameter of a fit or claim, else of a field; else NaN."""
     for entry in (content, *content.get("which", [])):
         if name in entry.get("parameters", {}):
             return float(entry["parameters"][name]["value"])
@@ -178,7 +179,8 @@ def _value(content: Mapping[str, Any], name: str) -> float:
 def run(
     sets: Iterable[ArenaSet], data: Path, out: Path, method: str = "", limit: float = 900.0
 ) -> dict[str, tuple[ArenaSet, Judged]]:
-    """Answer and judge each set, by id; answers of the same program in ``out`` are reused."""
+    """Judge the answer of each set, by its id, from files below ``data``; answers that the same
+    program left in ``out`` are reused. ``method`` and ``limit`` are as in `answer`."""
     program, judged = version(), {}
     for one in sets:
         lacks = one.missing(data)
@@ -219,7 +221,7 @@ def page(judged: Mapping[str, tuple[ArenaSet, Judged]], command: str = "") -> Do
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the sets of a catalogue; 0, or 1 where an answer is wrong, crashed or refused."""
+    """Run the sets of a catalogue; return 0, or 1 where an answer is wrong, crashed or refused."""
     options = argparse.ArgumentParser(prog="wrenchbed.benchmark.arena", description=__doc__)
     options.add_argument("catalogue", type=Path, help="TOML file, or folder of them")
     options.add_argument("data", type=Path, help="folder of the repositories: DATA/OWNER/NAME")

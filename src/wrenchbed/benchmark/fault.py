@@ -42,8 +42,8 @@ class CaseEffect:
 
     ``needs`` is what a recording must have to show it: ``motion``, ``joints``, closed ``loops``,
     recorded temperatures ``warmth``, or ``repeats``, if it changes only the scatter of rows. If it
-    ``adds``, its numbers add up with those of minor imperfections of the same name; ``compared`` is
-    a pattern of the numbers that mean the same in all physics (not the moment of a jump).
+    ``adds``, its numbers add up with those of minor imperfections of the same name; ``compared``
+    matches names of the numbers that mean the same in all physics (not the moment of a jump).
     """
 
     needs: tuple[str, ...] = ()
@@ -95,7 +95,7 @@ The weight of the sensor's own tool side is exactly a mass and a CoG: it is in e
 
 
 def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> Metadata:
-    """Metadata of a simulated recording with a given tool, and the noise of the robot's sensor."""
+    """Metadata of a tool, row ``rate`` [Hz], ``mode`` (as ``static``), ``source`` (as ``sim``)."""
     sensor = registry.load("sensors", robot.sensor)
     numbers = sensor.noise.row_std, tool.cog, six_of(tool.inertia)
     noise, cog, inertia = (tuple(values.tolist()) for values in numbers)
@@ -136,7 +136,7 @@ def between(name: str) -> bool:
 
 
 def possible(shown: Iterable[str]) -> list[str]:
-    """Names of the effects that can be causes where a recording meets the needs in ``shown``."""
+    """Names of effects that can be causes where ``shown`` holds all `CaseEffect.needs`."""
     met = set(shown)
     return [name for name, effect in EFFECTS.items() if met.issuperset(effect.needs)]
 
@@ -157,7 +157,7 @@ def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception])
 @dataclass(frozen=True, eq=False)
 class Fault:
     """Something wrong with a robot: its ``true`` numbers by name [SI], and the name of an effect,
-    of a family outside the library, or ``background``."""
+    of a family outside the library, or ``background`` (minor imperfections)."""
 
     true: Mapping[str, float] = field(default_factory=dict)
     name: str = field(default="", kw_only=True)
@@ -236,8 +236,7 @@ def elapsed(t: np.ndarray) -> np.ndarray:
 
 
 def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
-    """Means (H, …) of rows (N, …) with equal number ``hold`` (N,) of a pose: 0, 0, 1, … in
-    order."""
+    """Means (H, …) of rows (N, …) by pose; ``hold`` (N,) numbers the poses, ascending."""
     count = np.bincount(hold)
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])
     total = np.add.reduceat(np.asarray(rows, dtype=float), starts, axis=0)
@@ -247,15 +246,15 @@ def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True, eq=False)
 class Shown:
     """Visibility of a cause beside all other faults: ``gap`` is the mean square over noise variance
-    that it adds (of a cause between rows the mean rise of a row's variance), ``rows`` the largest
-    rise of a channel's row variance, 0 for a cause that shows in means."""
+    that it adds, ``rows`` 0; of a cause that only scatters rows ``gap`` is the mean rise of a
+    channel's row variance over the noise's, ``rows`` the largest one."""
 
     gap: float
     rows: float
 
     @property
     def amount(self) -> float:
-        """Number by which causes are compared: added gap, or between rows the rise of variance."""
+        """Number by which causes are compared: ``rows``, or ``gap`` where that is 0."""
         return self.rows or self.gap
 
     def needed(self, kind: str) -> float:
@@ -295,7 +294,7 @@ class RowChange(Generic[Shake]):
 
 
 def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
-    """Readings (…, 6) rounded by the steps, then clipped at the ranges, of all changes."""
+    """Readings (…, 6) rounded to the steps, then clipped at the limits, of all ``changes``."""
     for r in changes:
         step = np.where(r.step > 0.0, r.step, 1.0)
         y = np.where(r.step > 0.0, np.round(y / step) * step, y)
@@ -321,13 +320,12 @@ class UsualFit:
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """Difference (n, 6) over noise as (6 n,), less its fit by the basis unless
-        ``configured``."""
+        """Difference (n, 6) over noise as (6 n,), less its fit by bias … unless ``configured``."""
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 
     def gap(self, signal: np.ndarray, configured: bool = False) -> float:
-        """Gap of a difference of readings (n, 6): mean square over row noise, what the usual fit of
-        bias, mass and CoG takes left out unless ``configured``."""
+        """Gap of a difference of readings (n, 6): mean square over row noise, after the usual fit
+        of bias, mass and CoG, or before it if ``configured``."""
         x = self.white(signal, configured)
         return float(x @ x) / len(x)

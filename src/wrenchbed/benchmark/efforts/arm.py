@@ -1,7 +1,6 @@
 """The true arm and its motions: MuJoCo's inverse dynamics of links a little off the stated ones.
 
-Motions are as users have them: multisine, Fourier series, point to point with pauses, one way.
-Ranges are estimates of what ordinary recordings of arms hold.
+Motions are ordinary: multisine, Fourier, point to point with pauses, one way. Ranges: estimates.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,8 +35,8 @@ _Room = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A motion on a grid finer than the recording's: rows a second [Hz], instants (T,) [s], joint
-    values, speeds and accelerations (T, J) [rad, rad/s, rad/s²]."""
+    """A motion on a grid `FINE` times finer than the recorded rows: ``rate`` of these rows [Hz],
+    instants (T,) [s], joint values, speeds and accelerations (T, J) [rad, rad/s, rad/s²]."""
 
     rate: float
     t: np.ndarray
@@ -57,7 +56,7 @@ class Path:
 
 
 def of_values(rate: float, t: np.ndarray, q: np.ndarray) -> Path:
-    """Path through joint values (T, J) at evenly spaced instants (T,) [s], by a quintic spline."""
+    """Path by a quintic spline through q (T, J) at even times t (T,) [s], rows at ``rate``."""
     spline = make_interp_spline(t, q, k=5)
     return Path(rate, t, q, spline.derivative(1)(t), spline.derivative(2)(t))
 
@@ -81,8 +80,8 @@ def draw(robot: SimulatedRobot, rng: Rng) -> Path:
 def _sines(
     rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray, frequencies: np.ndarray
 ) -> np.ndarray:
-    """Joint values (T, J): sines of random phase, scaled to the joints' room and top speeds
-    (J,)."""
+    """Joint values (T, J): sines of ``frequencies`` [Hz] and random phase, about the middle and
+    within the reach of ``room``, each (J,) [rad], and below the speeds ``top`` (J,) [rad/s]."""
     middle, reach = room
     phase = rng.uniform(0.0, 2.0 * np.pi, (len(frequencies), len(middle)))
     weight = rng.uniform(0.4, 1.0, phase.shape) / frequencies[:, None] ** 0.7
@@ -112,7 +111,8 @@ def _points(
     top: np.ndarray,
     order: Callable[[np.ndarray], np.ndarray] = lambda x: x,
 ) -> np.ndarray:
-    """Joint values (T, J): minimum-jerk moves, with pauses, between random poses in an order."""
+    """Joint values (T, J): minimum-jerk moves, with pauses, between random poses, which ``order``
+    may sort; ``room``: middle and reach (J,) [rad]; ``top``: top speeds (J,) [rad/s]."""
     middle, reach = room
     poses = order(middle + reach * rng.uniform(-1.0, 1.0, (max(4, int(t[-1] / 2.0)), len(middle))))
     q, now, here = np.empty((len(t), len(middle))), 0, poses[0]
@@ -133,7 +133,7 @@ def _points(
 
 
 def _oneway(rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray:
-    """Joint values (T, J): moves in which some joints go one way only, as in cycles of a gantry."""
+    """Joint values (T, J) as of `_points`; some joints move one way only, as of a gantry."""
     ways = rng.random(len(room[0])) < 0.5
     ways[rng.integers(len(ways))] = True
     count = max(6, int(t[-1] / 4.0))
@@ -153,7 +153,7 @@ def _smooth(x: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class TrueArm:
-    """The true arm in MuJoCo: its parameters theta (P,) and further edits of its compiled model."""
+    """The true arm in MuJoCo: its parameters (P,), and functions that edit its compiled model."""
 
     robot: SimulatedRobot
     theta: np.ndarray
@@ -165,7 +165,7 @@ class TrueArm:
         return RigidBodies(self.robot, self.theta, edits=self.edits)
 
     def inverse(self, path: Path) -> tuple[np.ndarray, np.ndarray]:
-        """Torque of the rigid links (T, J) [N·m], and load on the sensor (T, 6) [N, N·m]."""
+        """Torque of the links (T, J) [N·m] and load on the sensor (T, 6) along a path."""
         places = np.asarray(self.robot.qpos(path.q, self.theta))
         return self.bodies.inverse(places, path.qd, path.qdd)
 

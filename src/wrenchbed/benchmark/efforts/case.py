@@ -73,8 +73,8 @@ def _seen(setting: EffortSetting, added: np.ndarray) -> np.ndarray:
 
 
 def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> dict[str, float]:
-    """Gap that each family's best imitation of a fault leaves at the worst joint, by family and
-    joint; ``added`` are the fault's efforts (N, J)."""
+    """Gap (as of `gap_of`) that is left of a fault after the best fit by each family of faults, by
+    name of the family with its joint; ``added`` are the efforts (N, J) that the fault adds."""
     unit = _seen(setting, added)[::_EVERY]
     energy = (unit**2).mean(axis=0)
     joint = int(energy.argmax()) if fault.joint is None else fault.joint
@@ -93,8 +93,8 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
 
 
 def classed(fault: EffortFault, size: float, rest: dict[str, float]) -> tuple[str, ...]:
-    """Names with joints of a fault and of all families that no data of this motion tell from it,
-    itself first; ``size`` is its gap, ``rest`` the gaps that `remaining` returns."""
+    """Name with joint (``drive.coulomb.2``) of a fault, then those of all families that this motion
+    does not tell from it; ``size`` is its gap, ``rest`` the gaps by `remaining`."""
     same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != fault.place]
     return (fault.place, *same)
 
@@ -108,8 +108,8 @@ def _rest(columns: np.ndarray, target: np.ndarray) -> float:
 
 
 def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the name of each fault family of one joint and columns (M, K) that span the efforts it
-    may add; families with a scale, such as a length, come several times."""
+    """Yield names of families of faults of a joint (from 0) and columns (M, K), each `_EVERY`-th
+    row, that span the efforts it may add; several times if it has a scale (as a length)."""
     path, d = setting.path, setting.drives
     thin = slice(None, None, FINE * _EVERY)
     q, v, a = path.q[:, joint], path.qd[:, joint], path.qdd[:, joint]
@@ -151,8 +151,8 @@ def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.nd
 
 
 def whole_columns(setting: EffortSetting) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the name of each fault family of links, tool and base and columns (M, J, K) [N·m] that
-    span the torques it may add, by MuJoCo."""
+    """Yield, for each family of faults of links, tool and base, its name and columns (M, J, K)
+    [N·m], at every `_EVERY`-th row, that span the torques it may add, by MuJoCo."""
     fine = setting.path.rows[::_EVERY]
     path = setting.path
     thin = Motion(path.rate, path.t[fine], path.q[fine], path.qd[fine], path.qdd[fine])
@@ -193,9 +193,9 @@ def whole_columns(setting: EffortSetting) -> Iterator[tuple[str, np.ndarray]]:
 
 @dataclass(frozen=True, eq=False)
 class EffortCase:
-    """A case of efforts: a recording, and the truth that is kept apart: the cause, its gap at the
-    joint where it is largest, in units of one row's noise, and the effects with joints that imitate
-    it on this motion, itself first."""
+    """A case of efforts: its kind (none, single, outside), its recording, and the truth kept apart:
+    the fault, its gap as of `gap_of`, and the names with joints of the effects that imitate it on
+    this motion, itself first."""
 
     kind: str
     recording: Recording
@@ -205,7 +205,7 @@ class EffortCase:
 
 
 def kind_of(seed: int, number: int, wrench: bool) -> str:
-    """Kind of case ``number`` of a seed (none, single, outside), the same in every attempt."""
+    """Kind (none, single, outside) of case ``number`` of a seed, ``wrench`` or not."""
     rng = np.random.default_rng([seed, number, int(wrench)])
     return str(rng.choice(list(SHARES), p=list(SHARES.values())))
 
@@ -213,8 +213,8 @@ def kind_of(seed: int, number: int, wrench: bool) -> str:
 def make(
     robots: Sequence[SimulatedRobot], seed: int, number: int, wrench: bool, attempt: int
 ) -> EffortCase:
-    """Draw case ``number`` of a seed; a `ParameterError` if this attempt finds no large enough
-    cause."""
+    """Draw case ``number`` of a seed with one of the robots, with or without its tool's ``wrench``;
+    a `ParameterError` if this ``attempt``, of other draws, finds no large enough cause."""
     rng = np.random.default_rng([seed, number, int(wrench), attempt])
     kind = kind_of(seed, number, wrench)
     robot = robots[int(rng.integers(len(robots)))]
@@ -240,8 +240,8 @@ def make(
 def _counted(
     setting: EffortSetting, fault: EffortFault, kind: str
 ) -> tuple[float, tuple[str, ...]]:
-    """Gap of a fault and the names of the effects that imitate it, itself first; no names if the
-    fault is too small, too large or too easily imitated to be a cause."""
+    """Gap of a fault in a case of a kind, and names of the effects that imitate it, itself first;
+    no names if the fault is too small, too large or too easily imitated to be a cause."""
     added = simulate(setting, fault) - setting.healthy
     gap = gap_of(setting, added)
     if gap < NEEDED[kind] or (kind == "single" and gap > LARGEST):

@@ -32,11 +32,11 @@ _SIDE_FILTER = 0.3
 def lugre(
     speed: np.ndarray, step: float, level: np.ndarray, stiffness: np.ndarray, damping: np.ndarray
 ) -> np.ndarray:
-    """Friction (T, J) [N·m] of LuGre bristles, without the viscous part, every ``step`` [s].
+    """Friction (T, J) [N·m], but its viscous part, of LuGre bristles at speeds v (T, J) [rad/s].
 
-    ż = v − σ₀ |v| z / g(v), F = σ₀ z + σ₁ ż, with ``level`` g(v) (T, J) [N·m] in steady motion,
-    ``stiffness`` σ₀ [N·m/rad] and ``damping`` σ₁ [N·m·s/rad] (J,); exact for a speed that stays.
-    Canudas de Wit et al. 1995, doi 10.1109/9.376053, Eqs. 2 to 6.
+    ż = v − σ₀ |v| z / g(v), F = σ₀ z + σ₁ ż, in steps of ``step`` [s], with ``level`` g(v) (T, J)
+    [N·m] in steady motion, ``stiffness`` σ₀ [N·m/rad], ``damping`` σ₁ [N·m·s/rad], both (J,); exact
+    for a speed that stays. Canudas de Wit et al. 1995, doi 10.1109/9.376053, Eqs. 2 to 6.
     """
     rate = stiffness * np.abs(speed) / level
     fraction = -np.expm1(-rate * step)
@@ -49,10 +49,10 @@ def lugre(
 
 
 def bouc_wen(speed: np.ndarray, step: float, width: float, loop: float = 0.6) -> np.ndarray:
-    """Hysteretic state (T,) in −1 … 1 of a spring that yields over ``width`` [rad].
+    """Hysteretic state z (T,), −1 … 1, of a spring that yields over ``width`` [rad]; speeds v (T,).
 
-    ż = v (1 − |z| (γ + β sgn(v z))) / width with β + γ = 1, in Heun's steps. Wen 1976,
-    doi 10.1061/JMCEA3.0002106.
+    ż = v (1 − |z| (γ + β sgn(v z))) / width, β = ``loop``, β + γ = 1, in Heun's steps of ``step``
+    [s]. Wen 1976, doi 10.1061/JMCEA3.0002106.
     """
     beta, gamma = loop, 1.0 - loop
 
@@ -126,7 +126,7 @@ def since_reversal(speed: np.ndarray, step: float) -> np.ndarray:
 
 
 def vector(rng: Rng, low: float, high: float) -> np.ndarray:
-    """Draw a vector (3,) of random direction and log-uniform length."""
+    """Draw a vector (3,) of random direction and length (log-uniform, ``low`` … ``high``)."""
     direction = rng.normal(size=3)
     direction *= log_uniform(rng, low, high) / np.linalg.norm(direction)
     return direction
@@ -140,10 +140,10 @@ class EffortFault(Fault):
     """A fault as changes at stages of the simulation; None changes nothing there.
 
     ``joint`` is 0-based, None of faults of tool and base. ``theta`` changes the true parameters
-    (P,), ``edit`` the compiled model, ``motion`` the true motion against the one that encoders
-    report, ``rows`` recorded rows (N, J). ``level`` adds Coulomb friction and ``torque`` torque of
-    the drives [N·m], ``reading`` changes the effort: each the column (T,) of the fault's joint, or
-    all columns (T, J) if the fault has none.
+    (P,), ``edit`` the compiled model, ``drives`` the drives' parameters, ``motion`` the true motion
+    but not what encoders report, ``rows`` recorded rows (N, J). ``level`` adds Coulomb friction and
+    ``torque`` torque of the drives [N·m], ``reading`` changes the effort: each the column (T,) of
+    the fault's joint, or all columns (T, J) if the fault has none.
     """
 
     joint: int | None = None
@@ -178,11 +178,11 @@ HEALTHY = EffortFault(name="none")
 class EffortSetting:
     """A robot with its imperfections, its motion and its instruments.
 
-    ``stated`` and ``theta`` are parameters as stated and as they are (P,), ``path`` what encoders
-    report, ``configured`` values of the drives by name as the recording states them, ``rated``
-    torques (J,) [N·m] that sizes are shares of, ``noise`` the standard deviation of a row's torque
-    (J,) [N·m], ``temperature`` of the drives (T,) [°C], ``gear`` motor turns a joint turn,
-    ``jitter`` the standard deviation of sampling instants [s].
+    ``stated`` and ``theta`` are parameters as stated and as they are (P,), ``edits`` changes of the
+    model, ``path`` what encoders report, ``configured`` values of the drives by name as stated,
+    ``rated`` torques (J,) [N·m] that sizes are shares of, ``noise`` the standard deviation of a
+    row's torque (J,) [N·m], ``temperature`` of the drives (T,) [°C], ``prefix`` one of `UNITS`,
+    ``gear`` motor turns a joint turn, ``jitter`` the std of sampling instants [s], of a ``seed``.
     """
 
     robot: SimulatedRobot
@@ -240,7 +240,7 @@ def state_of(setting: EffortSetting, fault: EffortFault) -> State:
 
 
 def drive_torque(state: State, gear: float, fault: EffortFault) -> np.ndarray:
-    """Torque of the drives (T, J) [N·m]: links, rotor, Stribeck friction that falls when warm."""
+    """Torque (T, J) [N·m] of links, rotors and friction; ``gear`` is motor turns per joint turn."""
     d, path = state.drives, state.path
     thin = np.exp(-d.per_kelvin * (state.temperature - state.temperature[0])[:, None])
     dip = 1.0 + d.dip * np.exp(-((path.qd / d.dip_speed) ** 2))
@@ -327,7 +327,7 @@ def draw_setting(robot: SimulatedRobot, rng: Rng) -> EffortSetting:
 
 
 def warming(path: Path, rng: Rng, rise: float) -> np.ndarray:
-    """Draw temperatures (T,) [°C] that rise by ``rise`` [K], with two time constants [s]."""
+    """Draw temperatures (T,) [°C] along a path that rise by ``rise`` [K], at two rates."""
     fast, slow = rng.uniform(12.0, 40.0), rng.uniform(100.0, 400.0)
     warmth = 0.7 * -np.expm1(-path.t / fast) + 0.3 * -np.expm1(-path.t / slow)
     wave = 0.1 * np.sin(2.0 * np.pi * path.t / rng.uniform(20.0, 50.0))

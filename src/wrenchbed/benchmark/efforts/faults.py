@@ -19,7 +19,7 @@ WARMING = (6.0, 18.0)
 
 
 def _larger(setting: EffortSetting, joint: int, unit: str, factor: float) -> EffortFault:
-    """Fault that scales a joint's drive parameter ``unit`` (friction, rotor) by a factor."""
+    """Fault that scales a joint's (from 0) field ``unit`` of `TrueDrives` by a factor."""
     values = getattr(setting.drives, unit).copy()
     values[joint] *= factor
     true = {"value": float(values[joint])}
@@ -39,7 +39,7 @@ def drive_inertia(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_stribeck(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: the Stribeck dip 1/(1 + (v/vₛ)²) of Hess and Soom 1990 (10.1115/1.2920240)."""
+    """Draw a fault at a joint (from 0): the Stribeck dip 1/(1 + (v/vₛ)²) (10.1115/1.2920240)."""
     rise = log_uniform(rng, 0.4, 2.0) * setting.drives.coulomb[joint]
     speed = log_uniform(rng, 0.03, 0.2)
     true = {"rise": rise, "speed": speed}
@@ -47,7 +47,7 @@ def drive_stribeck(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_load(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: friction of the gear's teeth under load, rounded at no load by the preload."""
+    """Draw a fault at a joint (from 0): tooth friction under load, less at no load by preload."""
     share = log_uniform(rng, 0.05, 0.6)
     preload = 0.05 * setting.rated[joint]
     return EffortFault(
@@ -58,7 +58,7 @@ def drive_load(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_temperature(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: grease by Arrhenius' law: friction falls as exp(E (1/T − 1/T₀)), T in K."""
+    """Draw a fault at a joint (from 0): grease friction ∝ exp(E (1/T − 1/T₀)) (Arrhenius)."""
     slope = log_uniform(rng, 0.02, 0.08)
 
     def torque(state: State) -> np.ndarray:
@@ -90,17 +90,17 @@ def _wave(setting: EffortSetting, joint: int, rng: Rng, order: float) -> EffortF
 
 
 def drive_cogging(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: cogging of the motor: once a motor turn, with a second harmonic."""
+    """Draw a fault at a joint (from 0): motor cogging, once a motor turn and a harmonic."""
     return _wave(setting, joint, rng, setting.gear)
 
 
 def drive_ripple(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: ripple on the gear's output side: a few times a joint turn."""
+    """Draw a fault at a joint (from 0): ripple of the gear, a few times a joint turn."""
     return _wave(setting, joint, rng, float(rng.integers(2, 13)))
 
 
 def drive_hysteresis(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a strain wave gear's hysteresis of torque over position (Bouc–Wen)."""
+    """Draw a fault at a joint (from 0): hysteresis of a strain wave gear (Bouc–Wen)."""
     size, width = log_uniform(rng, 0.02, 0.12) * setting.rated[joint], log_uniform(rng, 0.03, 0.2)
     loop = rng.uniform(0.4, 0.7)
     return EffortFault(
@@ -120,7 +120,7 @@ def drive_delay(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_bandwidth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a current loop that responds as a damped oscillator of second order."""
+    """Draw a fault at a joint (from 0): a current loop like an oscillator of second order."""
     corner, damping = 1.0 / log_uniform(rng, 0.12, 1.2), rng.uniform(0.7, 1.0)
 
     def reading(state: State, effort: np.ndarray) -> np.ndarray:
@@ -132,7 +132,7 @@ def drive_bandwidth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault
 
 
 def drive_asymmetry(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: Coulomb and viscous friction larger one way and smaller the other."""
+    """Draw a fault at a joint (from 0): friction larger one way and smaller the other."""
     off = sign(rng) * log_uniform(rng, 0.25, 0.9)
 
     def torque(state: State) -> np.ndarray:
@@ -143,7 +143,7 @@ def drive_asymmetry(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault
 
 
 def drive_stiction(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: breakaway friction after each reversal, which fades with the distance since."""
+    """Draw a fault at a joint (from 0): breakaway friction that fades after each reversal."""
     size = log_uniform(rng, 0.5, 3.0) * setting.drives.coulomb[joint]
     way = log_uniform(rng, 0.01, 0.08)
     return EffortFault(
@@ -176,7 +176,7 @@ def link_cog(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def link_cable(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a dress pack across a joint: a stiffening spring with a rest angle."""
+    """Draw a fault at a joint (from 0): a dress pack, a stiffening spring with a rest angle."""
     stiffness = log_uniform(rng, 0.02, 0.3) * setting.rated[joint]
     rest = float(setting.path.q[:, joint].mean() + rng.normal(0.0, 0.4))
     hard = rng.uniform(0.0, 0.25)
@@ -189,7 +189,7 @@ def link_cable(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def link_spring(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a coil spring that balances gravity, beside the joint to a lever on the link.
+    """Draw a fault at a joint (from 0): a coil spring on a lever, which balances gravity.
 
     Of length L² = a² + b² + 2 a b cos(q − q₀) it makes k (1 − L₀/L) a b sin(q − q₀).
     """
@@ -237,6 +237,6 @@ def base_tilt(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def drive_offset(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a sensor that was zeroed under load, or whose zero has wandered far."""
+    """Draw a fault at a joint (from 0): a sensor zeroed under load, or that drifted far."""
     zero = sign(rng) * log_uniform(rng, 0.03, 0.3) * setting.rated[joint] / setting.scale[joint]
     return EffortFault({"zero": zero}, joint, reading=lambda state, effort: effort + zero)

@@ -1,4 +1,4 @@
-"""Faults of efforts that no effect of the library is: the right answer to them is ``unknown``.
+"""Faults of efforts that no effect of the library describes: the right answer is ``unknown``.
 
 Every public function draws the family of its name at a 0-based joint. Sizes are estimates.
 """
@@ -15,7 +15,7 @@ _FAR = 50.0
 
 
 def _episodes(t: np.ndarray, rng: Rng, count: int, share: float) -> np.ndarray:
-    """Signal (T,) that is 1 during ``count`` stretches and 0 elsewhere, with edges of 50 ms."""
+    """Signal (T,): 1 in ``count`` stretches, a ``share`` of all time together, else 0."""
     on, length = np.zeros_like(t), share * t[-1] / count
     for k in range(count):
         start = (k + rng.uniform(0.1, 0.9 - share)) * t[-1] / count
@@ -41,7 +41,7 @@ def dragging_brake(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def slipping_belt(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a belt that creeps and catches under load, a sawtooth growing with torque."""
+    """Draw a fault at a joint (from 0): a belt that creeps and catches: a sawtooth of torque."""
     size, hertz = log_uniform(rng, 0.3, 1.5), rng.uniform(1.5, 6.0)
 
     def reading(state: State, effort: np.ndarray) -> np.ndarray:
@@ -54,7 +54,7 @@ def slipping_belt(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def loose_tooth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a damaged tooth hits once per turn of an intermediate wheel and rings."""
+    """Draw a fault at a joint (from 0): a damaged tooth hits once a wheel's turn, and rings."""
     size, wheel = log_uniform(rng, 0.08, 0.4) * setting.rated[joint], rng.uniform(5.0, 12.0)
     hertz, damping = rng.uniform(6.0, 15.0), rng.uniform(0.05, 0.15)
 
@@ -69,7 +69,7 @@ def loose_tooth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def external_push(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: someone leans on the arm now and then."""
+    """Draw a fault of all joints (``joint`` is not used): someone leans on the arm now and then."""
     on = _episodes(setting.path.t, rng, int(rng.integers(2, 5)), rng.uniform(0.15, 0.35))
     smooth = signal.windows.hann(int(0.4 / setting.path.step))
     on = np.convolve(on, smooth / smooth.sum(), mode="same")
@@ -84,7 +84,7 @@ def external_push(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def held_samples(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: the bus repeats old efforts of all joints for a while."""
+    """Draw a fault of all joints (``joint`` is not used): the bus repeats old efforts at times."""
     seconds, each = rng.uniform(0.3, 1.0), rng.uniform(1.5, 4.0)
     seed = int(rng.integers(2**31))
 
@@ -116,7 +116,7 @@ def swapped_channels(setting: EffortSetting, joint: int, rng: Rng) -> EffortFaul
 
 
 def thermal_derating(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: an amplifier that lowers its gain in steps as it heats, and recovers."""
+    """Draw a fault at a joint (from 0): an amplifier loses gain in steps as it heats."""
     lost, memory = log_uniform(rng, 0.15, 0.5), rng.uniform(5.0, 12.0)
 
     def reading(state: State, effort: np.ndarray) -> np.ndarray:
@@ -134,7 +134,7 @@ def thermal_derating(setting: EffortSetting, joint: int, rng: Rng) -> EffortFaul
 
 
 def encoder_eccentricity(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: an encoder whose error is a wave of the joint's angle."""
+    """Draw a fault at a joint (from 0): an encoder whose error is a wave of the joint's angle."""
     size, order = np.radians(log_uniform(rng, 0.5, 4.0)), int(rng.integers(3, 9))
     phase = rng.uniform(0.0, 2.0 * np.pi)
 
@@ -147,7 +147,7 @@ def encoder_eccentricity(setting: EffortSetting, joint: int, rng: Rng) -> Effort
 
 
 def supply_sag(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: all drives lose gain while together they draw much power."""
+    """Draw a fault of all joints (``joint`` is not used): less gain while they draw much power."""
     lost = log_uniform(rng, 0.1, 0.5)
 
     def reading(state: State, effort: np.ndarray) -> np.ndarray:
@@ -161,7 +161,7 @@ def supply_sag(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def flexible_joint(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: a gear's spring rings after each change of its load."""
+    """Draw a fault at a joint (from 0): a gear's spring rings after each change of its load."""
     hertz, damping = rng.uniform(4.0, 14.0), rng.uniform(0.01, 0.05)
     size = log_uniform(rng, 0.3, 3.0)
 
@@ -177,7 +177,7 @@ def flexible_joint(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def jumping_zero(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Draw a fault: the current sensor's zero hops between levels, as a bad contact makes it."""
+    """Draw a fault at a joint (from 0): its current sensor's zero hops between levels."""
     size, seed = log_uniform(rng, 0.01, 0.08) * setting.rated[joint], int(rng.integers(2**31))
 
     def reading(state: State, effort: np.ndarray) -> np.ndarray:

@@ -3,11 +3,11 @@
 The physics here is written a second time, from the catalogue's words, and shares no code with the
 library of effects: a diagnosis that is calibrated on its own effects would only confirm itself.
 Turns are finite, hysteresis is Preisach's, loads come from finite differences of the pose, and
-constants, exponents and time constants are jittered. Every case has small imperfections of all
-families, and noise with heavy tails, memory and correlation.
-Faults of mechanics are in `body`, of the sensor in `sensor`, those without a name in `outside`.
-Others rely on: names of draws (`fault.EFFECTS`); what is drawn, on which probabilities are learnt:
-after a change of any law, size or order, `scripts/learn_reliability` (hours).
+constants and exponents are jittered. Every case has small imperfections and untidy noise.
+Faults of mechanics are in `body`, of the sensor in `sensor`, those of no effect in `outside`.
+Free: code that draws nothing (tests/benchmark/test_lookalikes.py).
+Others rely on: names of draws: change `fault.EFFECTS` with them. Probabilities are learnt on these
+cases: after a change of any law, size or order run `scripts/learn_reliability` (hours).
 Never: import effects or the diagnosis; a test sees to it.
 """
 

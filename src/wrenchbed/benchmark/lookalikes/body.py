@@ -194,14 +194,14 @@ def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
 
 
 def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
-    """Side ±1 (N,) of a joint in its play, given as ``state``; in motion a crossing takes time."""
+    """Side (N,), −1 … 1, of a joint in its play: ``state`` ±1 (N,), smoothed in a motion."""
     if not design.moving:
         return state
     return np.asarray(gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate)))
 
 
 def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.ndarray:
-    """Change (N, J) [rad or m] of all joint values if joint j, from 0, alone changes by (N,)."""
+    """Change (N, J) [rad or m] of joint values if joint j (from 0) alone changes by (N,)."""
     dq = np.zeros_like(design.q)
     dq[:, j] = change
     return dq
@@ -220,7 +220,7 @@ def _visibility(design: ExperimentDesign) -> np.ndarray:
 def _joints(
     design: ExperimentDesign, rng: Rng, *, rotating: bool = False, several: float = 0.2
 ) -> list[int]:
-    """Draw one joint, sometimes two or three (numbers from 0), visible ones more often."""
+    """Draw a joint (from 0), ``several`` of the times two or three; ``rotating``: rotary only."""
     visibility = _visibility(design)
     weight = 0.03 + visibility
     weight[visibility < 1e-3] = 1e-6

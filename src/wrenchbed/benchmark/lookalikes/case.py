@@ -156,7 +156,7 @@ def _between_rows(design: ExperimentDesign, rng: Rng) -> Imperfection:
 
 
 def families(design: ExperimentDesign) -> tuple[str, ...]:
-    """Names of the families outside every library that a design can show."""
+    """Names of the faults that no effect of the library describes and that a design can show."""
     return tuple(n for n in FAMILIES if design.robot.joints or n not in _BY_JOINTS)
 
 
@@ -164,10 +164,9 @@ def families(design: ExperimentDesign) -> tuple[str, ...]:
 class LookalikeCase:
     """A simulated robot with known faults, its readings, and how much each fault changes them.
 
-    ``clean`` is the noise-free reading of each hold or sample (N, 6) with all causes; ``gaps`` the
-    mean square over noise variance that each cause adds, by its name (of a cause between rows, the
-    mean rise of a row's variance), ``rows`` of causes between rows the largest rise of a channel's
-    variance, ``background`` the gap of minor ones, ``items`` all imperfections with amounts.
+    ``clean`` is the noise-free reading of each hold or sample (N, 6) with all causes; ``gaps`` and
+    ``rows`` are `Shown.gap` and `Shown.rows` (where not 0) of each cause by its name,
+    ``background`` is the gap of minor imperfections, ``items`` all imperfections with amounts.
     """
 
     seed: int
@@ -180,12 +179,12 @@ class LookalikeCase:
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Names of the library's effects that are causes."""
+        """Names of the causes that are effects of the library; empty for a fault outside it."""
         return () if self.kind == "outside" else tuple(self.gaps)
 
     @property
     def outside(self) -> str | None:
-        """Name of the family outside the library, if one is the cause."""
+        """Name of the cause if it is a fault that no effect of the library describes, else None."""
         return next(iter(self.gaps)) if self.kind == "outside" else None
 
     def true_parameters(self, effect: str) -> dict[str, float]:
@@ -254,7 +253,7 @@ class _Drawing:
         raise ParameterError(f"{effect or 'no effect'} shows enough in this design")
 
     def pair(self, known: Sequence[str], effect: str | None) -> LookalikeCase:
-        """Draw a case of two causes of different subsystems, each large enough beside the other."""
+        """Draw two causes of different subsystems (first: ``effect``), each large enough."""
         around, base = self.around, self.base
         for _ in range(_EFFECT_TRIES):
             first = self.any_of(known, effect)
@@ -269,7 +268,7 @@ class _Drawing:
         raise ParameterError("no two causes show together in this design")
 
     def outside(self, family: str | None) -> LookalikeCase:
-        """Draw a case of a fault outside the library, of a family or any, with a random gap."""
+        """Draw a case of a fault that no effect describes (``family`` or any), of random gap."""
         known = families(self.design)
         if family is not None and family not in known:
             raise ParameterError(f"there is no family {family!r}. Known: {', '.join(known)}")
@@ -287,7 +286,7 @@ class _Drawing:
         raise ParameterError(f"{family or 'no family'} shows enough in this design")
 
     def case(self, causes: Sequence[_Measured], amount: float = 1.0) -> LookalikeCase:
-        """Make the case of measured causes; the first one's clean reading has all of them."""
+        """Make the case of causes; the first's reading has all of them, in this ``amount``."""
         return LookalikeCase(
             self.seed,
             self.kind,
@@ -392,8 +391,8 @@ def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
 def row_noise(design: ExperimentDesign, rng: Rng, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Draw a 1/f wander over the run (N, 6), and noise of rows (N, samples, 6), by a random law.
 
-    A share of rows is Student-t with 4 to 8 degrees of freedom. A share of the variance is AR(1).
-    Channels are correlated, and each has a level of its own. In motion all rows are one run.
+    A share of rows is Student-t with 4 to 8 degrees of freedom, a share of the variance AR(1);
+    channels are correlated, each with a level of its own. In motion all rows are one run.
     """
     mixing = np.eye(6) + 0.25 * rng.standard_normal((6, 6))
     mixing = mixing / np.linalg.norm(mixing, axis=1, keepdims=True)

@@ -126,7 +126,7 @@ class ExperimentDesign:
 
     @classmethod
     def of_plan(cls, plan: Plan, robot: Robot, samples: int = 50) -> "ExperimentDesign":
-        """The design of a plan before it is recorded; tool, noise and times have nominal values."""
+        """Design of a plan not yet recorded: tool, noise and times nominal, ``samples`` a pose."""
         rate = float(plan.rate_hz or _RATE_HZ)
         tool = robot.tool(robot.parameters.nominal)
         meta = as_stated(robot, plan.mode, "lookalike", rate, tool)
@@ -255,7 +255,7 @@ class ExperimentDesign:
 
 
 def _noise(meta: Metadata, robot: Robot, measured: np.ndarray | None) -> np.ndarray:
-    """Standard deviation of one row (6,): measured from repeats, else stated, else the sensor's."""
+    """Standard deviation (6,) of one row: ``measured`` if known, else stated, else nominal."""
     typical = np.asarray(registry.load("sensors", robot.sensor).noise.row_std, dtype=float)
     if measured is not None:
         return np.maximum(measured, 0.02 * typical)

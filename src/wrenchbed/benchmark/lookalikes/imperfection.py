@@ -91,8 +91,8 @@ class Imperfection(Fault):
 
     ``joint`` changes the joint values (N, J) [rad or m], ``link`` the parameters (P,) or (N, P);
     ``base`` turns the robot in the world by rotation vectors (3,) or (N, 3), ``mount`` the sensor
-    on its flange (3,) [rad]; ``tool`` changes the rigid load, ``load`` adds a wrench (N, 6),
-    ``sensor`` changes it as gauges do, ``clock`` as timing does, ``rows`` between rows.
+    on its flange (3,) [rad]; ``tool`` changes the rigid load, ``load`` adds a wrench (N, 6), which
+    ``sensor`` changes as gauges do, ``clock`` as timing does; ``rows`` changes the scatter of rows.
     """
 
     joint: np.ndarray | None = None
@@ -135,13 +135,13 @@ def heavier(error: float) -> Imperfection:
 
 
 def off(error: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
-    """Fault of a tool whose centre of gravity is off by (3,), or at each row by (N, 3) [m]."""
+    """Fault of a tool whose CoG is off by (3,) or (N, 3) [m]; ``true``: ``cog.x`` … if None."""
     known = by_axis(error, "cog.") if true is None else true
     return Imperfection(known, tool=lambda load, _: replace(load, cog=load.cog + error))
 
 
 def biased(shift: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
-    """Fault of a sensor whose zero is off by (6,), or at each row by (N, 6) [N, N·m]."""
+    """Fault of a zero off by (6,) or (N, 6) [N, N·m]; ``true``: ``bias.fx`` … if None."""
     known = by_channel(shift, "bias.") if true is None else true
     return Imperfection(known, sensor=lambda y: y + shift)
 
@@ -158,7 +158,8 @@ class ImperfectRobot:
         self._known: list[Imperfection] = []  # kept: their identities are keys
 
     def reading(self, items: Sequence[Scaled], *, clip: bool = True) -> np.ndarray:
-        """Noise-free reading (N, 6) [N, N·m] with imperfections; range limits apply if ``clip``."""
+        """Noise-free reading (N, 6) [N, N·m] with (imperfection, amount) items, clipped if
+        ``clip``."""
         moving = [(i, k) for i, k in items if i.joint is not None or i.link is not None]
         motion = self._motion(moving)
         tilts = [k * i.base for i, k in items if i.base is not None]

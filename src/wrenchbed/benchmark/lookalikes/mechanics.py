@@ -135,8 +135,7 @@ def weights(
     t: np.ndarray | None = None,
     stride: int = 1,
 ) -> Weights:
-    """Joint torques and base moment at rest at q (N, J), or in motion at times (N,) (open
-    chains)."""
+    """Loads at rest at q (N, J), or in motion at times (N,) [s] from every ``stride``-th row."""
     if not isinstance(robot, SimulatedRobot):
         return Weights(np.zeros((len(q), 0)), np.zeros((len(q), 3)))
     bodies = RigidBodies(robot, theta, gravity)
@@ -166,7 +165,7 @@ def link_forces(
     gravity: np.ndarray,
     names: tuple[str, ...],
 ) -> np.ndarray:
-    """Axial force (N, L) [N] of gravity on named links, positive in tension, by virtual work."""
+    """Axial forces (N, L) [N] of gravity on L links (length parameters), positive in tension."""
     forces = []
     for name in names:
         energy = []

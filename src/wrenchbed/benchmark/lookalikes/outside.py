@@ -1,4 +1,4 @@
-"""Faults that are in no library: a diagnosis must call them unknown.
+"""Faults that no effect of the library describes: a diagnosis must call them unknown.
 
 Every public function draws a fault of the family of its name. Sizes and ranges are estimates.
 """

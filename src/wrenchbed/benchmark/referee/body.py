@@ -40,7 +40,7 @@ def mount_rotation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 def joint_offset(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """Fault ``size`` × typical: the zero of a joint, about 0.2° or 1 mm off."""
+    """Fault ``size`` × typical: joint j (from 0; None: drawn) off by about 0.2° or 1 mm."""
     k = _joint(setting, rng) if j is None else j
     unit = np.deg2rad(0.2) if setting.robot.joints[k].unit == "rad" else 1e-3
     value = sign(rng) * machine.about(rng, unit * size)
@@ -54,7 +54,7 @@ def joint_offset(
 def joint_compliance(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """Fault ``size`` × typical: a compliant gear, a hinge of 15,000 or 5,000 N·m/rad."""
+    """Fault ``size`` × typical: gear of joint j (from 0; None: drawn), 15 or 5 kN·m/rad."""
     k = _rotating(setting, rng) if j is None else j
     strong = k < setting.robot.large_gears
     compliance = machine.about(rng, size / (1.5e4 if strong else 5e3))
@@ -79,7 +79,7 @@ def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 def joint_gear_error(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
-    """Fault ``size`` × typical: a gear error of 4′, 1 to 4 periods a turn, with an overtone."""
+    """Fault ``size`` × typical: gear error of joint j (from 0; None: drawn) of 4′, wavy."""
     k = _rotating(setting, rng) if j is None else j
     order = int(rng.choice([1, 2, 3, 4], p=[0.4, 0.4, 0.1, 0.1]))
     wave = machine.about(rng, np.deg2rad(4.0 / 60.0) * size)
@@ -158,7 +158,7 @@ def base_vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
 
 
 def _joint(setting: RefereeSetting, rng: Rng) -> int:
-    """Draw a joint but the first: no wrench shows a rail's position or a turn about gravity."""
+    """Draw a joint (from 0) but the first: no wrench shows a rail's place, turns about gravity."""
     return int(rng.integers(1, len(setting.robot.joints)))
 
 

@@ -135,7 +135,7 @@ def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
 
 
 def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
-    """Draw quantization and vibration far below the noise of every channel."""
+    """Draw rounding and vibration far below every channel's noise: they only scatter rows."""
     step = rng.uniform(0.0, 0.4) * setting.noise
     lever = np.sqrt(setting.cog @ setting.cog - setting.cog**2)
     most = max(1.0, (lever / setting.noise[3:]).max() * setting.noise[:3].min())
@@ -228,7 +228,7 @@ class FaultyRobot:
         return [first] if kind == "single" else self._two(first, rng)
 
     def _one(self, kind: str, names: list[str], rng: Rng) -> TrueCause:
-        """Draw a cause that is large enough; a small one is enlarged once, then replaced."""
+        """Draw a cause (of ``names``) large enough for a kind of case; enlarge one once."""
         for _ in range(_DRAWS):
             name = str(rng.choice(names))
             size = common.log_uniform(rng, *common.SIZES)
@@ -274,9 +274,9 @@ class FaultyRobot:
 class RefereeCase:
     """A simulated recording of a robot with faults, and the truth that is kept apart.
 
-    ``causes`` are the faults to find, ``faults`` these and minor imperfections, ``minor`` is the
-    gap of the latter, ``measured`` readings minus stated ones, where readings are compared (n, 6),
-    ``world`` the robot without the causes.
+    ``kind`` is none, single, pair or outside, ``causes`` are the faults to find, ``faults`` these
+    and minor imperfections, ``minor`` the gap of the latter, ``measured`` readings minus those of
+    the stated robot, at the compared rows (n, 6), ``world`` the robot without the causes.
     """
 
     kind: str
@@ -323,8 +323,8 @@ class RefereeCase:
         return classes
 
     def closed(self) -> float | None:
-        """Share of the gap that an oracle closes, by subtracting the exact changes of means by all
-        causes; None if no cause changes means."""
+        """Share of the gap (mean square beyond noise) that goes if the exact changes of means by
+        all causes are subtracted: an oracle's; None if no cause changes means."""
         causes = [c for c in self.causes if not c.rows]
         if not causes:
             return None
@@ -369,7 +369,7 @@ def robot_with_minor(
 def as_case(
     kind: str, world: FaultyRobot, causes: Sequence[TrueCause], minor: float, rng: Rng
 ) -> RefereeCase:
-    """Put a case together from a robot with causes: its recording and its truth."""
+    """Make a case of a kind: record ``world`` with causes; ``minor`` is the gap without them."""
     setting, path = world.setting, world.setting.path
     last = causes[-1].world if causes else world
     wrench, q = rows(setting, last.way, last.clean, last.around, rng)

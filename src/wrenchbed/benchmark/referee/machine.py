@@ -2,9 +2,8 @@
 and one fault of it: where it acts, its true numbers, how a list of faults makes a reading.
 
 Drives are prescribed: each has an armature so large that only the commanded acceleration moves it.
-Everything else follows from the equations of motion, by MuJoCo's implicit integrator. Dampings and
-armatures are estimates: large enough for a stable simulation at its step. Steps are estimates, too:
-small against every time constant of the machine. So are ranges of draws that faults share.
+Everything else follows from the equations of motion, by MuJoCo's implicit integrator. Dampings,
+armatures, steps and ranges of draws are estimates: stable, and small against all time constants.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -155,7 +154,7 @@ class Mechanics:
 
 
 def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> mujoco.MjModel:
-    """Compile a machine that is integrated in steps of ``step`` [s]."""
+    """Compile a model of ``robot`` with ``truth`` that is integrated in steps of ``step`` [s]."""
     spec = robot.spec(truth.theta)
     _strip(spec)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -191,7 +190,7 @@ def _strip(spec: mujoco.MjSpec) -> None:
 
 
 def _joint(spec: mujoco.MjSpec, truth: Mechanics, k: int, name: str, step: float) -> None:
-    """Add a drive, and behind it the backlash and the spring of its gear."""
+    """Add to joint ``name``, of index k, a drive, and behind it the gear's backlash and spring."""
     drive = spec.joint(name)
     drive.armature, drive.damping = ARMATURE, [0.0, 0.0, 0.0]
     body, axis = drive.parent, list(drive.axis)
@@ -356,7 +355,7 @@ def direction(rng: Rng) -> np.ndarray:
 
 
 def touched(rng: Rng) -> np.ndarray:
-    """Draw weights (6,) of channels: one, two, three of a kind or all; the largest is ±1."""
+    """Draw weights (6,) of one, two or all channels, or forces or torques; largest ±1."""
     few = int(rng.choice([1, 2, 3, 6], p=[0.45, 0.2, 0.15, 0.2]))
     chosen = np.zeros(6, dtype=bool)
     if few == 3:
@@ -372,9 +371,9 @@ def touched(rng: Rng) -> np.ndarray:
 class RefereeFault(Fault):
     """Fault of the referee's robot; ``true`` has its numbers as a diagnosis publishes them, SI.
 
-    ``body`` changes the mechanics, which are then simulated anew; ``change`` acts at a ``stage`` on
-    the load, what the gauges make of it, or when it is read; ``rows`` acts between rows. ``size``
-    is in multiples of the typical one.
+    ``body`` changes the mechanics, which are then simulated anew; ``change`` changes readings (T,
+    6) at a ``stage`` (`LOAD` … `CLOCK`, in this order); ``rows`` changes the scatter of rows.
+    ``size`` is in multiples of the typical one.
     """
 
     body: Callable[[Mechanics], Mechanics] | None = None

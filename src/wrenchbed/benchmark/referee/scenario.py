@@ -115,7 +115,7 @@ def along(motion: CubicSpline, seconds: float, rate: float) -> DrivePath:
 def _legs(
     robot: SimulatedRobot, start: np.ndarray, end: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Straight moves (start, end), by way of home if need be; none if they leave the workspace."""
+    """Straight moves (start, end), over home if need be; empty if they leave the workspace."""
     home = robot.home
     for legs in ([(start, end)], [(start, home), (home, end)]):
         fraction = np.linspace(0.0, 1.0, _CHECKS)[:, None]
@@ -128,7 +128,7 @@ def _legs(
 def _move(
     robot: SimulatedRobot, start: np.ndarray, end: np.ndarray, now: float
 ) -> tuple[np.ndarray, ...]:
-    """Minimum-jerk move: t, q, qd, qdd (Flash & Hogan, 10.1523/JNEUROSCI.05-07-01688.1985)."""
+    """Minimum-jerk move from ``now`` [s]: t, q, qd, qdd (10.1523/JNEUROSCI.05-07-01688.1985)."""
     change = end - start
     top = np.array([j.speed for j in robot.joints]) * _SPEED
     lasts = max(_LEAST_S, float(np.max(1.875 * np.abs(change) / top)))

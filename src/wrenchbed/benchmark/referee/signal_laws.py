@@ -59,8 +59,8 @@ def bouc_wen(x: np.ndarray, shape: float) -> np.ndarray:
 
 
 def _loop(pieces: np.ndarray, a: float) -> list[float]:
-    """Integrate one column of `bouc_wen`: its values (T,), by pieces (4, T − 1) of side, length and
-    exponentials of both rates. Until the loop is 0 it unloads, at another rate."""
+    """Integrate one column of `bouc_wen`, a = 1 − 2 β; return values (T − 1,) after each move.
+    ``pieces`` (4, T − 1): sign s, length |Δ|, exp(−|Δ|), exp(a |Δ|) of the moves Δ."""
     out, now = [], 0.0
     for side, d, loads, unloads in zip(*pieces.tolist(), strict=True):
         w = side * now
@@ -90,7 +90,7 @@ def lowpass(y: np.ndarray, dt: float, time: float, stages: int) -> np.ndarray:
 
 
 def ornstein(t: np.ndarray, time: float, columns: int, rng: Rng) -> np.ndarray:
-    """Draw stationary Ornstein–Uhlenbeck signals (T, columns) of unit variance."""
+    """Draw Ornstein–Uhlenbeck signals (T, columns) of unit variance, correlation ``time`` [s]."""
     keep = np.exp(-np.diff(t) / time)
     kicks = rng.standard_normal((len(t), columns))
     kicks[1:] *= np.sqrt(1.0 - keep * keep)[:, None]
@@ -104,7 +104,7 @@ def ornstein(t: np.ndarray, time: float, columns: int, rng: Rng) -> np.ndarray:
 
 
 def dahl(x: np.ndarray, reach: float) -> np.ndarray:
-    """Dahl's friction (T,), −1 … 1, as x (T,) moves, over a ``reach`` (TOR-0158(3107-18)-1)."""
+    """Dahl's friction (T,), −1 … 1, as x (T,) moves; it turns over within ``reach`` of x."""
     moves = np.diff(x)  # the exact solution over a piece of one direction
     pieces = zip(np.exp(-np.abs(moves) / reach).tolist(), np.sign(moves).tolist(), strict=True)
     return np.array(list(accumulate(pieces, _follow, initial=0.0)))
@@ -113,8 +113,8 @@ def dahl(x: np.ndarray, reach: float) -> np.ndarray:
 def rows(
     setting: RefereeSetting, ride: Ride, clean: np.ndarray, faults: Sequence[RefereeFault], rng: Rng
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Make the recorded wrenches (N, 6) [N, N·m] of a clean signal (T, 6), with noise and faults
-    between rows, and the reported joint values (N, J) [rad or m]."""
+    """Make the recorded wrenches (N, 6) [N, N·m] of a clean signal (T, 6), with noise and the
+    faults that scatter rows, and the reported joint values (N, J) [rad or m]."""
     path = setting.path
     t = path.t[path.rows]
     late = np.clip(_JITTER_S * rng.standard_normal(len(t)), -3 * _JITTER_S, 3 * _JITTER_S)
@@ -142,7 +142,7 @@ def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
 
 
 def held(n: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
-    """Draw which row is shown for each of n; ``stale``: chance of a repeat, its mean length."""
+    """Row shown for each of n rows (n,); ``stale``: chance of a repeat, its mean length."""
     chance, length = stale
     if chance == 0.0:
         return np.arange(n)

@@ -38,8 +38,8 @@ _NEAREST = 4
 
 
 class _Columns:
-    """Computes the changes of readings (n, 6) by each effect (signatures) where readings are
-    compared: at times (n,) and joints (n, J), from readings of a ride and stated ones (n, 6)."""
+    """Computes the changes of readings (n, 6) by each effect (signatures) at the n compared rows of
+    a ``setting``, from the motion and load of a ``ride``."""
 
     def __init__(self, setting: RefereeSetting, ride: Ride) -> None:
         self.setting, self.ride, self.cut = setting, ride, setting.thin
@@ -204,7 +204,7 @@ def _directions() -> np.ndarray:
 
 
 def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield signatures (name, columns) of hoses from above, of several sides and slacks."""
+    """Yield (name, columns) by hoses from above, at sensor poses (n, 3, 3), (n, 3)."""
     reach = max(1.5 * float(np.linalg.norm(position.std(axis=0))), 0.2)
     point = np.array([0.0, 0.0, 0.04])
     tied = position + rotation @ point
@@ -224,7 +224,7 @@ def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np
 def _pushes(
     rotation: np.ndarray, position: np.ndarray, tip: float
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield signatures (name, columns) of planes that the tool's end presses on, from all sides."""
+    """Yield (name, columns) by planes that push the tool's end, ``tip`` [m] along z."""
     lever = np.array([0.0, 0.0, tip])
     ends = position + rotation @ lever
     for normal in _directions():
@@ -237,7 +237,7 @@ def _pushes(
 
 
 class Block(NamedTuple):
-    """Signature of an effect's variant: columns q r, q (6 n, k) orthonormal and r (k, c)."""
+    """Signature of an effect of one shape: columns q r, q (6 n, k) orthonormal, r (k, c)."""
 
     q: np.ndarray
     r: np.ndarray
@@ -254,7 +254,7 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Signatures of the library's effects on one robot: columns (6 n, k) of each variant, of
+    """Signatures of the library's effects on one robot: columns (6 n, k), one array a shape, of
     typical size in units of row noise, and the ``usual`` fit of bias, mass and CoG before them."""
 
     usual: UsualFit
@@ -262,20 +262,20 @@ class Bench:
 
     @cached_property
     def alone(self) -> Mapping[str, list[Block]]:
-        """Signatures of each effect's variants without any other fit, by effect."""
+        """Signatures of each effect's shapes without any other fit, by name of the effect."""
         return {name: [_block(w) for w in variants] for name, variants in self.columns.items()}
 
     @cached_property
     def beside(self) -> Mapping[str, list[Block]]:
-        """Signatures of each effect's variants after the fit of bias, mass and CoG, by effect."""
+        """Signatures of each effect's shapes after the fit of bias, mass and CoG, by name."""
         basis = self.usual.basis
         return {k: [_block(w - basis @ (basis.T @ w)) for w in v] for k, v in self.columns.items()}
 
     def imitated(
         self, signature: np.ndarray, configured: bool, bounded: bool = True
     ) -> dict[str, float]:
-        """Gap (mean square over row noise) of a signature (n, 6) less its best fit by an effect, by
-        name of the effect; if ``bounded`` with amplitudes that a robot may have."""
+        """Gap (mean square over row noise) left of a signature (n, 6) by each effect's best fit, by
+        name; ``configured``: bias, mass, CoG not fitted too; ``bounded``: plausible amplitudes."""
         x = self.usual.white(signature, configured)
         remaining = {}
         for name, variants in (self.alone if configured else self.beside).items():
@@ -294,8 +294,8 @@ class Bench:
         return sorted(near, key=lambda k: remaining[k])
 
     def shows(self, data: np.ndarray, signature: np.ndarray, configured: bool) -> bool:
-        """Whether data, less stated readings and all other known faults (n, 6), contain a
-        signature: subtracting it removes at least half of its square."""
+        """Whether data (n, 6), less stated readings and other known faults, contain a signature:
+        its subtraction removes half of its square; ``configured``: bias, mass, CoG not fitted."""
         x, s = self.usual.white(data, configured), self.usual.white(signature, configured)
         fall = float(x @ x) - float((x - s) @ (x - s))
         return fall >= 0.5 * float(s @ s)

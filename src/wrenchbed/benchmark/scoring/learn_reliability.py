@@ -56,7 +56,7 @@ def reliability_at_design(
 
 
 def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
-    """Draw and diagnose a look-alike; return claim and truth, None if it cannot be drawn."""
+    """Draw look-alike ``index`` of a seed; diagnose it: claim and truth, None without one."""
     kind = TEN_KINDS[index % len(TEN_KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
     try:
@@ -66,8 +66,8 @@ def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
 
 
 def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0) -> Lesson:
-    """Diagnose a look-alike: claims with probabilities, and the truth, to learn reliability from; a
-    `DiagnosisError` if its data are refused."""
+    """Diagnose a look-alike: claims, probabilities and truth as a lesson of a ``name``, worth
+    ``weight`` cases in learning reliability; a `DiagnosisError` if its data are refused."""
     weighed = weigh(gathered(recording(design, case)), UNLEARNT, 0)
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
     mode = a.prepared.scene.mode

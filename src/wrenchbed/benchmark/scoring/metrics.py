@@ -96,7 +96,8 @@ def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = Fal
 def figure(
     metric: Metric, rows: Sequence[CaseRow], method: str = OURS, draws: int = DRAWS, seed: int = 0
 ) -> ScoredMetric | None:
-    """Compute a metric of a method over cases, with 95 % interval; None where no case counts."""
+    """Compute a metric of a method over cases, and its 95 % interval (exact, or by a bootstrap of
+    ``draws``); None where no case counts."""
     every = [p for r in rows if (p := metric.parts(r.truth, r.claims[method])) is not None]
     if not every:
         return None
@@ -180,7 +181,7 @@ def isolated(truth: Answer, claim: Claim) -> bool:
 
 
 def _of_the_joint(truth: Answer, claim: Claim) -> bool:
-    """Whether a claimed class holds the true effect with the joint that it is of."""
+    """Whether a class of effects that is claimed holds the true effect, with its true joint."""
     (cause,) = truth.causes
     return isolated(truth, claim) and cause.joint in claim.elements.get(cause.effect, ())
 
@@ -208,13 +209,13 @@ def _bins(truth: Answer, claim: Claim) -> Sequence[float]:
 
 
 def _calibration(s: np.ndarray) -> np.ndarray:
-    """Expected calibration error by sums: Σ_bins |Σ stated − Σ right| / n (Naeini et al. 2015)."""
+    """Expected calibration error Σ_bins |Σ p − Σ right| / n, from sums (…, 2 BINS + 1)."""
     bins = s[..., :-1].reshape(*s.shape[:-1], BINS, 2)
     return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
 
 
 def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Counts (hit, 1): whether ``claim.where`` is the subsystem of a true effect or its rival."""
+    """Numbers (hit, 1): whether ``claim.where`` is the subsystem of a true effect or its rival."""
     if not truth.effects:
         return None
     allowed = {subsystem(t) for t in truth.effects}
@@ -225,8 +226,8 @@ def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 
 def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Counts (hits, all) of published intervals of true effects named first, a hit if it holds the
-    true number; of the referee's robots every number is known, 0 where none is listed."""
+    """Numbers (hits, all) of published 90 % intervals of true effects, a hit if it holds the true
+    number; of the referee's robots every number is known, 0 where none is listed."""
     inside = [
         abs(n.value - n.truth) <= NORMAL_90 * n.std
         for cause in (truth.causes if truth.effects else ())
@@ -237,9 +238,9 @@ def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
 
 
 def _closed(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Share of the gap on held-out rows that is closed by the claim (0 if it states none), and by
-    the oracle; None where a cause shows between rows, as the floor itself rises. Of causes that are
-    only wrong stated numbers the gap is the configured simulator's, else the calibrated one's."""
+    """Shares of the gap on held-out rows (claim's, oracle's) that the claimed (0 if none) and the
+    true effects remove; None where a cause scatters rows, which raises the floor itself. The gap is
+    the configured simulator's if only stated numbers are wrong, else the calibrated one's."""
     oracle = None if truth.oracle is None else truth.oracle.closed
     if oracle is None or not truth.effects or any(c.rows for c in truth.causes):
         return None
@@ -323,7 +324,7 @@ METRICS = {
 
 
 def figures(rows: Sequence[CaseRow], methods: Sequence[str]) -> Figures:
-    """Compute every metric of every method; those that only the diagnosis states, for it alone."""
+    """Compute every metric of every method; None for those that only the diagnosis states."""
     return {
         method: {
             key: None if metric.ours and method != OURS else figure(metric, rows, method)
@@ -334,7 +335,7 @@ def figures(rows: Sequence[CaseRow], methods: Sequence[str]) -> Figures:
 
 
 def effect_cells(rows: Sequence[CaseRow]) -> Cells:
-    """Heading and rows of a table that counts the answers to each effect and outside family."""
+    """Heading and rows of a table: answers counted by true effect or fault outside the library."""
     head = ["effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named"]
     alone = [(r.truth, r.claims[OURS]) for r in rows if r.truth.kind in ("single", "outside")]
     groups: dict[tuple[bool, str], list[tuple[Answer, Claim]]] = {}
@@ -361,8 +362,9 @@ def _without_joint(name: str) -> str:
 
 
 def size_cells(rows: Sequence[CaseRow]) -> Cells:
-    """Heading and rows of a table: of cases with one effect on means, by the gap that it adds, the
-    shares of cases that are noticed (any answer but none) and isolated."""
+    """Heading and rows of a table: of cases of one effect that changes means, by the gap that it
+    adds, the shares that are noticed (any answer but none) and isolated (a claimed class has it).
+    """
     singles = [r for r in rows if r.truth.kind == "single" and not r.truth.causes[0].rows]
     lines = []
     for low, high in pairwise(EDGES):

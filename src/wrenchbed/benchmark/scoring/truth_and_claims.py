@@ -17,11 +17,10 @@ OURS = "wrenchbed"
 
 @dataclass(frozen=True)
 class Fact:
-    """A true cause of a case: its name (or the outside family's), its size in multiples of the
-    typical one, the ``gap`` that it adds, a mean square over noise variance (between rows the mean
-    rise of a row's variance), the largest rise of a channel's row variance, 0 where means show it,
-    its numbers as a diagnosis publishes them, SI, with what minor imperfections add, and the
-    effects that these data cannot tell from it."""
+    """A true cause of a case: name of the effect (or of a fault outside the library), size in
+    multiples of the typical one, ``gap`` and ``rows`` as of `Shown`, its ``true`` numbers as a
+    diagnosis publishes them, SI, minor imperfections included, and effects ``alike`` in these data.
+    """
 
     effect: str
     size: float | None
@@ -40,8 +39,8 @@ class Fact:
 
 @dataclass(frozen=True)
 class Oracle:
-    """Answer of an oracle that knows the form and size of all possible causes: verdict, classes,
-    and the share of the gap that the true effects close."""
+    """Answer of an oracle that knows form and size of all possible causes: verdict, classes of
+    effects that no data tell apart, and the share of the gap that the true effects remove."""
 
     verdict: str
     causes: tuple[tuple[str, ...], ...]
@@ -50,8 +49,8 @@ class Oracle:
 
 @dataclass(frozen=True)
 class Answer:
-    """The truth of a case; its salt keeps the file's hash from being guessed. ``minor`` is the gap
-    of minor imperfections, None of efforts; only the referee's cases have an oracle."""
+    """The truth of a case; ``minor`` is the gap of minor imperfections, None of efforts; only the
+    referee's cases have an oracle. Random ``salt`` keeps its hash from being guessed."""
 
     case: str
     robot: str

@@ -66,7 +66,7 @@ def digest(data: bytes) -> str:
 
 
 def salt(seed: int, case: str) -> str:
-    """Salt of a case: 32 bytes in hexadecimal that nobody can guess who does not know the seed."""
+    """Salt of a case: SHA-256 in hexadecimal that nobody can guess who does not know the seed."""
     return digest(f"wrenchbed blind salt {seed} {case}".encode())
 
 
@@ -78,8 +78,8 @@ def write(
     names: Iterable[str],
     about: Mapping[str, object],
 ) -> str:
-    """Write ``commitments.json``, hashes of the recordings and answers of named cases, and
-    ``family.json`` with all of ``about``; return the SHA-256 of the first file."""
+    """Write hashes of named cases to ``out/commitments.json``, and ``about`` to
+    ``answers/family.json``; return the SHA-256 of the first file."""
     cases = {
         name: {
             "recording": digest(recording_of(out, name).read_bytes()),
@@ -100,7 +100,7 @@ def write(
 
 
 def family(about: Mapping[str, object], root: str | None) -> bytes:
-    """Content of ``family.json``: ``about``, and once complete the SHA-256 of its commitments."""
+    """Content of ``family.json``: ``about``, and ``root``, its commitments' SHA-256."""
     return (json.dumps({**about, "commitments": root}, indent=1) + "\n").encode()
 
 
@@ -127,11 +127,11 @@ def read(cases: Path) -> dict[str, Commitment]:
 
 
 def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str, Commitment]:
-    """Check that every case and every answer is what was committed to; return the commitments. A
+    """Check that every case and answer is what was committed to; return the commitments. A
     `BenchmarkError` names the first file that is missing or was changed.
 
-    ``published`` is the SHA-256 of ``commitments.json`` as entrants know it: who holds the answers
-    could change all files together, but not that.
+    ``published``: SHA-256 of ``commitments.json`` as entrants know it, which the holder of the
+    answers, who could change all files together, cannot change.
     """
     sealed = read(cases)
     of_family, listed = answers / FAMILY, cases / COMMITMENTS

@@ -82,12 +82,12 @@ class Family:
         return arms
 
     def about(self) -> dict[str, object]:
-        """Contents of ``family.json``: the settings that entrants may know."""
+        """Contents of ``family.json``, which is kept with the answers: all fields, the seed too."""
         return asdict(self) | ({"world": self.world} if self.world else {})
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
-        """Draw the truth and the recording of one case, without name and salt; a `ParameterError`
-        if this attempt makes none."""
+        """Draw the truth (still without name and salt) and recording of case ``index`` (from 0); a
+        `ParameterError` if this ``attempt``, each of other draws, makes none."""
         kind = self.kinds()[index]
         case = referee.make(self.robot, self.mode, kind, (self.seed, index, attempt))
         facts = tuple(
@@ -108,8 +108,8 @@ class Family:
         return answer, case.recording
 
     def found(self, index: int) -> tuple[Answer, Recording]:
-        """Draw a case anew until an attempt makes one, at most ``tries`` times; return its answer
-        and recording, or raise a `ParameterError`."""
+        """Draw case ``index`` (from 0) until an attempt makes it, at most ``tries`` times; return
+        its answer and recording, or raise a `ParameterError`."""
         answer, rows = attempts(self.tries, lambda k: self.case(index, k), ParameterError)
         name = self.names()[index]
         return replace(answer, case=name, salt=salt(self.seed, name)), rows
@@ -157,8 +157,7 @@ class LookalikeFamily(Family):
 
 @dataclass(frozen=True)
 class EffortFamily(Family):
-    """Family of cases of moving arms with joint torques or currents, and with ``wrench`` a
-    force/torque sensor."""
+    """Family of cases of arms with joint torques or currents; ``wrench``: also a sensor."""
 
     wrench: bool = False
     tries: ClassVar[int] = efforts.TRIES
@@ -217,14 +216,14 @@ def make(
 
 
 def resumed(answers: Path) -> int | None:
-    """Seed of the family that a folder of answers belongs to, if any."""
+    """Seed in the ``family.json`` of a folder of answers; None if it has no readable one."""
     with suppress(BenchmarkError, ValueError, LookupError, TypeError):
         return int(load(answers / commitments.FAMILY, BenchmarkError)["seed"])
     return None
 
 
 def open_family(family: Family, out: Path, answers: Path) -> None:
-    """Make the folders, or check that they belong to this family."""
+    """Make both folders, or check that they hold this family; close ``answers`` to others."""
     path = answers / commitments.FAMILY
     check_folders(path, family.about(), (out, answers), BenchmarkError)
     if not path.exists():

@@ -1,9 +1,8 @@
 """Entrants answer every case of a family; a stopped run continues where it stopped.
 
 Who may enter: wrenchbed's diagnosis, its baselines, or any program that writes the contract.
-Baselines start from the same calibrated simulator and the same dictionary of effects as the
-diagnosis, with noise and tolerances only: no background of small imperfections, no refit, and no
-answer for what no effect makes. That is what a careful user without them sees.
+Baselines start from the same calibrated simulator and dictionary of effects as the diagnosis, with
+noise and tolerances only: no small imperfections, no refit, no answer for what no effect makes.
 """
 
 import os
@@ -122,8 +121,8 @@ class Entrant:
 def enter(
     cases: Path, claims: Path, limit: float, item: tuple[str, Sequence[Entrant]]
 ) -> list[str]:
-    """Let entrants answer one case, within a limit [s] each; return the names of those that failed:
-    a crash or a timeout counts as a wrong answer."""
+    """Let entrants answer one case within ``limit`` [s] each; ``item``: its name, entrants. Return
+    the names of those that failed: a crash or a timeout counts as a wrong answer."""
     name, entrants = item
     recording = commitments.recording_of(cases, name)
     digest, failed = commitments.digest(recording.read_bytes()), []
@@ -158,7 +157,7 @@ def enter(
 
 
 def _misuse(folder: Path) -> str:
-    """Delete an entrant's folder if it has a link or too many bytes; then say so, else ""."""
+    """Delete an entrant's folder that has a link or too many bytes, and say so; else return ""."""
     entries = [folder, *folder.rglob("*")]
     if any(entry.is_symlink() for entry in entries):
         misuse = "wrote a symbolic link"
@@ -172,7 +171,7 @@ def _misuse(folder: Path) -> str:
 
 
 def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> None:
-    """Write the claim of our diagnosis or of a baseline about a recording to ``out``."""
+    """Write to ``out`` what our ``method`` (diagnosis or baseline) claims, within ``limit`` [s]."""
     with _at_most(limit), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         data = Recording.read(recording)
@@ -186,7 +185,7 @@ def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> 
 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
-    """JSON object of a baseline's claim in the format of ``diagnosis.json``."""
+    """JSON object, as of ``diagnosis.json``, of a baseline's claim on a recording (file name)."""
     which: list[dict[str, Any]] = [
         {
             "effect": c[0],
