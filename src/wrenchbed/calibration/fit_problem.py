@@ -43,8 +43,8 @@ class Problem:
     def _once(
         self, what: str, x: np.ndarray, make: Callable[[np.ndarray], np.ndarray], near: float = 0.0
     ) -> np.ndarray:
-        """Return ``make(x)``; again the kept result, under ``what``, for x within ``near``
-        tolerances."""
+        """Return ``make(x)``; for an x within ``near`` tolerances of the last one, the result kept
+        under the name ``what``."""
         known = self._last.get(what)
         if known is None or np.abs((known[0] - x) / self.scale).max(initial=0.0) > near:
             known = self._last[what] = (x.copy(), make(x))

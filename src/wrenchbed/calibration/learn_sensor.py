@@ -292,7 +292,7 @@ def grid_step(rows: np.ndarray) -> float:
 
 
 def _refined(gaps: np.ndarray, step: float) -> float:
-    """Refine a grid's rough step by ascending gaps (N,) between values, which are multiples."""
+    """Refine a grid's rough ``step`` by ``gaps`` (N,), ascending multiples of it between values."""
     for count in (len(gaps) // 4, len(gaps) // 2, len(gaps)):
         some = gaps[: max(count, 1)]
         times = np.rint(some / step)

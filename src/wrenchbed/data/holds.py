@@ -272,11 +272,8 @@ def split(recording: Recording, slow: bool = False) -> Split:
 
 
 def check_at_rest(recording: Recording) -> None:
-    """Refuse a log of moves stated as poses at rest: each row is a pose close to the one before.
-
-    Raises:
-        RecordingError: most rows are in motion.
-    """
+    """Raise `RecordingError` for a log of moves stated as poses at rest, in which most rows are in
+    motion: each row is then a pose close to the one before."""
     q = _smooth(recording)
     if len(q) < _ENOUGH_TO_MOVE:
         return

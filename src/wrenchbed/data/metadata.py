@@ -75,8 +75,8 @@ class Metadata:
 
 
 def model_field(name: str | None, kind: str = "robots") -> dict[str, Any]:
-    """Metadata entry with the model of a user's robot (or sensor: ``kind`` ``sensors``) of this
-    name; empty for one that ships."""
+    """Metadata entry with the model of a user's own robot, or, with ``kind`` ``sensors``, sensor of
+    this name; empty for one that ships."""
     record = registry.record_of(kind, str(name))
     return {} if record is None else {_MODELS[kind]: dict(record)}
 

@@ -284,10 +284,8 @@ class ArmTree:
         )  # fmt: skip
 
     def _range(self, j: int, bound: float) -> tuple[float, float, float]:
-        """Limits and home of joint j [rad or m]; limits are ± ``bound`` where the file has none.
-
-        In a loop home is the keyframe's.
-        """
+        """Limits and home of joint j [rad or m]; limits are ± ``bound`` where the file has none,
+        and in a loop home is the keyframe's."""
         model, home = self.model, float(self._home[self.model.jnt_qposadr[j]])
         limited = bool(model.jnt_limited[j])
         lower, upper = (float(x) for x in (model.jnt_range[j] if limited else (-bound, bound)))

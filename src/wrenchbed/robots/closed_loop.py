@@ -302,8 +302,9 @@ class ClosedLoops:
         return at
 
     def as_jets(self, at: np.ndarray, driven: Value, arm: ArmModel, real: ArmModel) -> list[Value]:
-        """Values of all joints, (…, N) each, as jets or complex numbers: the solution ``at`` (…, N,
-        L) of the arm ``real``, with derivatives from those of ``driven`` (…, N, J) and ``arm``."""
+        """Values of all joints, (…, N) each, as jets or complex numbers. Their values are ``at``
+        (…, N, L), the solution for the arm ``real``; their derivatives follow from those that
+        ``driven`` (…, N, J) and ``arm`` carry."""
         orders = 2 * isinstance(driven, Jet) + np.iscomplexobj(value(driven))
         values = list[Value](_split(at))
         if not orders:

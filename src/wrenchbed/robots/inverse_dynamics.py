@@ -20,9 +20,9 @@ _ROWS_AT_ONCE = 1000
 def torque_regressor(
     robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.ndarray
 ) -> np.ndarray:
-    """Regressor Y (N, J, 10 L) of joint torques (N, J) = Y φ [N·m, N for slides] for q, a jet of
-    joint values (N, J), and gravity in world axes (3,) [m/s²]; a `NotFoundError` if the model of
-    the robot has no frames of links."""
+    """Regressor Y (N, J, 10 L) of joint torques (N, J) = Y φ [N·m, N for slides], φ (10 L,) being
+    the inertial parameters of L links, for q, a jet of joint values (N, J), and gravity in world
+    axes (3,) [m/s²]. A `NotFoundError` if the robot's model has no frames of links."""
     starts = range(0, len(q.v), _ROWS_AT_ONCE)
     parts = [_regressor(robot, theta, q[k : k + _ROWS_AT_ONCE], gravity) for k in starts]
     return np.concatenate(parts)

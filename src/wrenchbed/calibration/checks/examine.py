@@ -76,8 +76,8 @@ _UNITS = {
 
 def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> Finding | None:
     """Return the first finding against a recording, or None. ``seen`` are its observations; with
-    ``blocking`` only findings count by which a diagnosis, too, refuses: not contacts or jumps of
-    the zero, which it names itself."""
+    ``blocking`` only findings count that make a diagnosis refuse, too: not contacts or jumps of the
+    zero, which it names itself."""
     finding = rows.of_rows(recording, blocking=blocking) or of_load(recording, seen)
     return finding if finding is None or finding.blocks or not blocking else None
 

@@ -194,7 +194,8 @@ def guess(
 
 
 def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
-    """Sentences on what a convention assumed, and on columns not used or ``untried``."""
+    """Sentences on what a convention assumed, on columns not used, and ``untried``, that on
+    conventions not tried."""
     notes = [untried] if untried else []
     if c.reading.robot is not None and stated.robot is None:
         notes.append(f"no --robot is stated: {c.reading.robot}'s joints explain it")
@@ -318,8 +319,8 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
 
 
 def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """Map entries of accelerometer columns in sensor axes, and of their clock if it is late; empty
-    where they do not follow the forces."""
+    """Map entries ax, ay, az of accelerometer columns, turned to sensor axes, and of their clock t
+    if it is late; empty where they do not follow the forces."""
     names, load, at = [sheet.roles[a] for a in ACCELERATION], c.load, rows_at(c.load, sheet)
     force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
     if at is None:

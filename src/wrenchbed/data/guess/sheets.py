@@ -149,8 +149,8 @@ class Sheet:
         return all(unit is None or UNITS[unit][0] in quantities for unit in units)
 
     def windows(self, width: int, *quantities: str) -> Iterator[list[str]]:
-        """Yield each ``width`` adjacent columns without role that may be of the quantities
-        (``angle`` …)."""
+        """Yield the names of every ``width`` adjacent columns without a role whose units, where
+        stated, are of the quantities (``angle`` …)."""
         free = {name for name in self.free if self.may_be([name], *quantities)}
         names = list(self.values)
         for k in range(len(names) - width + 1):
@@ -301,7 +301,8 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 
 def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, list[str]]:
-    """Stem → columns that are this stem and a number, by number, without ``taken`` ones."""
+    """Stem → columns whose names are this stem and a number, in the order of the numbers; columns
+    in ``taken`` are left out."""
     stems: dict[str, dict[int, str]] = {}
     for name in values:
         match = _INDEXED.match(plain(name))

@@ -77,8 +77,8 @@ class Stated:
         in_base: bool,
     ) -> None:
         """Write these facts to a map's ``[recording]`` and to its entries ``wrench`` of the six
-        channels; ``sheet`` has the wrench. If that is ``in_base`` axes, a column may be any axis of
-        the sensor.
+        channels; ``sheet`` has the wrench, whose largest values bound the zeros: of each channel,
+        or if it is ``in_base`` axes, of three.
 
         Raises:
             MapError: the fit or the rows at rest cannot be read.

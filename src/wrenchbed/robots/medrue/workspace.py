@@ -153,7 +153,7 @@ def default_points() -> np.ndarray:
 
 
 def target_points() -> np.ndarray:
-    """Grid 6 × 8 × 7 of tool positions (336, 3) in the world [m], where the leg will be."""
+    """Grid 6 × 8 × 7 of tool positions (336, 3) in the world [m], where a patient's leg will be."""
     axes = (np.linspace(0.2, 0.6, 6), np.linspace(0.28, 0.6, 8), np.linspace(-0.26, -0.1, 7))
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
