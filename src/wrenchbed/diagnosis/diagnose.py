@@ -307,8 +307,7 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
 
 
 def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Facts[Explanation]:
-    """Facts for a decision on the means of readings; with ``own_rest`` the unexplained residual
-    counts as noise."""
+    """Facts for a decision on means of readings; ``own_rest``: unexplained residual is noise."""
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
 
     def right(verdict: Verdict[Explanation], gap: Closure) -> float:

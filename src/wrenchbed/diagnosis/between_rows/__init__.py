@@ -1,7 +1,9 @@
 """Effects that no mean shows: noise, coarse counts, repeats, vibration.
 Read first: `row_effects`, then `scatter`.
-Free: the inside of each file (estimators); tests/diagnosis/test_between_rows checks detections and
-sizes. Thresholds decide claims: after a change sealed cases.
-Others rely on: `RowFinding`, of which ``which`` and the written twin take effects.
+Free: the inside of functions (estimators); tests/diagnosis/test_between_rows checks detections and
+sizes. Capital constants are thresholds of claims: after a change run new sealed cases
+(docs/how-to/sealed.md).
+Others rely on: `RowFinding`: its parameters are keys of ``which`` and effects of the written twin
+(change docs/contracts.md with them), its sentences notes (run `scripts/messages`).
 Never: use a mean over rows as evidence; other folders do that.
 """

@@ -35,8 +35,7 @@ UNEXPLAINED = 0.6
 """Least unexplained relative rise of a channel's variance that is an unknown cause: a half
 (docs/contracts.md) plus small imperfections (at most 0.15 in 13 healthy look-alikes)."""
 BURST = 3.0
-"""Variance of a group of rows over the median group's from which it is a burst: beyond the heavy
-tails of sound sensors."""
+"""Variance of a group of rows over the median group's from which it is a burst, not a tail."""
 STALE = 0.03
 """Least share of repeated rows, beyond chance, that is reported: coarse counts repeat too."""
 BESIDE = 1.3

@@ -38,8 +38,7 @@ FIRM = 0.75
 """Least probability of a cause that is claimed although ordinary errors imitate it: 3 to 1."""
 CONTRIVED = 0.05
 """Least weight, where the cause has at most 1, of a rival that makes the same readings only with
-numbers that happen to fit. Evidence against it is as uncertain as its assumed sizes, so it stays
-listed."""
+numbers that happen to fit: evidence against it is as uncertain as its assumed sizes."""
 
 Rule = Callable[[Facts[S], Verdict[S], Closure], Verdict[S]]
 
@@ -228,8 +227,7 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     """Verdict with probabilities times `Facts.right`, the share of such answers that were right.
 
     What the leading answer loses goes to ``unknown``; a claim that is then no likelier than
-    ``unknown`` becomes it. Causes that other channels confirm are kept: the shares were learnt on
-    wrenches alone.
+    ``unknown`` becomes it. Causes that channels beside the wrench confirm are kept as they are.
     """
     if verdict.causes and _stands(facts, verdict.causes[0], gap):
         return verdict
@@ -342,8 +340,7 @@ def beside_contact(
 
 
 def withdrawn(verdict: Verdict[S], instead: str) -> Verdict[S]:
-    """Verdict ``instead`` (`none`, `unknown`) of a withdrawn answer, which keeps a small
-    probability.
+    """Verdict ``instead`` (`none`, `unknown`); the withdrawn answer keeps a small probability.
 
     Causes that become `unknown` lower the probability of `none` as well, since there is a gap; an
     `unknown` that becomes `none` lowers those of all causes.

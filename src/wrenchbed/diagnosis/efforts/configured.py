@@ -46,8 +46,7 @@ def stated_drives(recording: Recording, path: str | Path | None = None) -> Drive
 
     Args:
         recording: recording whose metadata may state ``configured``.
-        path: file of ``wrenchbed calibrate`` on joint efforts, or ``drives.json`` of a diagnosis,
-            if any.
+        path: file of ``wrenchbed calibrate`` on joint efforts, or ``drives.json``, if any.
 
     Raises:
         DiagnosisError: a field is no number, or the fit is of another robot or of wrenches.

@@ -163,8 +163,7 @@ def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
     """Gap that the columns of indices ``columns``, with amplitudes x (P,), add at the joint where
     it is largest, less what the columns that are free in every fit take up there.
 
-    Columns common to all joints are known from the other joints, so they take up nothing of a cause
-    in one drive.
+    Columns common to all joints, known from the others, take up nothing of a cause in one drive.
     """
     joint, gap = d.joint[columns], 0.0
     in_one = bool((joint >= 0).all())

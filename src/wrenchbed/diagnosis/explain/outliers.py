@@ -150,8 +150,7 @@ def _with_known_jumps(a: Analysis, f: Finalist) -> Finalist:
 def _contradicted(
     level: BackgroundLevel, f: Finalist, p: Prepared, blocks: np.ndarray, made: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Whether each block (b,) is far from its prediction by others; ratio of largest to median
-    error.
+    """Whether each block (b,) is far from its prediction by others; largest over median error.
 
     Largest errors go first: predictions that use them miss other blocks. ``blocks`` (R,): number of
     each row's block; ``made`` (b,): mean square that claimed causes change in each, allowed too.

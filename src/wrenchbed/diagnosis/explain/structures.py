@@ -227,8 +227,8 @@ def _distinct(
 ) -> list[SingleEvidence]:
     """Best evidence of each effect, at most ``count``, with a second variant if nearly as good.
 
-    A free curve counts as an effect of its own: formulas gain when refitted. The gain of the best
-    over ``base``, the log posterior without effects, sets how far below it others are kept.
+    A free curve counts as an effect of its own: formulas gain when refitted. The best one's lead
+    over ``base``, the log posterior without effects, sets how much worse the others may be.
     """
     kept: list[SingleEvidence] = []
     best: dict[tuple[str, bool], list[SingleEvidence]] = {}

@@ -27,10 +27,9 @@ NOISES = 2.0 ** np.arange(0.0, 8.0)
 
 
 def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
-    """Part (M, c) of the residual of readings (M, c) that ridge regressions on smooth functions of
-    all variables predict.
+    """Part (M, c) of the residual of readings (M, c) that smooth functions of variables predict.
 
-    Each fold is predicted by a regression on the others, with the prior of largest evidence.
+    Each fold is predicted by a ridge regression on the others, the prior of largest evidence.
     """
     held = prepared.scene.held
     x = np.concatenate(list(variables(prepared).values()), axis=1)

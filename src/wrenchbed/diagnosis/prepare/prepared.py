@@ -89,15 +89,13 @@ class Prepared:
         count: number of rows behind each (H,), 0 where it repeats.
         covariance: of one row's noise (C, C), or of the material residual if the user states one.
             Its diagonal's roots are the units of whitened readings: a gap of 1.
-        noise: variance (C,) of an observation over that of ``covariance``: below 1 where rows were
-            averaged at rest; in motion ``stride`` times the variance of averages of ``stride``
-            rows.
-        source: where the noise of a row comes from, ``repeats``, ``stated``, or of another sensor
-            than the wrench's ``residual``.
-        block: number of the block of each observation (H,).
+        noise: variance (C,) of an observation over that of ``covariance``; in motion ``stride``
+            times the variance of averages of ``stride`` rows.
+        source: where a row's noise comes from: ``repeats``, ``stated``, ``residual``.
+        block: number (H,) of each observation's block: a pose, or a stretch of a motion.
         fold: fold of each observation (H,), −1 if it is set aside and takes no part.
-        scatter: mean products of the leading channel's rows of each observation about their mean,
-            0 where its noise is that of whole observations.
+        scatter: mean products (H, c, c) of the c columns of the leading channel's rows of each
+            observation about their mean, 0 where its noise is that of whole observations.
         left_out: number of saturated rows that are not used.
         stride: number of a motion's rows that are averaged into one for the linear analysis.
         touch: contact of a tool without joints; its rows are not among the observations.
