@@ -128,7 +128,7 @@ def load(kind: str, name: str) -> Any:
 
 
 def _is_file(kind: str, name: str) -> bool:
-    """Whether a name is the path of a user's file."""
+    """Whether a name is the path of a user's TOML file of this kind (robots or sensors)."""
     return kind in _DESCRIBED and name.lower().endswith(".toml")
 
 
@@ -140,7 +140,8 @@ def _from_file(kind: str, path: Path) -> Any:
 
 
 def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
-    """Register the record of a user's robot or sensor from a file; a plug-in's name wins."""
+    """Register a user's robot or sensor by its ``record`` (see `record_of`); plug-ins' names
+    win."""
     if name not in names(kind):
         _records.setdefault((kind, name), record)
 
@@ -166,16 +167,13 @@ def revived(kind: str, name: str, record: Mapping[str, Any]) -> Any:
 
 
 def record_of(kind: str, name: str) -> Mapping[str, Any] | None:
-    """Record with which others can load a user's robot or sensor; None for a plug-in."""
+    """Content of a user's robot or sensor file, for `revived` elsewhere; None for a plug-in."""
     return _records.get((kind, name))
 
 
 def known_as(kind: str, name: str) -> str:
     """The name under which files name an object: the one inside a user's TOML file, else ``name``.
-
-    Raises:
-        NotFoundError, ParameterError: the user's file cannot be read.
-    """
+    A `NotFoundError` or `ParameterError` if the user's file cannot be read."""
     return str(_from_file(kind, Path(name)).name) if _is_file(kind, name) else name
 
 

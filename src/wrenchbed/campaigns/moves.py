@@ -42,7 +42,8 @@ class Leg:
 
 
 def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
-    """Raise a `PlanError`, which names the row, if the robot cannot run a plan; move nothing."""
+    """Raise a `PlanError`, which names the row, if the robot cannot run a plan at ``rate`` [Hz],
+    with ``clear`` also if a row of a motion touches something; move nothing."""
     robot = driver.robot
     if plan.robot != robot.name:
         raise PlanError(f"{plan.name}: the plan is for robot {plan.robot!r}, not {robot.name!r}")
@@ -75,10 +76,8 @@ def itinerary(
     """Plan moves that visit rows of a static plan in this order, from ``start`` (J,) on.
 
     If ``clear`` they touch neither the robot itself nor its surroundings: a straight move that is
-    blocked is replaced by one around the obstacle.
-
-    Raises:
-        PlanError: a pose or every path to it is out of reach or blocked; names the row.
+    blocked is replaced by one around the obstacle. A `PlanError`, which names the row, if a pose or
+    every path to it is out of reach or blocked.
     """
     among = clearance(robot) if clear and isinstance(robot, SimulatedRobot) else None
     legs, here = [], np.asarray(start, dtype=float)
@@ -142,7 +141,7 @@ def _box(
     driver: Driver, plan: Plan, clear: bool
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Lower and upper corner [m] of the box around the sensor's path through the plan and back to
-    its first pose, with `MARGIN_M` on all sides."""
+    its first pose, with `MARGIN_M` on all sides; with ``clear`` the path leads around obstacles."""
     robot, here = driver.robot, driver.read().q
     rows = [*range(len(plan)), 0] if plan.mode == "static" else [0]
     legs = itinerary(robot, plan, here, driver.limits, rows, clear=clear)
@@ -159,7 +158,8 @@ def _box(
 
 
 def _loads(driver: Driver, missing: Mapping[str, bool]) -> dict[str, tuple[float, str]]:
-    """Missing limits of force [N] and torque [N·m] by name, each with a text on its origin."""
+    """``force`` [N] and ``torque`` [N·m], where ``missing``: their derived limits, each with a text
+    on its origin."""
     robot, loads = driver.robot, {}
     theta, gravity = robot.parameters.nominal, np.asarray(robot.gravity)
     tool, q = robot.tool(theta), driver.read().q[None]

@@ -36,7 +36,7 @@ _SAME = {
 
 
 class Retries(IntEnum):
-    """Most repeated attempts in a row without a person, by the cause of failure."""
+    """Most repeated attempts in a row without a person, by the cause of a driver's failure."""
 
     NEVER = 0
     """The robot protects itself or people, is in fault or off, or the load was too large."""
@@ -91,7 +91,8 @@ class Before:
     revisited: bool
 
     def first(self, segment: int) -> Hold | None:
-        """`Hold` of a segment's rows at the plan's first pose; None if it has none there."""
+        """`Hold` (time, readings) of a ``segment``'s rows at the plan's first pose; None if
+        none."""
         if not self.columns:
             return None
         rows = np.flatnonzero((self.columns[POSE] == 0) & (self.columns["segment"] == segment))
@@ -109,11 +110,9 @@ def second_visit(plan: Plan) -> int:
 def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Before:
     """Read the recording of a plan's stopped run; an incomplete visit of a pose is dropped.
 
-    ``needed`` (P,) are the rows that each pose needs, ``metadata`` those of the run to come.
-
-    Raises:
-        PlanError: it is not of this plan, was recorded otherwise, or cannot be resumed.
-        RecordingError: it cannot be read.
+    ``needed`` (P,) are the rows that each pose needs, ``metadata`` those of the run to come. A
+    `PlanError` if it is not of this plan, was recorded otherwise, or cannot be resumed; a
+    `RecordingError` if it cannot be read.
     """
     if not path.exists():
         raise PlanError(f"{path}: there is no such recording to go on with: leave --resume out")
@@ -151,8 +150,8 @@ def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Be
 
 
 def check_same(path: Path, old: Metadata, new: Metadata, kept: bool = True) -> None:
-    """Raise a `PlanError` if metadata ``old`` of a recording and ``new`` of the run differ; sensor
-    zeros may, as the run watches them. ``kept``: the recording has rows."""
+    """Raise a `PlanError` that names ``path`` if metadata ``old`` of its recording and ``new`` of
+    the run differ; sensor zeros may, as the run watches them. ``kept``: the recording has rows."""
     was, asked = (json.loads(json.dumps(m.to_json())) for m in (old, new))
     for field, remedy in _SAME.items():
         a, b = was.get(field), asked.get(field)

@@ -240,8 +240,9 @@ class _Run:
     def _failed(
         self, what: str, error: DriverError, failed: Counter[Retries], most: int, remedy: str
     ) -> None:
-        """Count a failed attempt and wait; raise the error if it was the last attempt, or a person
-        must look at the robot."""
+        """Count a failed attempt in ``failed`` and wait; raise the error if it was the last of
+        ``most`` attempts or a person must look at the robot, with ``what`` failed and the
+        ``remedy``."""
         if not self.driver.live:
             raise error
         kind = resume.retries(self.driver, error)
@@ -261,7 +262,8 @@ class _Run:
         return itinerary(self.driver.robot, self.plan, start, limits, rows, clear=clear)
 
     def _visit(self, leg: Leg, segment: int, writer: RecordingWriter) -> Hold:
-        """Go to a pose and record; on a live driver, try again after its link or read failed."""
+        """Go to the pose of ``leg`` and record rows as ``segment``; on a live driver, try again
+        after its link or read failed."""
         taken: list[np.ndarray] = []
         failed: Counter[Retries] = Counter()
         while True:
@@ -284,7 +286,8 @@ class _Run:
     def _hold(
         self, row: int, segment: int, writer: RecordingWriter, taken: list[np.ndarray]
     ) -> Hold:
-        """Record the rows that a pose still needs; return its end time [s] and readings (n, 6)."""
+        """Record the rows that a pose still needs beyond ``taken`` (readings so far, extended in
+        place); return its end time [s] and readings (n, 6)."""
         at_once = max(1, int(_BLOCK_S * self.rate))
         while (missing := int(self.needed[row]) - sum(map(len, taken))) > 0:
             block = dict(self.driver.sample(min(at_once, missing), self.rate))

@@ -109,7 +109,8 @@ class Fleet:
         return robot
 
     def rng(self, k: int, what: str) -> np.random.Generator:
-        """Random generator of robot k for one of `VARIED`; the same for all if it is fixed."""
+        """Random generator of robot k for ``what``, one of `VARIED`; the same for all k if ``vary``
+        has it not."""
         robot = k + 1 if what in self.vary else 0
         return np.random.default_rng([self.seed, robot, _STREAMS[what]])
 
@@ -257,7 +258,8 @@ def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
 
 @cache
 def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """Test poses of a robot: for readings (100, J), for positions in its target (G, J) or None."""
+    """Test poses of a robot by name: for readings (100, J); for positions in its target workspace
+    (G, J) or None."""
     robot: SimulatedRobot = Fleet(name, 1).model_robot()
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
 

@@ -21,11 +21,8 @@ the table of rows."""
 
 
 def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Document:
-    """Summary page of the rows of a fleet's campaign in a folder, with the ``command`` line.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Summary page of the rows of a fleet's campaign in a folder, with the ``command`` line; a
+    `MissingExtraError` without matplotlib."""
     failed = int((text(table, "error") != "").sum())
     poses = "the poses of a plan" if fleet.plan is not None else f"{fleet.poses:,} poses"
     lead = (

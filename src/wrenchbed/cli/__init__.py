@@ -158,10 +158,8 @@ def prepare() -> None:
 
 
 def _check_memory(verb: str) -> None:
-    """Refuse to run a verb under a memory limit (`ulimit -v`) below what it needs.
-
-    A limited process also loads its linear algebra with one thread: each reserves memory.
-    """
+    """Refuse to run a verb under a memory limit (`ulimit -v`) below what it needs; let a limited
+    process load its linear algebra with one thread, as each reserves memory."""
     need = _LEAST_DRAWN if verb in _DRAWN else _LEAST
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit == resource.RLIM_INFINITY:

@@ -103,7 +103,8 @@ def calibrate(
 
 
 def _channels(data: wb.Recording) -> str:
-    """Channels that are fitted by default: wrench, else joint efforts, positions or commands."""
+    """Channels to fit by default, as for ``--channels``: wrench if recorded, else pose, effort,
+    command."""
     if data.has_wrench:
         return "wrench"
     if data.only_commanded:
@@ -115,7 +116,8 @@ def _fitted(
     channels: str, data: wb.Recording, options: wb.Options, given: DataArguments,
     truth: Path | None, known: Mapping[str, float] | None,
 ) -> tuple[wb.Fit | DriveFit | TrackerFit, Group]:  # fmt: skip
-    """Fit a recording's channels; return the fit and its table, with ``known`` true values."""
+    """Fit ``channels`` (wrench, effort, pose or command) of a recording; return the fit and its
+    table. The table of a wrench's fit shows ``known``, the true values in the file ``truth``."""
     if channels == "effort":
         efforts = wb.calibrate_efforts(
             data, options.free, constants=given.constants, force=options.force
@@ -136,7 +138,7 @@ def _fitted(
 
 
 def tracker_fit_table(fit: TrackerFit) -> Group:
-    """Table of a tracker's fit: parameters, errors, what the data cannot determine, status."""
+    """Table of a fit to a laser tracker's readings: parameters, errors, unknowns, status."""
     rows = f"{fit.poses} poses, {fit.rows} rows"
     head = Text.assemble(("places of a target ", "bold"), f"{fit.recording}  {fit.robot}, {rows}")
     errors = console.table("|rms distance", ">mm", space=1)
@@ -182,7 +184,7 @@ def _parameters(
 
 
 def drive_fit_table(fit: DriveFit) -> Group:
-    """Table of a drive fit: parameters, errors of each joint on held-out rows, status."""
+    """Table of a fit of drives or servos: parameters, each joint's rms residual, status."""
     head = Text.assemble(
         (f"joint {fit.word}s ", "bold"), f"{fit.recording}  {fit.robot}, {fit.about}"
     )  # fmt: skip

@@ -61,11 +61,8 @@ def pairs(words: Sequence[str]) -> dict[str, str]:
 
 def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> dict[str, Any]:
     """Convert words (field → text) to the types of a dataclass's fields; fields in ``excluded``
-    have options of their own.
-
-    Raises:
-        ParameterError: no such field (the message lists all), or a value of another type.
-    """
+    have options of their own. A `ParameterError` if there is no such field (the message lists all),
+    or a value has another type."""
     hints = get_type_hints(options)
     names = (f.name for f in fields(options) if f.name not in excluded)
     known = {name: kind for name in names if (kind := _simple_type(hints[name])) is not None}
@@ -129,8 +126,9 @@ def outputs() -> Iterator[None]:
 def check_out(
     out: Path | None, kind: Kind, *inputs: Path | None, force: bool = False, lock: bool = True
 ) -> None:
-    """Raise `ParameterError` if ``out`` is an input or another kind of file, or a recording unless
-    ``force``; lock it against other processes."""
+    """Raise `ParameterError` if ``out``, a file of ``kind`` to write, is an input, exists as
+    another kind, or is a recording and not ``force``; with ``lock``, lock it against other
+    processes."""
     if out is None:
         return
     if lock and out.name and not out.is_dir():
@@ -139,7 +137,8 @@ def check_out(
 
 
 def check_folder(out: Path, files: Mapping[str, Kind] = MappingProxyType({})) -> None:
-    """Check that ``out`` can be a folder and holds no other kinds of files under these names."""
+    """Lock the folder ``out``; a `ParameterError` if it or one of ``files`` (name → kind) is
+    another kind of file."""
     if out.exists() and not out.is_dir():
         raise ParameterError(f"{out}: is a file; give a folder")
     _CLAIMED.enter_context(locked(out, folder=True))
@@ -148,7 +147,7 @@ def check_folder(out: Path, files: Mapping[str, Kind] = MappingProxyType({})) ->
 
 
 def check_positive(flag: str, count: int) -> int:
-    """Return a count, such as a number of processes; raise `ParameterError` if it is below 1."""
+    """Return ``count``; raise `ParameterError`, naming the option ``flag``, if it is below 1."""
     if count < 1:
         raise ParameterError(f"{flag} {count} must be at least 1")
     return count
@@ -228,7 +227,7 @@ def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]
 
 @contextmanager
 def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Callable[..., None]]:
-    """Show a progress bar if stderr is a terminal; yield a function to call with (steps, label).
+    """Show a progress bar called ``what`` if stderr is a terminal; yield a function (steps, label).
 
     It shows the remaining time; the elapsed time if ``total`` is None or steps are not ``alike``,
     of which one may take much longer than another.

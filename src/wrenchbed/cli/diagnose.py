@@ -119,8 +119,8 @@ def diagnose(
 
 
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
-    """Whether to diagnose the joint efforts of a motion: if option ``channels`` asks for them, or
-    there is no wrench. At rest they belong to the diagnosis of the wrench."""
+    """Whether to diagnose joint efforts: if option ``channels`` is effort or both, or is not given
+    and a single recording has no wrench. Torques at rest belong to the diagnosis of the wrench."""
     if all(r.metadata.mode == "static" and r.effort == "tau" for r in data):
         return False
     held = data[0].effort is not None or data[0].only_commanded
@@ -131,10 +131,9 @@ def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
 def _diagnose_efforts(
     data: list[wb.Recording], efforts: EffortOptions, seed: int, out: Path
 ) -> tuple[list[str], Answer]:
-    """Diagnose the joint efforts of a recording, with its wrench if ``efforts.channels`` is both.
-
-    Returns the names of the files written to the folder ``out``, and the answer to print.
-    """
+    """Diagnose the joint efforts of a recording, with its wrench if ``efforts.channels`` is both;
+    return the names of the files written to folder ``out``, and the answer to print. ``seed``
+    splits rows into folds."""
     from wrenchbed.diagnosis.efforts.diagnose_efforts import STEPS, diagnose_efforts
     from wrenchbed.reports.diagnosis_page import effort_page
     from wrenchbed.reports.effort_answer import EffortAnswer
@@ -157,8 +156,9 @@ def _diagnose_efforts(
 def _diagnose_wrench(
     data: list[wb.Recording], look_alikes: int, seed: int, out: Path, material: str | None
 ) -> tuple[list[str], Answer]:  # fmt: skip
-    """Diagnose the wrench, or a tracker's readings, of recordings; return the names of the written
-    files, without plans, and the answer to print."""
+    """Diagnose the wrench, or a tracker's readings; return the names of the files in ``out``, and
+    the answer to print. Settings as options of `diagnose`: ``look_alikes`` (a number), ``seed``,
+    ``material``."""
     from wrenchbed.diagnosis.diagnose import diagnose as one
     from wrenchbed.diagnosis.several import diagnose_several as several
     from wrenchbed.reports.diagnosis_page import diagnosis_page
@@ -224,7 +224,7 @@ def _tried(name: str, write: Callable[[], object]) -> None:
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
-    """Measure, on ``count`` simulated look-alikes of a recording, how often diagnoses are right."""
+    """Measure how often diagnoses are right, on ``count`` simulations of a recording's motion."""
     from wrenchbed.benchmark.scoring.learn_reliability import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
@@ -256,7 +256,7 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
 
 
 def answer_display(a: Answer) -> Group:
-    """Displays of a diagnosis: its three answers, what the data cannot show, what to do next."""
+    """Displays of a diagnosis: where the gap lies, causes, how far it shrinks, next steps."""
     d = a.d
     head = Text.assemble(("diagnosis ", "bold"), a.about)
     verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {a.headline}")
@@ -291,7 +291,7 @@ def _causes(a: Answer) -> Table:
 
 
 def isolability(name: str, result: DryRun) -> Group:
-    """Displays of a dry run: effects that the plan ``name`` could show, and their least sizes."""
+    """Displays of a dry run: effects that the plan ``name`` could show, least detectable sizes."""
     from wrenchbed.diagnosis.next.blind import sentences
     from wrenchbed.pages import numbers
 

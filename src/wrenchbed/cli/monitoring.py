@@ -112,7 +112,8 @@ def _record(
     plan: wb.Plan, out: Path, device: DeviceArguments, how: CheckArguments, motion: LimitArguments,
     number: int,
 ) -> wb.Recording:  # fmt: skip
-    """Record the plan of a check by a driver and return the recording."""
+    """Record the plan of a check to ``out``; return the recording. ``number``: seed if
+    simulated."""
     kind = wb.load("drivers", device.driver)
     if device.driver == SimDriver.name and device.seed is None:
         device = replace(device, seed=number)  # noise of its own
@@ -224,7 +225,8 @@ class _Gauge:
 
 
 def gauge(external: External, frame: str) -> Table:
-    """Table of one reading in axes ``frame``: values, bars in units of noise, and the alarm."""
+    """Table of a reading in axes ``frame`` (as of `live`): values, bars in σ of noise, the
+    alarm."""
     caption = external.alarm or (
         "at rest" if external.at_rest else "moving: inertia is not compensated"
     )
@@ -240,7 +242,7 @@ def gauge(external: External, frame: str) -> Table:
 
 
 def bar(sigmas: float) -> str:
-    """Text with a mark at ``sigmas`` on a line from −`_FULL` to `_FULL` standard deviations."""
+    """Text of a line from −`_FULL` to `_FULL` standard deviations with a mark at ``sigmas``."""
     middle = _WIDE // 2
     at = int(np.clip(round(middle + middle * sigmas / _FULL), 0, _WIDE - 1))
     return "".join("█" if k == at else "┼" if k == middle else "─" for k in range(_WIDE))

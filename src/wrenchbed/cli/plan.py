@@ -16,7 +16,7 @@ from wrenchbed.files import set_aside
 
 @dataclass(frozen=True)
 class PoseArguments:
-    """Options of `plan` for poses at rest: their number and how they are chosen."""
+    """Options of `plan` for poses at rest: number, index that chooses them, pool they are from."""
 
     n: int = 100  # Number of poses.
     # Observability index to make as large as possible.

@@ -63,11 +63,8 @@ class DeviceArguments:
 
     @property
     def asked_channels(self) -> tuple[str, ...]:
-        """Names in ``--channels``, in the order given; empty without the option.
-
-        Raises:
-            ParameterError: the driver is not sim, or a name is not one of `CHANNELS_OF`.
-        """
+        """Names in ``--channels``, in the order given; empty without the option. A `ParameterError`
+        if the driver is not sim, or a name is not one of `CHANNELS_OF`."""
         names = tuple((self.channels or "").replace(" ", "").split(",")) if self.channels else ()
         if self.channels is not None and self.driver != "sim":
             raise ParameterError(f"--channels: driver {self.driver!r} does not take it")
@@ -209,14 +206,14 @@ def _version(path: Path) -> tuple[int, int] | None:
 
 
 def _left_behind(new: bool, static: bool, resumed: bool) -> str:
-    """Describe what a stopped recording leaves on disk (``new``: the file was written) and how to
-    continue; only a plan of poses (``static``) on a live driver can be resumed."""
+    """Describe what a stopped recording leaves on disk (``new``: its file was written) and, for a
+    plan of poses (``static``), how to go on, also with a file that the run had ``resumed``."""
     what = "; what was recorded is on disk" if new else "; nothing was recorded"
     return f"{what}, and `record … --resume` goes on" if static and (new or resumed) else what
 
 
 def _leave_out(path: Path, asked: tuple[str, ...]) -> None:
-    """Delete a recording's columns of channels that are not in ``asked``; none if that is empty."""
+    """Delete a recording's columns of channels that are not in ``asked``; if it is empty, none."""
     stems = {s for name, columns in CHANNELS_OF.items() if name not in asked for s in columns}
     if not asked or not stems:
         return
@@ -227,7 +224,7 @@ def _leave_out(path: Path, asked: tuple[str, ...]) -> None:
 
 
 def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments) -> None:
-    """Check the moves of a plan without a robot and print them as a table."""
+    """Check the moves of a plan within ``limits``, without a robot, and print them as a table."""
     if run.resume:
         raise ParameterError("--dry-run records from the start: leave --resume out")
     arm = wb.load("robots", plan.robot)
@@ -279,16 +276,14 @@ def _answer(done: RunProgress, plan: wb.Plan, driver: str, as_json: bool) -> Non
 def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[LiveLimits | None]:
     """Connect and activate a driver for the block; yield the limits of a live driver.
 
-    The limits were printed, and a person agreed. Errors name the flag to give, not the method.
+    The limits were printed, and a person agreed, else a `ParameterError`. Errors name the flag to
+    give, not the method.
 
     Args:
         link: driver that is not connected yet.
         plan: plan that it will run.
         recover: whether somebody has looked at a robot that had stopped.
-        yes: a person agreed already that a real robot moves.
-
-    Raises:
-        ParameterError: nobody agreed, and there is no terminal to ask at.
+        yes: a person agreed already that a real robot moves; else the terminal asks.
     """
     address = link.address if isinstance(link, LiveDriver) else ""
     ask = bool(address) and not yes

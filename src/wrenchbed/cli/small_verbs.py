@@ -106,7 +106,7 @@ def compared(result: wb.Comparison) -> Group:
 
 @dataclass(frozen=True)
 class RobotArguments:
-    """Options of `campaign`: number and kind of the simulated robots."""
+    """Options of `campaign`: number of simulated robots, what varies, poses, samples, seed."""
 
     robots: int = 100  # Number of robots.
     # What differs from robot to robot, with commas: noise, parameters, poses.

@@ -30,7 +30,7 @@ _TRIES = 50
 
 
 def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
-    """`Knowledge` of a robot before it is read at poses of a pool (N, J), noise ``std`` (6,)."""
+    """`Knowledge` of a robot before any reading: poses ``pool`` (N, J), noise (6,) [N, N·m]."""
     robot, nominal = model.robot, model.parameters.nominal
     columns = model.parameters.select(robot.free)
     scale = model.parameters.tolerance[list(columns)]
@@ -184,7 +184,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return None if self.render_mode is None else self.picture(self.simulation, self.q)
 
     def _random_parameters(self) -> np.ndarray:
-        """Draw parameters, uniform within tolerance, with which the robot reaches all poses."""
+        """Draw parameters (P,), uniform within tolerance, so that the robot reaches all poses."""
         columns, count = list(self._unread.columns), len(self.robot.parameters)
         tolerance = self.model.parameters.tolerance[columns]
         for _ in range(_TRIES):

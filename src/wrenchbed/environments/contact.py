@@ -87,7 +87,8 @@ class Hand:
         return np.asarray(line)
 
     def _blocked(self, new: np.ndarray, length: float) -> bool:
-        """Whether joint targets ``new`` (J,), ``length`` [m] ahead, leave limits or workspace."""
+        """Whether joint targets ``new`` (J,), ``length`` [m] of tip travel away, leave the limits
+        of the joints or the workspace."""
         low, high = self._limits.T
         if ((new < low) | (new > high)).any():
             return True
@@ -97,7 +98,8 @@ class Hand:
         return self._close and bool(self.robot.infeasible(new[None], self._theta))
 
     def _slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Tip's orientation (3, 3), position (3,), Jacobian (6, J), linear velocity first."""
+        """Tool's orientation (3, 3), tip's position (3,) [m], Jacobian (6, J), linear rows
+        first."""
         count = len(self.q)
         around = self.q + np.vstack([np.zeros(count), _STEP * np.eye(count)])
         rotation, tip = tip_of(self.robot, around, self._theta)
@@ -107,7 +109,7 @@ class Hand:
 
 
 def _vector(r: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) of a small rotation (3, 3) [rad]."""
+    """Rotation vector (3,) [rad] of a small rotation, given as a matrix (3, 3)."""
     return 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
 
 

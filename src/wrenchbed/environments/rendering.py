@@ -18,11 +18,8 @@ _SKIN = np.array([0.87, 0.67, 0.56, 1.0], dtype=np.float32)
 
 
 def simulated(name: str) -> SimulatedRobot:
-    """Load a robot that can be simulated by its registry name.
-
-    Raises:
-        NotFoundError, ParameterError: no robot has the name; it has no model to simulate.
-    """
+    """Load a robot that can be simulated by its registry name; a `NotFoundError` for no such name,
+    a `ParameterError` for a robot without a model."""
     robot = registry.load("robots", name)
     if not isinstance(robot, SimulatedRobot):
         raise ParameterError(f"robot {name!r} has no model to simulate")

@@ -239,7 +239,7 @@ def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> 
 
 
 def _quantity(known: _Calibrated, name: str, value: np.ndarray, slope: np.ndarray) -> Quantity:
-    """Make a quantity (V,) from its value and its derivatives (K, V) by the K free parameters."""
+    """Quantity ``name`` of values (V,), with derivatives (K, V) by the K identified parameters."""
     moved = [i for i, s in zip(known.free, slope, strict=True) if np.abs(s).max() > _FLAT]
     title, unit = _TITLES[name]
     if blind := [known.blind[i] for i in moved if i in known.blind]:

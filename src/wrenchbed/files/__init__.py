@@ -1,10 +1,8 @@
 """Atomic writing: a file is complete under its name, or what was there before is.
-
 Free: the inside of each file (speed); tests/project/test_files.py and test_write_faults.py speak.
-Others rely on: atomicity, locks and the names of kept files (NAME~, NAME~2) in every room that
-writes; of `checked.Fields` that an absent entry is None and that errors name file and field.
-Never: open an output in place; read JSON or TOML of others but by `checked`, with its limits.
-"""
+Others rely on: atomicity, locks, names of kept files (NAME~, NAME~2: change docs/contracts.md with
+them); of `checked.Fields` that an absent entry is None and that errors name file and field.
+Never: open an output in place; read JSON or TOML of others but by `checked`, with its limits."""
 
 import errno
 import fcntl
@@ -253,10 +251,7 @@ def _lock(name: Path, folder: bool) -> int:
 
 def _replaceable(path: Path) -> int | None:
     """Permissions of the file at ``path``, which may be replaced; None if there is none or a link.
-
-    Raises:
-        OSError: a folder, a device or a write-protected file has the name.
-    """
+    An `OSError` if a folder, a device or a write-protected file has the name."""
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -271,7 +266,7 @@ def _replaceable(path: Path) -> int | None:
 
 
 def _make(folder: Path) -> list[Path]:
-    """Make a folder and its missing parents; return the folders that were made, innermost last."""
+    """Make a folder and its missing parents; return those that were made, the outermost first."""
     missing = []
     while not folder.exists():
         missing.append(folder)

@@ -25,7 +25,8 @@ _LONGEST_NAME = 4096
 
 
 def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> Any:
-    """Read a JSON or TOML file, chosen by its suffix (``other`` if neither); return its content.
+    """Read a JSON or TOML file and return its content; its suffix says which, ``other`` for
+    suffixes that are neither.
 
     Raises:
         error: the class given: no such file, a folder, unreadable or not valid.
@@ -78,11 +79,8 @@ def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSO
 
 
 def text_of(path: Path, error: type[WrenchbedError]) -> str:
-    """Read the text of a regular TOML file, not beyond the length that one may have.
-
-    Raises:
-        error: the class given: no such file, or no text; `parsed` refuses one that is too long.
-    """
+    """Read the text of a regular TOML file, not beyond the length that one may have. Raises the
+    class ``error``: no such file, or no text; `parsed` refuses one that is too long."""
     if path.exists() and not path.is_file():  # a pipe would be waited for
         raise error(f"{path}: is no regular file: give a TOML file")
     try:
@@ -120,7 +118,8 @@ class Fields:
         self.raw = raw
 
     def error(self, key: str, rule: str) -> WrenchbedError:
-        """Make the error for a field: its value, or that it is missing, and the ``rule`` for it."""
+        """Make the error for field ``key``: its value, or "is missing", and ``rule``, words on what
+        it must be."""
         if key not in self.raw:
             return self.kind(f"{self.where}{self._label(key)} is missing: it {rule}")
         return self.kind(f"{self.where}{self._label(key)} = {self.raw[key]!r} {rule}")
@@ -129,7 +128,8 @@ class Fields:
         return f"{self.name}.{key}" if self.name else key
 
     def only(self, known: Collection[str], what: str = "it") -> "Fields":
-        """Raise an error for a field not in ``known``, with the nearest of them; return self."""
+        """Raise an error for a field not in ``known``; in it, ``what`` names the object. Return
+        self."""
         for key in self.raw:
             if key not in known:
                 has = f"{what} has {', '.join(sorted(known))}"
@@ -152,11 +152,12 @@ class Fields:
         ]
 
     def text(self, key: str, rule: str = "must be a name") -> str | None:
-        """Text of field ``key``, which must not be empty; None if the field is absent."""
+        """Text of field ``key``, else an error with ``rule`` (as "must be a name"); None if
+        absent."""
         return None if self.raw.get(key) is None else self.stated_text(key, rule)
 
     def stated_text(self, key: str, rule: str = "must be a text that is not empty") -> str:
-        """Text of field ``key``, which must be present and not be empty."""
+        """Text of field ``key``; an error that states ``rule`` if it is absent or empty."""
         value = self.raw.get(key)
         if not isinstance(value, str) or not value:
             raise self.error(key, rule)
@@ -165,7 +166,8 @@ class Fields:
         return value
 
     def choice(self, key: str, known: Collection[str], rule: str, default: Any = None) -> str:
-        """Text of field ``key``, which must be one of ``known``; ``default`` if absent."""
+        """Text of field ``key``: one of ``known``, else an error with ``rule`` (as "must be a, b or
+        c"); ``default`` if absent."""
         value = self.raw.get(key, default)
         if not isinstance(value, str) or value not in known:
             raise self.error(key, rule)
@@ -183,13 +185,14 @@ class Fields:
         return value
 
     def stated_number(self, key: str, rule: str = "must be a finite number") -> float:
-        """Finite number in field ``key``, which must be present."""
+        """Finite number in field ``key``; an error that states ``rule`` if it is absent or none."""
         if not is_number(self.raw.get(key)):
             raise self.error(key, rule)
         return float(self.raw[key])
 
     def amount(self, key: str, unit: str, most: float = inf, not_in: str = "") -> float:
-        """Number in field ``key``, 0 … ``most`` in a unit; above, the error suggests ``not_in``."""
+        """Number in field ``key``, 0 … ``most`` [``unit``]; above, the error asks "is it in
+        ``not_in``?"."""
         value = self.stated_number(key, f"must be a number in {unit}, without its unit")
         if not 0.0 <= value <= most:
             hint = f" (is it in {not_in}?)" if not_in and value > most else ""
@@ -200,7 +203,8 @@ class Fields:
     def numbers(
         self, key: str, n: int, *, nonnegative: bool = False, rule: str = ""
     ) -> tuple[float, ...] | None:
-        """List of n finite numbers in field ``key``; None if the field is absent."""
+        """List of n finite numbers in field ``key``, else an error with ``rule``; None if
+        absent."""
         if self.raw.get(key) is None:
             return None
         values = self.stated_numbers(key, n, rule)
@@ -245,11 +249,8 @@ class Fields:
 
 
 def toml_fields(text: str, where: str, error: type[WrenchbedError]) -> Fields:
-    """Parse a TOML file's text and return its fields.
-
-    Raises:
-        error: it is not valid TOML.
-    """
+    """Parse a TOML file's text and return its fields; ``error`` is the class raised if it is
+    invalid, ``where`` begins its message."""
     return Fields(parsed(text.encode(), f"{where}:", error, "TOML"), f"{where}: ", error)
 
 

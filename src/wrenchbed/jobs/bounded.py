@@ -26,12 +26,9 @@ R = TypeVar("R")
 
 
 def bounded(work: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """Call ``work`` in a child with limits of time and memory; an interrupt here ends it at once.
-
-    Raises:
-        ShortageError: it took too long, too much memory, or crashed; says which.
-        Exception: whatever ``work`` raises.
-    """
+    """Call ``work`` in a child with limits of time and memory; an interrupt here ends it at once. A
+    `ShortageError` says if it took too long or too much memory, or crashed; other errors are those
+    that ``work`` raises."""
     reader, writer = os.pipe()
     with warnings.catch_warnings():
         # Python 3.12 warns of locks that other threads hold; ``work`` needs none of them.
@@ -59,7 +56,8 @@ def bounded(work: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
 
 
 def _answer(writer: int, work: Callable[[], object]) -> NoReturn:
-    """Run in the child: write the pickled result or error of ``work`` and exit without clean-up."""
+    """In the child: write the pickled result or error of ``work`` to a pipe, ``writer``, and
+    exit."""
     try:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGXCPU):
             signal.signal(number, signal.SIG_DFL)
@@ -87,7 +85,7 @@ def _limit() -> None:
 
 
 def _received(reader: int) -> bytes:
-    """Read all bytes that the child writes; empty if it ends without writing."""
+    """Read all bytes that the child writes to descriptor ``reader``; empty if it wrote nothing."""
     end, content = time.monotonic() + _WALL_S, b""
     while select.select([reader], [], [], max(end - time.monotonic(), 0.0))[0]:
         chunk = os.read(reader, _CHUNK)

@@ -52,7 +52,8 @@ def end_by_kernel() -> None:
 
 @contextmanager
 def with_group(group: int) -> Iterator[None]:
-    """While the block runs, kill a process group that this worker started if the worker ends."""
+    """While the block runs: if this worker ends, kill the process group ``group`` (id) it
+    started."""
     _GROUPS.add(group)
     before = signal.signal(signal.SIGTERM, _end_with_groups)
     _kernel_kills(0)  # the thread must kill the group before this process ends

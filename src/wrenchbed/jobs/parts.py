@@ -40,7 +40,7 @@ def _code() -> str:
 
 
 def read_table(path: Path, schema: pa.Schema | None = None) -> pa.Table:
-    """Read a Parquet file into an Arrow table; its name need not be UTF-8."""
+    """Read a Parquet file into an Arrow table with the columns ``schema``; None: the file's own."""
     return pq.read_table(pa.OSFile(os.fsencode(path), "rb"), schema=schema)
 
 

@@ -89,16 +89,16 @@ class Judgement:
         }
 
     def page(self, folder: str | Path, command: str = "") -> ReportPage:
-        """HTML page of the last check of the history in ``folder``, with the ``command`` line."""
+        """HTML page of the last check in the history of ``folder``; it prints ``command``."""
         latest = Path(folder) / self.checks[-1].recording
         more = {"word": self.verdict, "latest": latest, "data": provenance([latest])}
         return self.comparison.page(command, checks=self.checks, **more)
 
 
 def plan_of(robot: Robot, folder: str | Path) -> Plan:
-    """Read the plan of checks in a history's folder; if there is none, choose poses and write it.
-    Raises a `PlanError` if the robot has no model, or the plan is damaged, a `HistoryError` if the
-    plan is of another robot."""
+    """Read the plan of checks in a history's folder; if there is none, choose poses and write it. A
+    `PlanError` if the robot has no model or the plan is damaged, a `HistoryError` if it is of
+    another robot."""
     path = Path(folder) / PLAN
     if not path.exists():
         choose(robot).write(path)
@@ -115,10 +115,8 @@ def choose(robot: Robot) -> Plan:
     """Choose the poses at which a robot is checked: informative, free of contact, near home.
 
     They maximise the information on typical changes of numbers and joints, with their sizes as
-    prior (Bayesian D-optimality: Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939).
-
-    Raises:
-        PlanError: the robot has no model, or too few free poses.
+    prior (Bayesian D-optimality: Chaloner & Verdinelli 1995, doi 10.1214/ss/1177009939). A
+    `PlanError` if the robot has no model, or too few free poses.
     """
     if not isinstance(robot, SimulatedRobot):
         raise PlanError(f"robot {robot.name!r} has no model to plan with, and a check needs one")
@@ -191,7 +189,7 @@ def _budget(series: History) -> float:
 
 
 def _level(series: History, count: int) -> float:
-    """Probability of a false alarm allowed for a change ``count`` checks ago, see `SINCE`."""
+    """Probability of a false alarm allowed for a change ``count`` (1, 2, 4, 8) checks ago."""
     return (1.0 - _OF_MISFIT) * SINCE[count] * _budget(series)
 
 
@@ -208,14 +206,15 @@ def _alarms(series: History) -> tuple[str, ...]:
 
 
 def _changes(series: History, begin: int, level: float) -> tuple[Change, ...]:
-    """Changes of the numbers from the checks before ``begin`` to those since, by `compare`."""
+    """Change of each number from the checks before ``begin`` to those since; false alarm:
+    ``level``."""
     step, before = series.step(begin), series.values[:begin].mean(axis=0)
     after = before + step.size
     return changes_of(NUMBERS, before, after, step.std, level=level, freedom=step.freedom)
 
 
 def _what_changed(series: History, begin: int, changes: Sequence[Change]) -> str:
-    """Sentence on when a change began and which numbers changed."""
+    """Sentence on when a change began (index ``begin``) and which numbers changed."""
     moved = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
     texts, p = [c.sentence for c in moved], series.step(begin).misfit
     if p < LEVEL or not moved:

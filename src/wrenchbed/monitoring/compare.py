@@ -50,7 +50,7 @@ class Change:
 
     @property
     def size(self) -> float:
-        """Absolute difference in standard uncertainties."""
+        """Absolute difference between both values, in standard uncertainties of that difference."""
         return abs(self.sigmas)
 
     @property
@@ -95,7 +95,7 @@ class Comparison:
         return asdict(self)
 
     def page(self, command: str = "", **more: Any) -> ReportPage:
-        """HTML page with the ``command`` line; ``more`` replaces values of its template."""
+        """HTML page with the ``command`` line; ``more`` replaces values of its template by name."""
         values = {
             "c": self, "word": "changed" if self.changed else "no change", "latest": self.b,
             "together": p_value(self.together["p"]) if self.together else "", "command": command,
@@ -107,11 +107,9 @@ class Comparison:
 def compare(a: str | Path, b: str | Path) -> Comparison:
     """Compare two files of one kind: fit.json, diagnosis.json (or its folder), or recordings.
 
-    Recordings are calibrated first, with the robot's default parameters.
-
-    Raises:
-        ParameterError: they are of different kinds or robots, or one is of none of these kinds.
-        CalibrationError: a recording cannot be calibrated.
+    Recordings are calibrated first, with the robot's default parameters; a `CalibrationError` if
+    one cannot be. A `ParameterError` if the files are of different kinds or robots, or one is of
+    none of these kinds.
     """
     (kind, first), (other, second) = _read(Path(a)), _read(Path(b))
     if kind != other:
@@ -148,7 +146,8 @@ def _file(path: Path) -> Path:
 
 
 def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) -> Comparison:
-    """Compare the parameters of two fits in units of their uncertainty; ``names``: the files."""
+    """Compare the parameters of two fits by their σ; ``names``: the files, ``kind``: fits or
+    recordings."""
     entries = [{n: f.part("parameters").part(n) for n in f.part("parameters").raw} for f in fits]
     stated = ("value", "std")
     known = [
@@ -188,7 +187,8 @@ def changes_of(
     level: float = LEVEL,
     freedom: float = np.inf,
 ) -> tuple[Change, ...]:
-    """Changes between numbers ``before`` and ``after`` (K,), each judged significant or not.
+    """Changes of K numbers (name → unit) from ``before`` to ``after`` (K,), each judged significant
+    or not.
 
     Standard uncertainties ``std`` (K,) of the differences and Student's t with ``freedom`` decide;
     ``level`` is the probability that any is called changed where none did.
@@ -223,7 +223,7 @@ def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float
 
 
 def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
-    """Booleans (K,): which of K p values are significant if all together may err at ``level``."""
+    """Booleans (K,): which of K p values are significant; ``level``: probability of any error."""
     order = np.argsort(p)
     steps = p[order] <= level / np.arange(len(p), 0, -1)
     passed = np.zeros(len(p), dtype=bool)

@@ -184,7 +184,7 @@ def _scene(twin: Twin, q: np.ndarray, t: np.ndarray) -> Scene:
 
 
 def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
-    """Sensor readings (M, 6) of loads (M, 6) [N, N·m] at the home pose."""
+    """Readings (M, 6) of the twin's sensor at home for loads (M, 6) [N, N·m], with its effects."""
     robot, n = twin.model.robot, len(loads)
     assert isinstance(robot, SimulatedRobot)
     return twin.reading(_scene(twin, np.tile(robot.home, (n, 1)), np.arange(n) / 100.0), loads)

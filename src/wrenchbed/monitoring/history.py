@@ -85,7 +85,7 @@ class Check:
 
 
 def read(folder: Path, robot: Robot, plan: Plan) -> list[Check]:
-    """Read all checks of a folder, oldest first; warn of recordings that do not follow the plan."""
+    """Read the checks in a folder, oldest first; warn of recordings that do not follow ``plan``."""
     every, checks = list[Check](), list[Check]()
     for path in sorted((folder / RECORDINGS).glob("*.parquet")):
         try:
@@ -109,7 +109,8 @@ def _left_out(path: Path, error: WrenchbedError) -> None:
 
 
 def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
-    """Add what a user states of a check (time, temperature, baseline) to a recording's metadata."""
+    """Copy of a recording whose metadata hold what a user states of a check: ``given`` time,
+    temperature, baseline."""
     known = dict(recording.metadata.extra.get(_STATED) or {})
     extra = {**recording.metadata.extra, _STATED: {**known, **given}}
     return replace(recording, metadata=replace(recording.metadata, extra=extra))
@@ -191,8 +192,8 @@ def _digest(*parts: bytes) -> str:
 
 
 def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
-    """Raise a `HistoryError` if a new check is not later than the last one or lies in the future;
-    it names the recording and the remedy."""
+    """Raise a `HistoryError` if a new check at ``time`` is not later than the last one, or after
+    ``now``; it names the recording and the remedy."""
     clock, last = f"this machine's clock shows {_day(now)}", checks[-1] if checks else None
     if last is not None and last.time > now:
         remedy = "it was set back. Set it right and check again"

@@ -107,11 +107,8 @@ class _Reference(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _reference(robot: Robot, first: Check) -> _Reference:
-    """Make the reference of a history from its first check; slow, as it needs derivatives.
-
-    Raises:
-        CalibrationError: the load of the check cannot be identified.
-    """
+    """Make the reference of a history from its first check; slow, as it needs derivatives. A
+    `CalibrationError` if the load of the check cannot be identified."""
     model, nominal = Model.of(robot), robot.parameters.nominal
     gravity, n = np.asarray(model.gravity), len(robot.parameters)
     rotation, _ = robot.sensor_pose(first.q, nominal)
@@ -128,7 +125,8 @@ def _reference(robot: Robot, first: Check) -> _Reference:
 
 
 def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (P, 6, K) of readings by K parameters, each over its typical size; sizes (K,)."""
+    """Derivatives (P, 6, K) of readings by K parameters (effect → names), each over its typical
+    size; sizes (K,)."""
     response, known, columns, typical = Response(scene, (WRENCH,)), effects(), [], []
     for name, wanted in fitted.items():
         parameters = known[name].parameters(scene.robot)
@@ -264,7 +262,8 @@ class History:
         return Step(expected * beta[0], expected * std, freedom, misfit, evidence)
 
     def _misfit_of(self, x: np.ndarray) -> tuple[float, float]:
-        """p value and log evidence of a step in the residual; x (n, 2): columns step and mean."""
+        """p value, log evidence of a step in the whitened residuals; x (n, 2): columns step and
+        mean."""
         residual = self._fit[2]
         each, inverse = residual.shape[1] - len(self._fit[1]), np.linalg.inv(x.T @ x)
         beta = inverse @ (x.T @ residual)

@@ -1,7 +1,7 @@
 """HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
 Free: the inside of each file (styles and layout); tests/reports speak.
-Others rely on: `numbers` (digits on pages and in the terminal), fields of `chart` and `scene`,
-which ``assets/page.js`` and ``assets/scene.js`` read too.
+Others rely on: digits and units of `numbers`, printed by cli too: run tests/cli; fields of `chart`
+and `scene`: change ``assets/page.js`` and ``assets/scene.js``, which read them, together with them.
 Never: a robot, a recording or a fit: this room draws data that it is given; a script or address
 that the page's security policy does not allow.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
@@ -44,11 +44,8 @@ class ReportPage:
     figures: Sequence[Drawn] = ()
 
     def html(self) -> str:
-        """Return the self-contained page; a browser runs its own scripts and no other.
-
-        Raises:
-            MissingExtraError: jinja2 is not installed.
-        """
+        """Return the self-contained page; a browser runs its own scripts and no other. A
+        `MissingExtraError` without jinja2."""
         jinja2 = registry.require("jinja2", "report")
         environment = jinja2.Environment(
             autoescape=self.template.endswith("html"), trim_blocks=True, lstrip_blocks=True,
@@ -95,7 +92,7 @@ def _code(text: str) -> Any:
 
 
 def _cleaned(value: Any) -> Any:
-    """Escape control characters in texts for a template; HTML is left as it is."""
+    """Escape control characters in a template's value, if it is a text; HTML is left as it is."""
     return printable(value) if type(value) is str else value
 
 

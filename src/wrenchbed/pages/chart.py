@@ -228,7 +228,8 @@ def extremes(y: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
 def thinned(
     series: Sequence[Series], most: int = MOST_POINTS, what: str = "rows"
 ) -> tuple[tuple[Series, ...], str]:
-    """Reduce series to at most ``most`` points each, and return a note if points were left out."""
+    """Reduce series to at most ``most`` points each; return a note on the ``what`` (as rows) left
+    out."""
     longest = max((len(s.x) for s in series), default=0)
     if longest <= most:
         return tuple(series), ""
@@ -238,7 +239,7 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Indices of a series' points to draw: extremes; in scatter plots also evenly spaced ones."""
+    """Indices of the points of a series to draw: extremes; of points also evenly spaced ones."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)
     even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)

@@ -169,11 +169,8 @@ class Document:
         return [part for part in parts if isinstance(part, Figure)]
 
     def html(self) -> str:
-        """Return the page as one self-contained HTML text, figures included.
-
-        Raises:
-            MissingExtraError: jinja2 is not installed.
-        """
+        """Return the page as one self-contained HTML text, figures included; a `MissingExtraError`
+        without jinja2."""
         drawn = [figure.drawn for figure in self.figures]
         return ReportPage(self._context, "study.html", drawn).html()
 

@@ -50,11 +50,7 @@ class Drawn:
 
 
 def draw(chart: Chart | Scene) -> Drawn:
-    """Draw a chart or a scene as SVG.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Draw a chart or a scene as SVG; a `MissingExtraError` without matplotlib."""
     return Drawn(chart, svg(chart) if isinstance(chart, Chart) else chart.svg)
 
 

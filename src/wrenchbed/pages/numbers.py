@@ -59,7 +59,8 @@ def p_value(p: float) -> str:
 
 
 def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> str:
-    """Text ``value ± std unit`` of a parameter, from its JSON ``entry``, in the unit for people."""
+    """Text ``value ± std unit`` of a parameter, by its JSON ``entry``; "+" before it if
+    ``signed``."""
     value, std = entry.get("value"), entry.get("std")
     if not _is_number(value) or "unit" not in entry:
         shown, rivals = f"{value:g}" if _is_number(value) else str(value), entry.get("rivals")
@@ -71,13 +72,15 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
 
 
 def rough(name: str, value: float, unit: str) -> str:
-    """Text of a parameter's size with two significant figures and its unit."""
+    """Text of parameter ``name``'s SI ``value`` in two significant figures and the unit for
+    people."""
     factor, shown = human(name, value, unit)
     return minus(_with(f"{float(f'{factor * value:.2g}'):g}", shown))
 
 
 def measured(value: float, std: float | None, *, signed: bool = False) -> str:
-    """Text of a value with the digits that its uncertainty allows: ``(1.40 ± 0.05)·10⁴``."""
+    """Text of a value with as many digits as its std allows: ``(1.40 ± 0.05)·10⁴``; "+" if
+    ``signed``."""
     if not math.isfinite(value):
         return "–"
     plus = "+" if signed and value > 0 else ""
@@ -110,7 +113,8 @@ def minus(text: str) -> str:
 
 
 def human(name: str, value: float, unit: str) -> tuple[float, str]:
-    """(factor, unit) to convert a parameter's ``value`` from an SI unit to the one people read."""
+    """(factor, unit) for people instead of the SI ``unit``; of unit "1", ``name`` decides on %,
+    ppm."""
     if unit == "1" and name == "skew":
         return 1e6, "ppm"
     if unit == "1":

@@ -15,7 +15,8 @@ MOST_PLACES = 1200
 
 
 def course(values: np.ndarray, x: str, y: str) -> Chart:
-    """Chart of values (N,) over their index 0 … N − 1."""
+    """Chart of values (N,) over their index 0 … N − 1, with ``x`` and ``y`` as labels of the
+    axes."""
     numbers = np.arange(len(values), dtype=float)
     series = Series("", "line", numbers, values)
     return Chart("", "", (Panel(Axis(x), Axis(y), (series,), height=1.6),))
@@ -64,7 +65,8 @@ def _steps(edges: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> Chart:
-    """Chart of positions (N, 3) [m] from above and from the front; ``targets`` differ in colour."""
+    """Chart of positions, name → (N, 3) [m], from above and the front; ``targets`` in another
+    colour."""
     named: tuple[tuple[Role, Mapping[str, np.ndarray]], ...] = (
         ("measured", sets), ("before", targets)
     )  # fmt: skip

@@ -135,7 +135,9 @@ def _looking(eye: np.ndarray) -> np.ndarray:
 def _surfaces(
     corners: np.ndarray, shares: np.ndarray, paper: np.ndarray, look: np.ndarray
 ) -> list[str]:
-    """SVG polygons of triangles (T, 3, 3), in camera axes, that face the camera, far ones first."""
+    """SVG polygons of triangles (T, 3, 3) in camera axes, at ``paper`` (T, 3, 2) [px], that face
+    the camera, far ones first; ``shares`` (T,): probability of blame, ``look``: rotation to the
+    camera."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
     bright = np.clip(normal @ look @ _LIGHT / length, 0.0, 1.0)
@@ -152,7 +154,7 @@ def _points(places: np.ndarray) -> str:
 
 
 def _arrow(begin: np.ndarray, end: np.ndarray, colour: str) -> list[str]:
-    """SVG elements of an arrow between two points [px]; a short one is only its head."""
+    """SVG elements of an arrow between two points (2,) [px]; a short one is only its head."""
     length = float(np.linalg.norm(end - begin))
     along = (end - begin) / max(length, 1e-9)
     neck, side = end - min(_HEAD, length) * along, 0.5 * min(_HEAD, length) * along[::-1]

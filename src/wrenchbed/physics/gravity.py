@@ -41,11 +41,7 @@ class ArmBodies(ABC):
 
     def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
         """Masses (B,) [kg] and centres of gravity in the world, a list of B arrays (N, 3) [m], of
-        the moving bodies.
-
-        Raises:
-            NotFoundError: the model of this robot has no masses of links.
-        """
+        the moving bodies; a `NotFoundError` if the model of this robot has no masses of links."""
         raise NotFoundError(f"robot {self.name!r} has no masses of links in its model")
 
     def base_origin(self, theta: np.ndarray) -> np.ndarray:
@@ -89,20 +85,16 @@ class ArmBodies(ABC):
 
     def base_moment(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         """Moment of weight on links, tool and sensor about `base_origin` (N, 3) [N·m], world axes.
-
-        Weight is m (g − a), as in `gravity_torque`.
-
-        Raises:
-            NotFoundError: the model of this robot has no masses of links.
-        """
+        Weight is m (g − a), as in `gravity_torque`. A `NotFoundError` if the model has no masses of
+        links."""
         pull, centres = self._pull(q, theta, gravity)
         return np.asarray(cross(centres - self.base_origin(theta), pull).sum(axis=1))
 
     def _pull(
         self, q: Value, theta: np.ndarray, gravity: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weights m (g − a) [N] of B moving bodies, a their acceleration, and their positions in
-        the world [m], each (N, B, 3)."""
+        """Weights m (g − a) [N], a the acceleration, of B moving bodies and their positions in the
+        world [m], each (N, B, 3)."""
         mass, centres = self._centres(q, theta)
         acceleration = centres.dd if isinstance(centres, Jet) else 0.0
         return mass[:, None] * (gravity - acceleration), value(centres)

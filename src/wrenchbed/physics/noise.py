@@ -30,7 +30,7 @@ _DECADES = 0.9
 
 
 def channels(values: ArrayLike, name: str, *, signed: bool = False) -> Array:
-    """Read-only array (6,) from six numbers, or from one that holds for all channels.
+    """Read-only array (6,) from six numbers, or from one for all channels; ``name`` is for errors.
 
     Raises:
         ParameterError: another shape, NaN, or a negative number unless ``signed``.
@@ -243,7 +243,7 @@ def _root(correlation: Array) -> Array:
 
 
 def _mix(rows: Array, root: Array) -> Array:
-    """Product of ``root`` (6, 6) and rows (6, N), with bits that do not depend on N."""
+    """Product of ``root`` (6, 6) and rows (6, N), bitwise the same for a row whatever N is."""
     rows, mixed = np.ascontiguousarray(rows), np.empty(rows.shape)
     for i in range(6):
         mixed[i] = root[i, 0] * rows[0]

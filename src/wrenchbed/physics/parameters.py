@@ -141,7 +141,8 @@ class ParameterSet(Sequence[Parameter]):
 
 @lru_cache(_PATTERNS)
 def _matching(names: tuple[str, ...], pattern: str) -> frozenset[int]:
-    """Indices of the names that a pattern matches: a name, a group of names, or a shell pattern."""
+    """Indices of the names that a pattern matches: a name, a group (``tool.cog``), or a shell
+    pattern."""
     return frozenset(
         i
         for i, name in enumerate(names)

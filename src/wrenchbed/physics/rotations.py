@@ -43,18 +43,20 @@ def rot_z_of(c: Value, s: Value) -> Value:
 
 
 def euler(alpha: Value, beta: Value, gamma: Value) -> Value:
-    """R(α, β, γ) = Rx(γ) Ry(β) Rz(α) (Joubair et al. 2016, doi 10.3390/s16060798, Section 2.2)."""
+    """Matrices (…, 3, 3) Rx(γ) Ry(β) Rz(α), angles [rad] (Joubair et al. 2016, doi
+    10.3390/s16060798)."""
     return rot_x(gamma) @ rot_y(beta) @ rot_z(alpha)
 
 
 def euler_rates(alpha: float, beta: float, gamma: float) -> np.ndarray:
-    """Matrix (3, 3) from rates of (α, β, γ) to the angular velocity in body axes."""
+    """Matrix (3, 3) from the rates (α̇, β̇, γ̇) of `euler`'s angles to angular velocity in body
+    axes."""
     inner = rot_y(beta) @ rot_z(alpha)
     return np.stack([np.eye(3)[2], rot_z(alpha).T[:, 1], inner.T[:, 0]], axis=-1)
 
 
 def exp(x: Value, y: Value, z: Value) -> Value:
-    """Rotation by the vector (x, y, z) [rad] (Rodrigues), analytic also at zero."""
+    """Rotation matrices (…, 3, 3) by vectors (x, y, z) [rad] (Rodrigues), analytic also at zero."""
     square = x * x + y * y + z * z
     a, b = _series(square, 0), _series(square, 1)
     return reshape_matrix(

@@ -42,7 +42,8 @@ class Tool:
 
     @property
     def inertial(self) -> np.ndarray:
-        """Inertial parameters (…, 10): mass with the sensor's, m·CoG, inertia about the origin."""
+        """Parameters (…, 10): mass with the sensor's, m·CoG, inertia about the origin xx yy zz xy
+        xz yz."""
         cx, cy, cz = (self.cog[..., k] for k in range(3))
         m, about = self.mass, self.inertia
         six = [about[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]

@@ -117,7 +117,7 @@ class _Task:
     criterion: Criterion
 
     def information(self, chosen: Chosen) -> np.ndarray:
-        """Information matrix (K, K) of priors and chosen measurements; parameters in tolerances."""
+        """Information matrix (K, K) of priors and chosen measurements, parameters per tolerance."""
         seen = [pool.information(some) for pool, some in zip(self.pools, chosen, strict=True)]
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
@@ -137,7 +137,8 @@ class _Task:
         return int(some[np.argmax(value)]), float(value.max())
 
     def grow(self, chosen: Chosen) -> None:
-        """Add to ``chosen``, in place, the candidate that lowers log(error) most per cost."""
+        """Add to ``chosen`` (indices of poses, of touches) the candidate that lowers log(error)
+        most per cost."""
         information = self.information(chosen)
         now = float(self.criterion.values(information))
         (pose, with_pose), (touch, with_touch) = (
@@ -149,7 +150,8 @@ class _Task:
             chosen[0].append(pose)
 
     def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
-        """Remove touches, then poses, as long as an accuracy [m] is still reached."""
+        """Selection without touches, then poses, that its accuracy [m] does not need, one by
+        one."""
         for kind, least in ((1, 0), (0, self.options.least_poses)):
             while len(chosen[kind]) > least:
                 blocks = self.pools[kind].blocks[chosen[kind]]
@@ -214,7 +216,8 @@ class _Task:
 
 
 def _seated(robot: Robot, q: np.ndarray, points: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Joint values (T, J), near q (T, J), that put the tool's tip at points (T, 3)."""
+    """Joint values (T, J), near q (T, J), that put the tool tip of a robot theta at points (T, 3)
+    [m]."""
     joints = q.shape[1]
     steps = np.vstack([np.zeros(joints), np.eye(joints) * _STEP])
     for _ in range(_TRIES if len(q) else 0):
@@ -242,7 +245,8 @@ def reach(
     Greedy growth, exchange with one fewer as long as that suffices, then one more as long as a
     rehearsal of the nonlinear fit asks for it: a local optimum, not a proven minimum. Every
     candidate parameter of the robot and the sensor's bias are unknown within tolerance.
-    ``progress`` gets the number of measurements as the plan grows.
+    ``progress`` gets the number of measurements as the plan grows; ``changes`` replace fields of
+    ``options``.
 
     Raises:
         PlanError: a number is out of its range, or `_MOST` measurements are not enough.

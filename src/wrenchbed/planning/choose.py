@@ -70,13 +70,11 @@ def informative(
 def for_tracker(
     robot: Robot, n: int, pool: int, seed: int, progress: Callable[[float], None] = lambda _: None
 ) -> Plan:
-    """Choose n of ``pool`` random poses at which a tracker shows a robot's geometry best.
+    """Choose n of ``pool`` random poses at which a laser tracker shows a robot's geometry best.
 
     I-optimal: minimises the mean variance with which a fit to the tracker's readings predicts
-    positions; ``progress`` gets the rms error [m] after each exchange that lowers it.
-
-    Raises:
-        PlanError: a robot without joints, or a pool smaller than n.
+    positions; ``progress`` gets the rms error [m] after each exchange that lowers it. A `PlanError`
+    for a robot without joints, or a pool smaller than n.
     """
     q = _candidates(robot, n, pool, seed)
     slopes = planned_slopes(robot, q)
@@ -90,7 +88,8 @@ def for_tracker(
 
 
 def _candidates(robot: Robot, n: int, pool: int, seed: int) -> np.ndarray:
-    """Draw feasible joint values (pool, J) at random, of which n are to be chosen."""
+    """Draw ``pool`` feasible joint values (pool, J); a `PlanError` unless n can be chosen of
+    them."""
     if not robot.joints:
         raise PlanError(f"robot {robot.name!r} has no joints to plan for")
     if not 1 <= n <= pool:
@@ -99,12 +98,11 @@ def _candidates(robot: Robot, n: int, pool: int, seed: int) -> np.ndarray:
 
 
 def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
-    """Return a plan of a sum of sines in each joint about a feasible pose, from rest to rest.
+    """Return a plan of a sum of sines in each joint about a feasible pose, from rest to rest, with
+    rows at ``rate`` [Hz].
 
-    Harmonics of 0.1 Hz with random phases: Swevers et al. 1997, doi 10.1109/70.631234.
-
-    Raises:
-        PlanError: no joints, too short, or no feasible motion was found.
+    Harmonics of 0.1 Hz with random phases: Swevers et al. 1997, doi 10.1109/70.631234. A
+    `PlanError` if there are no joints, it is too short, or no feasible motion was found.
     """
     if not isinstance(robot, SimulatedRobot):
         raise PlanError(f"robot {robot.name!r} has no joints to plan for")

@@ -59,10 +59,8 @@ class Clearance:
         """Find a collision-free path from ``start`` to ``end`` (J,): its way points, last ``end``.
 
         A straight joint move if that is free, else the shortest free path over one or two of home
-        and random poses.
-
-        Raises:
-            PlanError: ``end``, called ``where``, or every such path is blocked; says by what.
+        and random poses. A `PlanError`, which says by what, if ``end`` (called ``where`` in it) or
+        every such path is blocked.
         """
         why = self.hit(end)
         if why:
@@ -82,7 +80,7 @@ class Clearance:
 
     @cached_property
     def _built(self) -> set[tuple[int, int, int, int]]:
-        """Pairs as of `_touching` that touch at home or in many random poses; `hit` skips them."""
+        """Pairs (see `_touching`) in contact at home or in many random poses; `hit` skips them."""
         drawn = self.robot.sample(_DETOURS, np.random.default_rng(1))
         often = Counter(pair for q in drawn for pair in self._touching(q))
         usual = {pair for pair, n in often.items() if n > _OFTEN * len(drawn)}
@@ -95,7 +93,8 @@ class Clearance:
         return [q for q in drawn if not self.hit(q)]
 
     def _touching(self, q: np.ndarray) -> set[tuple[int, int, int, int]]:
-        """Pairs in contact at q: bodies (a, b, 0, 0), with surroundings (0, b, geom, geom)."""
+        """Pairs in contact at q (J,), body numbers a < b: (a, b, 0, 0); with surroundings (0, b,
+        geom of these, geom of b)."""
         model, data = self.model, self._data
         data.qpos[:] = self.robot.qpos(q[None], self._theta)[0]
         mujoco.mj_kinematics(model, data)

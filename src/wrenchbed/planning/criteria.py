@@ -45,7 +45,8 @@ class Criterion(ABC):
         return self.gradient(information)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after adding (+1) or removing (−1) each of blocks (N, k, m) alone."""
+        """Criterion (N,) after adding (``sign`` 1) or removing (−1) each block (k, m) of N
+        alone."""
         return self.values(information + sign * np.swapaxes(blocks, -1, -2) @ blocks)
 
 
@@ -60,7 +61,8 @@ class Spectral(Criterion):
 
     @staticmethod
     def _turned(information: np.ndarray, slope: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Derivative (m, m) by the information matrix, from that by singular values, ``slope``."""
+        """Derivative (m, m) by the information matrix; ``slope`` is that by singular values
+        (m,)."""
         squares, vectors = np.linalg.eigh(information)
         sigma = np.sqrt(np.maximum(squares, _SMALLEST))
         return np.asarray((vectors * (slope(sigma) / (2 * sigma))) @ vectors.T)
@@ -86,7 +88,8 @@ class O1(Spectral):
         return self._of(sigma) / (len(sigma) * sigma)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after adding or removing each block; matrix determinant lemma, k × k."""
+        """Criterion (N,) after adding (``sign`` 1) or removing (−1) each block (k, m) of N alone,
+        by the matrix determinant lemma (k × k)."""
         m = len(information)
         inner = blocks @ np.linalg.inv(information) @ np.swapaxes(blocks, -1, -2)
         factor = np.linalg.det(np.eye(blocks.shape[1]) + sign * inner)
@@ -153,7 +156,8 @@ class InverseTrace(Criterion):
         return inner / np.trace(self.weight @ inverse) ** 2
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after adding or removing each block, by the Woodbury identity."""
+        """Criterion (N,) after adding (``sign`` 1) or removing (−1) each block (k, m) of N alone,
+        by the Woodbury identity."""
         inverse = np.linalg.inv(information)
         turned = np.swapaxes(blocks, -1, -2)
         inner = np.eye(blocks.shape[1]) + sign * (blocks @ inverse @ turned)
@@ -169,11 +173,8 @@ INDICES = {c.name: c for c in _CRITERIA}
 
 
 def observability_indices(jacobian: np.ndarray) -> dict[str, float]:
-    """O1 … O5 of configurations' Jacobians (n, k, m).
-
-    Raises:
-        PlanError: fewer rows than parameters.
-    """
+    """Name → value of O1 … O5 of configurations' Jacobians (n, k, m); a `PlanError` if they have
+    fewer rows than parameters."""
     n, k, m = jacobian.shape
     if n * k < m:
         raise PlanError(f"{n} configurations give {n * k} readings, too few for {m} parameters")

@@ -202,17 +202,16 @@ def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Cert
     """Bound the criterion over all choices of n different configurations.
 
     ``start``: indices of a set with full rank. Multiplicative weights (Silvey, Titterington &
-    Torsney 1978, doi 10.1080/03610927808827719) on a growing set of candidates.
-
-    Raises:
-        PlanError: the criterion is not concave, so nothing can be certified this way.
+    Torsney 1978, doi 10.1080/03610927808827719) on a growing set of candidates. A `PlanError` if
+    the criterion is not concave, so that nothing can be certified this way.
     """
     power = criterion.power
     if power is None:
         raise PlanError(f"{criterion.name} is not concave: its optimum cannot be certified")
 
     def slopes(blocks: np.ndarray, weight: np.ndarray, of: np.ndarray) -> tuple[float, np.ndarray]:
-        """Criterion^``power`` of weighted blocks, and its derivatives (M,) by weights of ``of``."""
+        """Criterion^``power`` of blocks with weights, its derivatives (M,) by weights of M blocks
+        ``of``."""
         rows = (blocks * np.sqrt(weight)[:, None, None]).reshape(-1, blocks.shape[-1])
         value = float(criterion.values(rows.T @ rows))
         gradient = power * value ** (power - 1.0) * criterion.gradient(rows.T @ rows)

@@ -84,7 +84,8 @@ def tip_in(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def tip_of(robot: Robot, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Tool's orientation (N, 3, 3), position of its tip (N, 3) [m], in the world, at q (N, J)."""
+    """Tool's orientation (N, 3, 3), tip (N, 3) [m] in the world, at q (N, J), parameters theta
+    (P,)."""
     if type(robot).tool_pose is Robot.tool_pose:
         rotation, origin = robot.sensor_pose(q, theta)
         return rotation, origin + rotation @ _TIP

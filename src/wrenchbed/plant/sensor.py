@@ -89,7 +89,7 @@ class BufferedNoise:
 
 
 class SensorRow(NamedTuple):
-    """State of a robot in one control cycle: time [s], joint values, speeds (J,), load (6,)."""
+    """State of a robot in one cycle: time [s], joint values, speeds (J,), load (6,) [N, N·m]."""
 
     t: float
     q: np.ndarray
@@ -153,7 +153,8 @@ class SensorWithEffects:
         return self._twin.corrupt(self._since, self._times, seed)[-len(rows) :]
 
     def _rest(self, now: SensorRow) -> None:
-        """Compute readings in advance for a robot at rest, pushed by a surface as it is now."""
+        """Compute readings in advance for a robot that stays as it is ``now``, pushed as it is
+        now."""
         push = np.zeros(6)
         if self._touching:
             push = now.load - self._plain.load(self._twin.scene(now.q[None], np.zeros(1)))[0]

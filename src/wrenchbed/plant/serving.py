@@ -72,7 +72,8 @@ class MujocoPlant(Body):
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
     ) -> np.ndarray:
-        """Torques (J,) by the nominal model without friction; gravity (3,) [m/s²], base axes."""
+        """Torques (J,) at q, qd, qdd (J,), nominal model, no friction; gravity (3,) [m/s²] in
+        base."""
         assert self.drives is not None
         model = self.drives.train.controller
         model.model.opt.gravity[:] = gravity
@@ -142,13 +143,9 @@ def serve(
     """Serve an emulated robot or sensor while the block runs.
 
     The emulator's ``addresses`` name each link; ``failed`` is set if it breaks down. ``faults`` is
-    a TOML script of faults, whose times count from the start of the block.
-
-    Raises:
-        NotFoundError: there is no such emulator.
-        ParameterError: an option or a setting is impossible.
-        MapError: the script of faults is wrong.
-        DriverError: a port is taken or not allowed.
+    a TOML script of faults, whose times count from the start of the block. Raises a `NotFoundError`
+    (no such emulator), `ParameterError` (an impossible option or setting), `MapError` (a wrong
+    script of faults) or `DriverError` (a port is taken or not allowed).
     """
     options, kind = options or EmulatorOptions(), registry.load("emulators", name)
     with translated(), robot_emulators.serve(kind, options.plant, options, faults) as server:

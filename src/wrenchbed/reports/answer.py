@@ -53,7 +53,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def causes(self) -> Sequence[Claim]:
-        """The causes that are claimed, in words."""
+        """The causes that the diagnosis claims, in words, in the order of ``which``."""
 
     @property
     @abstractmethod
@@ -201,7 +201,7 @@ class Answer(ABC):
         return f"It stays {self.on}: without a cause there is nothing to close it with.{own}"
 
     def shrinks(self) -> tuple[str, str]:
-        """(number as text, sentences) on how far the claimed causes close the gap."""
+        """(number as text, sentences) on the share of the gap that the claimed causes close."""
         g = self.d.gap
         assert g.with_effects is not None
         both = f"from {numbers.gap(g.start)} to {numbers.gap(g.with_effects.value)}"
@@ -227,7 +227,7 @@ class Answer(ABC):
 
     @property
     def bars(self) -> list[tuple[str, str]]:
-        """(label, text of the gap) of each simulator, for a chart of bars."""
+        """(label, text of the gap) of each simulator and of noise alone, for a chart of bars."""
         g = self.d.gap
         rows = [("as configured", g.configured), ("calibrated", g.calibrated.value)]
         if g.with_effects is not None:
@@ -270,7 +270,8 @@ class Answer(ABC):
         return numbers.chance(self.d.probabilities.get(name, 0.0))
 
     def unknown(self, gap: str, hint: str = "") -> str:
-        """Sentence that no known effect explains ``gap`` (a phrase), and which is nearest."""
+        """Sentence that no known effect explains ``gap`` (a phrase), then ``hint``, then the
+        nearest."""
         nearest, p = self.nearest
         text = f"No known effect explains {gap}. Probability that it is something unknown: "
         text += f"{self.chance_of(UNKNOWN)}.{hint}"

@@ -40,14 +40,14 @@ _OF_UNIT = {"N": "force", "N·m": "torque", "s": "time", "K": "temperature"}
 
 
 def own_chart(e: HeldOutReadings, c: Cause, name: str) -> Chart | None:
-    """Chart of a claimed cause over its own variable, such as torque or angle; None without one."""
+    """Chart ``name`` of a cause over its own variable (torque, angle, …); None without one."""
     draw = None if c.active is None else _OWN.get(c.active.effect.shown)
     chart = None if draw is None or c.active is None else draw(e, c, c.active)
     return None if chart is None else replace(chart, name=name)
 
 
 def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
-    """Chart of a claimed cause's estimated curve, fitted without a formula, ± its std, or None."""
+    """Chart ``name`` of a cause's curve, estimated without a formula, ± std; None without one."""
     curve = entry.get("curve")
     if not curve:
         return None
@@ -60,7 +60,7 @@ def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
 
 
 def _over(title: str, x: Axis, y: Axis, series: Sequence[Series], caption: str) -> Chart:
-    """Chart with one panel: series over one variable."""
+    """Chart with one panel: series over x, thinned if they have too many points."""
     kept, note = thinned(series)
     panel = Panel(x, y, kept, zero=True, height=1.4)
     return Chart("", title, (panel,), caption=caption, note=note)
@@ -70,10 +70,9 @@ def _over(title: str, x: Axis, y: Axis, series: Sequence[Series], caption: str) 
 
 
 def _joint(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart | None:
-    """Error of a joint at each row, against the torque on it or against its own value.
-
-    A spring shows as a line over the torque of weight, a gear as a wave over the angle.
-    """
+    """Error of a joint at each row, for the ``active`` effect of cause c, against the torque on the
+    joint or its own value: a spring shows as a line over the torque of weight, a gear as a wave
+    over the angle."""
     scene = e.prepared.scene
     moved = value(active.effect.displace(scene, active.values)) if scene.jointed else 0.0
     if np.ndim(moved) < 2:
@@ -120,7 +119,8 @@ def _joint_error(
 
 
 def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
-    """Derivative of the readings (H, C) by a joint's value [1/rad or 1/m], by differences."""
+    """Derivative of the readings (H, C) by joint number ``joint`` (from 0) [1/rad or 1/m], without
+    cause c."""
     step = np.zeros(scene.joints.shape[1])
     step[joint] = STEP
     up, down = (p.read(replace(scene, q=scene.q + s), c.rest.active) for s in (step, -step))
@@ -131,7 +131,8 @@ def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
 
 
 def _load(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
-    """Residual of the channel that shows a cause most, over its load; rising and falling apart."""
+    """Chart of the channel that shows a cause most over its load; of a loop, rising and falling
+    apart."""
     scene, k = e.prepared.scene, largest(c.effect / e.std)
     channel, unit, at = CHANNELS[k], UNITS[k], np.flatnonzero(scene.held)
     load = scene.load[:, k]
@@ -193,7 +194,8 @@ _OWN: Mapping[str, Callable[[HeldOutReadings, Cause, ActiveEffect], Chart | None
 
 
 def everywhere(e: HeldOutReadings, name: str) -> Chart:
-    """Chart of the channel with the largest residual, over each joint, direction, time and load."""
+    """Chart ``name`` of the channel with the largest residual, over each joint, gravity, time,
+    load."""
     claimed = e.after is not None
     residual = (e.prepared.y - (e.before if e.after is None else e.after)) / e.std
     k = largest(residual)
@@ -214,7 +216,8 @@ def everywhere(e: HeldOutReadings, name: str) -> Chart:
 
 
 def _variables(e: HeldOutReadings, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
-    """Yield axis and values (H,) of each recorded or derived variable, such as a joint or time."""
+    """Yield axis and values (H,) of each variable: joints, gravity in the sensor, time, load of
+    ``channel``."""
     scene, held = e.prepared.scene, e.prepared.scene.held
     for k, joint in enumerate(scene.robot.joints if scene.jointed else ()):
         axis, factor = joint_axis(joint, k + 1)
@@ -235,10 +238,8 @@ def _variables(e: HeldOutReadings, channel: int) -> Iterator[tuple[Axis, np.ndar
 
 
 def scatter(e: HeldOutReadings, entry: Mapping[str, Any], name: str) -> Chart:
-    """Chart of single rows minus their mean, for a cause that does not show in means.
-
-    Over time, and for a motion also as a spectrum: a vibration is a peak, noise is flat.
-    """
+    """Chart ``name`` of rows minus their mean over time, for a cause (``entry`` of diagnosis.json)
+    that means do not show; of a motion also as a spectrum: a vibration is a peak, noise is flat."""
     rows = e.prepared.excerpt
     stated = np.asarray(rows.metadata.sensor.noise_std or (0.0,) * 6, dtype=float)
     noise = np.where(stated > 0.0, stated, e.std)
@@ -267,7 +268,8 @@ def scatter(e: HeldOutReadings, entry: Mapping[str, Any], name: str) -> Chart:
 
 
 def _spectrum(t: np.ndarray, residual: np.ndarray) -> Panel:
-    """Panel with the amplitude spectrum of residuals (N,) in units of the stated noise."""
+    """Panel with the amplitude spectrum of residuals (N,) at t (N,) [s], in units of stated
+    noise."""
     frequency = np.fft.rfftfreq(len(t), float(np.median(np.diff(t))))
     amplitude = 2.0 * np.abs(np.fft.rfft(residual)) / len(t)
     series, _ = thinned([Series("amplitude", "line", frequency, amplitude)])

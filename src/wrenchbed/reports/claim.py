@@ -131,7 +131,7 @@ def claim(
 
 
 def _size(key: str, entry: Mapping[str, Any], *, signed: bool) -> Size:
-    """A quantity in words; where the metadata state one, with "instead of" that value."""
+    """A quantity in words, with a plus if ``signed``; where metadata state one, "instead of" it."""
     value = numbers.quantity(key, entry, signed=signed)
     if stated := entry.get("stated"):
         value += f" instead of {numbers.rough(key, stated, entry['unit'])}"
@@ -166,14 +166,14 @@ def joints(entry: Mapping[str, Any]) -> list[int]:
 
 
 def joints_or(entry: Mapping[str, Any]) -> list[int]:
-    """Numbers, from 1, of the joints of which one is the cause; empty for other causes."""
+    """Numbers, from 1, of the joints of which one is the cause, not known which; else empty."""
     joint = entry["parameters"].get("joint", {})
     value = joint.get("value")
     return sorted([value, *joint.get("rivals", [])]) if isinstance(value, int) else []
 
 
 def _one_of_joints(entry: Mapping[str, Any]) -> str:
-    """Text ``2, 3 or 4`` of the joints of which one is the cause; empty for other causes."""
+    """Text ``2, 3 or 4`` of the joints one of which is the cause; empty for other causes."""
     numbered = [str(k) for k in joints_or(entry)]
     return listed(numbered, " or ") if numbered else ""
 

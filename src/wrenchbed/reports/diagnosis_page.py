@@ -32,11 +32,7 @@ def recording_facts(recording: Recording, name: str, observed: str = "") -> list
 
 def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
     """The HTML page of a diagnosis of a wrench; ``command`` is the command line that made it,
-    stated without options if empty.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    stated without options if empty. A `MissingExtraError` without matplotlib."""
     registry.require("matplotlib", "report")
     words, readings = WrenchAnswer(findings), HeldOutReadings(findings)
     scene = wrench_scene(readings)
@@ -53,11 +49,8 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
 
 
 def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
-    """The HTML page of a diagnosis of joint efforts; ``command`` as in `diagnosis_page`.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """The HTML page of a diagnosis of joint efforts; ``command`` is the command line that made it,
+    stated without options if empty. A `MissingExtraError` without matplotlib."""
     registry.require("matplotlib", "report")
     words, charts = EffortAnswer(findings), effort_charts(findings)
     names = [words.d.recording]
@@ -70,8 +63,8 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
 def _page(
     words: Answer, command: str, data: Facts, charts: list[Chart], more: Mapping[str, Any]
 ) -> ReportPage:
-    """HTML page of an answer: ``charts`` show the causes, ``more`` are template values of one kind
-    of page alone, figures among them."""
+    """HTML page of an answer: ``data``: (label, text) facts on its origin; ``charts`` show the
+    causes, ``more`` are template values of one kind of page alone, figures among them."""
     d, comparisons = words.d, [draw(chart) for chart in charts]
     recordings = (d.recording, *d.others)
     context = {

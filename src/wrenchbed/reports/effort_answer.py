@@ -30,7 +30,7 @@ _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
 
 
 class EffortAnswer(Answer):
-    """A diagnosis of joint efforts in words; ``channels`` is text on what was diagnosed."""
+    """A diagnosis of joint efforts in words; ``channels`` says if the wrench is part of it."""
 
     fitted = "what is not stated fitted; what is stated stays within its ordinary spread"
     observations = "blocks of time"
@@ -136,15 +136,15 @@ def effort_charts(findings: EffortFindings) -> list[Chart]:
 
 
 def shown_rows(findings: EffortFindings) -> np.ndarray:
-    """Indices (K,), among the used rows, of the stretch of time that is drawn."""
+    """Indices (K,), among the rows that were diagnosed, of the stretch of time that is drawn."""
     scene = findings.d.scene
     t = scene.signals.t[scene.kept()]
     return np.flatnonzero(np.abs(t - 0.5 * (t[0] + t[-1])) <= 0.5 * _SHOWN_S)
 
 
 def residuals_of(findings: EffortFindings) -> dict[str, np.ndarray]:
-    """Residual (M, C) of the used rows by simulator [noise of a row], from fits that did not see
-    them; NaN where a joint hardly moves, which does not count."""
+    """Simulator → residual (M, C) of the diagnosed rows [noise of a row], from fits that did not
+    see them; NaN where a joint hardly moves, which does not count."""
     d, counted = findings.d, np.stack([c.use for c in findings.d.channels], axis=-1)
     fits = {"calibrated": findings.simulators.of().each}
     if findings.verdict.causes:
@@ -153,7 +153,8 @@ def residuals_of(findings: EffortFindings) -> dict[str, np.ndarray]:
 
 
 def _joints(findings: EffortFindings) -> list[int]:
-    """Joints whose friction is drawn, from 0: of claimed causes, else that of the largest gap."""
+    """Joints, from 0, whose friction is drawn: those of claimed causes, else the one of largest
+    gap."""
     keys = (cause.part.key for cause in findings.verdict.causes)
     named = [j - 1 for name, j in keys if j is not None and name.startswith("drive.")]
     if named or findings.diagnosis.verdict == "none":

@@ -39,12 +39,9 @@ def residual_map(e: HeldOutReadings) -> Chart:
 
 
 def of_cause(e: HeldOutReadings, c: Cause, name: str) -> Chart:
-    """Chart of what a cause changes in the channel that shows it most: measured and simulated
-    values, with their residual beneath.
-
-    What the other effects add is subtracted from both; the simulation is by fits that did not see
-    the rows.
-    """
+    """Chart ``name`` of what a cause changes in the channel that shows it most: measured and
+    simulated values, with their residual beneath. What the other effects add is subtracted from
+    both; the simulation is by fits that did not see the rows."""
     p, title, k = e.prepared, c.name, largest(c.effect / e.std)
     channel, unit, sigma = e.names[k], e.units[k], float(e.std[k])
     x, axis, order = _across(e, title, c.effect[:, k])
@@ -76,8 +73,8 @@ def of_cause(e: HeldOutReadings, c: Cause, name: str) -> Chart:
 def _across(
     e: HeldOutReadings, title: str, effect: np.ndarray
 ) -> tuple[np.ndarray, Axis, np.ndarray]:
-    """Positions of the observations on an axis (H,), the axis, and their order (H,): by time in a
-    motion, else by the size of ``effect`` (H,)."""
+    """Positions of H observations on an axis (H,), the axis, and their order (H,): by time in a
+    motion or if the effect named ``title`` is of time, else by the size of ``effect`` (H,)."""
     p, known = e.prepared, effects()
     order = np.arange(len(p.y))
     if p.moving or p.averaged or (title in known and known[title].shown == "time"):

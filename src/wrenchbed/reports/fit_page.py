@@ -21,11 +21,8 @@ _CORRELATION = Scale("correlation", -1.0, 1.0, (-1.0, 0.0, 1.0), diverging=True)
 
 
 def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
-    """The HTML page of a fit to a recording; ``command``: the command line that made it, if any.
-
-    Raises:
-        MissingExtraError: matplotlib or jinja2 is not installed.
-    """
+    """The HTML page of a fit to a recording; ``command``: the command line that made it, if any. A
+    `MissingExtraError` without matplotlib or jinja2."""
     words, name = fit_words(fit), PurePath(fit.recording).name
     data, residual = left_by(fit, recording)
     white = residual / np.maximum(fit.noise.row, 1e-9)
@@ -71,7 +68,7 @@ def _verdict(fit: Fit) -> tuple[str, str]:
 
 
 def _load(fit: Fit, words: FitWords) -> dict[str, str]:
-    """Texts of the fitted mass with its uncertainty, and of the centre of gravity."""
+    """Texts of the fitted mass ("figure") and of the centre of gravity ("text"), with their σ."""
     mass = next((p for p in words.parameters if p.name == "tool.mass"), None)
     figure = f"{fit.tool['mass']:.4g} kg" if mass is None else f"{mass.value} ± {mass.std} kg"
     cog = numbers.minus(", ".join(f"{1e3 * x:.4g}" for x in fit.tool["cog"]))
@@ -82,7 +79,8 @@ def _load(fit: Fit, words: FitWords) -> dict[str, str]:
 
 
 def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, Axis]:
-    """Numbers of the poses in the recording (M,), or times [s]; and the axis for them."""
+    """Numbers of the poses in the recording (M,), or times [s]; and their axis, for M
+    observations."""
     if recording.metadata.mode == "dynamic":
         t = data.t - data.t[0]
         return t, Axis("time", "s", low=float(t.min()), high=float(t.max()))
@@ -95,7 +93,8 @@ def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, Axis]:
 
 
 def _each(fit: Fit, white: np.ndarray, order: np.ndarray, axis: Axis) -> Chart:
-    """Chart of the residual of every observation, one panel a channel, with the band of noise."""
+    """Chart of residuals ``white`` (M, 6) [noise of a row] over ``order`` (M,), with the noise's
+    band."""
     panels, note, moving = [], "", axis.label == "time"
     expected = fit.noise.expected / np.maximum(fit.noise.row, 1e-9)
     reach = 1.1 * float((np.abs(white) + expected).max())

@@ -177,7 +177,8 @@ class _Over:
 def _charts(
     recording: Recording, known: Sequence[Simulator], noise: np.ndarray, nearest: Agreement | None
 ) -> list[Chart]:
-    """Charts of each channel above its residual, and of the joints."""
+    """Charts of each channel above its residuals, captions about simulator ``nearest``, and of the
+    joints."""
     over, measured, charts = _Over.of(recording), recording.wrench, list[Chart]()
     residuals = {s.name: np.asarray((measured - s.reading) / noise) for s in known}
     for k, channel in enumerate(CHANNELS):
@@ -199,7 +200,8 @@ def _charts(
 
 
 def _panel(over: _Over, axis: Axis, curves: Mapping[str, np.ndarray], height: float) -> Panel:
-    """Panel of curves, name → rows (N,): points of poses with their rows' std, or lines."""
+    """Panel, ``height`` × usual, of curves, name → rows (N,): poses' means ± std of rows, or
+    lines."""
     simulated = [name for name in curves if name not in ("", "measured")]
     roles = dict(zip(simulated, _SIMULATED, strict=False))
     beside = len(simulated) < len(curves)
@@ -218,7 +220,8 @@ def _panel(over: _Over, axis: Axis, curves: Mapping[str, np.ndarray], height: fl
 def _sentence(
     over: _Over, k: int, rows: np.ndarray, noise: float, nearest: Agreement | None
 ) -> str:
-    """Caption of channel k: range of its readings, noise, residual of the nearest simulator."""
+    """Caption of channel k: range of its readings ``rows`` (N,), ``noise``, residual of
+    ``nearest``."""
     means, _ = over.means(rows)
     unit, low, high = UNITS[k], float(np.nanmin(means)), float(np.nanmax(means))
     text = f"{low:.3g} … {high:.3g} {unit}; noise of a row {noise:.2g} {unit}."

@@ -120,7 +120,7 @@ def wrench_scene(e: HeldOutReadings) -> Scene | None:
 
 
 def effort_scene(f: EffortFindings) -> Scene:
-    """Drawing of the robot in the stretch of a motion whose efforts are drawn."""
+    """Drawing of the robot in the stretch of a motion whose efforts the page draws."""
     scene, shown = f.d.scene, shown_rows(f)
     residual = np.nan_to_num(residuals_of(f)["calibrated"][shown])
     times = [f"{x:.2f} s" for x in scene.signals.t[scene.kept()][shown]]
@@ -163,7 +163,8 @@ def _scene(
 
 
 def _parts(simulation: Simulation, shares: Mapping[str, float]) -> list[Part]:
-    """Drawn parts of the robot: the geoms of one body that show the same part, together."""
+    """Drawn parts: the geoms of one body that show one part; ``shares``: part → probability of
+    blame."""
     model, merged = simulation.model, dict[tuple[int, str, float], list[np.ndarray]]()
     known = part_of(simulation, "environment" in shares)
     for k, body in enumerate(bodies(model).values()):
@@ -181,7 +182,7 @@ def _parts(simulation: Simulation, shares: Mapping[str, float]) -> list[Part]:
 
 
 def _caption(shares: Mapping[str, float], parts: Sequence[Part], arrows: Sequence[Arrows]) -> str:
-    """Text on what colours and arrows mean."""
+    """Text on the colours (``shares``: part → probability that it is to blame) and the arrows."""
     named = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
     text = f"Probability that the cause is there: {named}." if named else "No part is named."
     drawn = {part.name for part in parts}

@@ -92,7 +92,7 @@ class HeldOutReadings:
 
 
 def joint_axis(joint: Joint, number: int) -> tuple[Axis, float]:
-    """Axis of joint ``number`` in the unit for people, and the factor to it from SI."""
+    """Axis of joint ``number`` (from 1) in ° or mm, and the factor to that unit from SI."""
     unit, factor = HUMAN[joint.unit]
     return Axis(f"joint {number}", unit), factor
 
@@ -108,6 +108,6 @@ def along(p: Prepared) -> tuple[np.ndarray, Axis]:
 
 
 def largest(effect: np.ndarray) -> int:
-    """Index of the channel in which an effect (H, C) is largest."""
+    """Index of the channel in which an effect (H, C), in units of noise, is largest by squares."""
     size = ((effect - effect.mean(axis=0)) ** 2).sum(axis=0) + (effect**2).sum(axis=0)
     return int(np.argmax(size))

@@ -127,13 +127,15 @@ class WrenchAnswer(Answer):
 
     @property
     def _most(self) -> Mapping[str, Any] | None:
-        """Entry of ``where`` in diagnosis.json with the largest share; None if none has one."""
+        """Entry of ``where`` in diagnosis.json with the largest share of the gap; None if none has
+        one."""
         shares = (w for w in self.d.where if float(w["share"]) > 0.0)
         return max(shares, key=lambda w: float(w["share"]), default=None)
 
     @property
     def _agrees(self) -> bool:
-        """Whether ``where`` of the diagnosis names no variable but the one the residual follows."""
+        """Whether ``where`` does not lead with another variable than the one that explains the
+        residual best."""
         leading = "" if self._most is None else str(self._most["detail"])
         others = {f.variable for f in self.findings.places} - {self._kernel}
         return leading not in others or self._kernel.startswith(f"{leading} ")
@@ -236,7 +238,7 @@ class WrenchAnswer(Answer):
 
     @property
     def _crowd(self) -> bool:
-        """Whether the verdict is unknown because too many effects look the same."""
+        """Whether the verdict is unknown only because too many effects fit equally well."""
         best, p = self.nearest
         return self.d.verdict == UNKNOWN and "|" in best and p > self.d.probabilities[UNKNOWN]
 

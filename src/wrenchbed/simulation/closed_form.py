@@ -68,14 +68,15 @@ class CompiledForm:
     )
 
     def readings(self, q: Value, theta: np.ndarray, sensed: bool) -> np.ndarray | None:
-        """Readings (N, 6) [N, N·m], or loads before gains and bias if not ``sensed``, or None."""
+        """Readings (N, 6) [N, N·m] at q (N, J), parameters (P,); if not ``sensed``, the loads
+        before gains and bias. None if not by C."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
         return statics.readings(name, q, self._of_one(theta, sensed))
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
-        """Gravity in sensor axes (N, 3) [m/s²] at joint values (N, J); None if not compiled."""
+        """Gravity in sensor axes (N, 3) [m/s²] at q (N, J), parameters (P,); None if not by C."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
@@ -83,7 +84,8 @@ class CompiledForm:
         return statics.readings(name, q, constants)[:, :3]
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
-        """Derivatives (N, 6, K) of readings by parameters ``columns`` (K,); None if not by C."""
+        """Derivatives (N, 6, K) of readings by parameters (indices) ``columns``; None if not by
+        C."""
         name = self.robot.compiled
         if not statics.available(name, slopes=True) or not self._takes(q, theta):
             return None
@@ -94,8 +96,8 @@ class CompiledForm:
         return np.moveaxis(slopes, -3, -1)
 
     def _of_one(self, theta: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
-        """Bytes of the C constants of one parameter vector (P,), cached as they take longer than a
-        wrench; if ``unit``, for a tool of 1 kg at the sensor's origin."""
+        """Bytes of the C constants of one parameter vector (P,), cached; with gains and bias if
+        ``sensed``; if ``unit``, for a tool of 1 kg at the sensor's origin."""
         key = theta.tobytes(), sensed, unit
         constants = self._kept.get(key)
         if constants is None:
@@ -108,7 +110,8 @@ class CompiledForm:
         return constants
 
     def constants(self, theta: np.ndarray, sensed: bool) -> np.ndarray:
-        """Numbers (…, C) that the C functions take for parameters (…, P), see `_statics.c`."""
+        """Constants (…, C) in the order of `_statics.c`; without gains and bias if not
+        ``sensed``."""
         parameter_count = len(self.robot.parameters)
         packed = self.robot.packed(theta[..., :parameter_count], np.asarray(self.gravity))
         tool = self.robot.tool(theta[..., :parameter_count])
@@ -169,16 +172,16 @@ class Model:
         return names.vector(stated, start=theta)
 
     def true_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Load on the sensor (…, N, 6) [N, N·m], before the sensor's gains and bias."""
+        """Load on the sensor (…, N, 6) [N, N·m] at q (N, J), without its gains and bias."""
         compiled = self._compiled.readings(q, theta, sensed=False)
         return self.plain_wrench(q, theta) if compiled is None else compiled
 
     def plain_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Load on the sensor (…, N, 6) by numpy alone, against which compiled code is tested."""
+        """`true_wrench` (…, N, 6) by numpy alone, against which compiled code is tested."""
         return self._load(self._seen(q, theta), theta)
 
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:
-        """Gravity in sensor axes (…, N, 3) [m/s²]; for a `Jet` in motion, the sensor's `Motion`."""
+        """Gravity in sensor axes (…, N, 3) [m/s²] at q (N, J); of a moving `Jet` the `Motion`."""
         place, gravity = theta[..., : len(self.robot.parameters)], np.asarray(self.gravity)
         if isinstance(q, Jet):
             return motion_of(*self.robot.sensor_pose(q, place), gravity)
@@ -196,7 +199,7 @@ class Model:
         return np.asarray(self._seen(q, theta))
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Reading (…, N, 6) of the sensor for a load (…, N, 6): force gains and bias applied."""
+        """Reading (…, N, 6) of a load (…, N, 6): gains and bias, in theta (…, P), applied."""
         bias, gain = np.split(theta[..., len(self.robot.parameters) :], [6], axis=-1)
         force = load[..., None, :3] @ np.swapaxes(gain.reshape(*gain.shape[:-1], 3, 3), -1, -2)
         return np.concatenate([force[..., 0, :], load[..., 3:]], axis=-1) + bias
@@ -208,10 +211,9 @@ class Model:
         return self.read(self.plain_wrench(q, theta), theta) if compiled is None else compiled
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-        """Derivative (N, 6, K) of the reading by the parameters at ``columns``, exact to rounding.
-
-        Complex-step derivative: Squire & Trapp 1998, doi 10.1137/S003614459631241X.
-        """
+        """Derivatives (N, 6, K) of readings by the parameters at indices ``columns``, exact to
+        rounding, by complex steps (Squire & Trapp 1998, doi 10.1137/S003614459631241X); q (N, J) or
+        a `Jet`, theta (P,)."""
         compiled = self._compiled.jacobian(q, theta, columns)
         if compiled is not None:
             return compiled
@@ -267,7 +269,8 @@ def robot_of(recording: Recording) -> Robot:
 
 
 def _within_limits(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Joint values (N, J), clipped to joint limits that the encoders read a little beyond."""
+    """Joint values (N, J), clipped where at most `_PAST_LIMIT` beyond joint limits; else as
+    given."""
     lower = np.array([joint.lower for joint in robot.joints])
     upper = np.array([joint.upper for joint in robot.joints])
     near = (q >= lower - _PAST_LIMIT) & (q <= upper + _PAST_LIMIT)

@@ -87,11 +87,8 @@ class ServoDrivenRobot:
 
     def follow(self, targets: np.ndarray, seconds: float) -> Sampled:
         """Simulate ``seconds`` in S equal steps to targets (S, J); return joint state and load at
-        the start.
-
-        The load is read inside MuJoCo's step: with the discrete integrator only that acceleration
-        moves the robot; `mj_forward` would report the stiff servos' raw one.
-        """
+        the start. The load is read inside MuJoCo's step: with the discrete integrator only that
+        acceleration moves the robot; `mj_forward` would report the stiff servos' raw one."""
         self.model.opt.timestep = seconds / len(targets)
         q, qd = self.q, self.qd
         self._aim(targets[0])

@@ -56,14 +56,14 @@ def in_series(spec: mujoco.MjSpec, effect: str, joint: str, spring: Spring) -> N
 def hinge(
     effect: str, part: str, body: mujoco.MjsBody, axis: Sequence[float], spring: Spring
 ) -> None:
-    """Add a sprung hinge at a body's origin about an axis (3,) in body axes."""
+    """Add a sprung hinge EFFECT:PART at a body's origin about an axis (3,) in body axes."""
     _add(body, f"{effect}{MARK}{part}", mujoco.mjtJoint.mjJNT_HINGE, axis, spring)
 
 
 def slide(
     spec: mujoco.MjSpec, effect: str, part: str, axis: Sequence[float], spring: Spring
 ) -> None:
-    """Let the tool's mass slide on a spring, along an axis (3,) in sensor axes."""
+    """Let the tool's mass slide on a spring, EFFECT:PART, along an axis (3,) in sensor axes."""
     body, kind = tool_mass(spec, effect), mujoco.mjtJoint.mjJNT_SLIDE
     added = _add(body, f"{effect}{MARK}{part}", kind, axis, spring)
     added.frictionloss, added.springref = spring.friction, spring.bias / spring.stiffness
@@ -89,12 +89,14 @@ def cable(
     stiffness: float,
     length: float,
 ) -> None:
-    """Add a spring [N/m] from a tool point (3,) to an anchor (3,), slack within a length [m]."""
+    """Add a spring [N/m], slack within a ``length`` [m], from a point of the tool (3,) [m], sensor
+    axes, to an ``anchor`` (3,) [m] in the world."""
     _tendon(spec, f"{effect}{MARK}cable", point, anchor, stiffness, [0.0, length])
 
 
 def pull(spec: mujoco.MjSpec, effect: str, point: Sequence[float], force: np.ndarray) -> None:
-    """Add a constant force (3,) [N], world axes, on a tool point (3,), by a tendon to far away."""
+    """Add a constant force (3,) [N] of the world on a tool point (3,) [m], by a tendon to far
+    away."""
     strength = float(np.linalg.norm(force))
     if strength > 0.0:
         anchor = FAR * np.asarray(force) / strength
@@ -109,8 +111,8 @@ def plane(
     depth: float,
     stiffness: float,
 ) -> None:
-    """Add a plane n·p = depth [m] (n: ``normal``, world) that pushes a tool point (3,) back like a
-    spring [N/m]: a tendon from far behind the plane that resists pressure only."""
+    """Add a plane n·p = depth [m] (n: ``normal`` (3,), world) that pushes a tool point (3,) [m]
+    back like a spring [N/m]: a tendon from far behind the plane that resists pressure only."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     name = f"{effect}{MARK}plane"
@@ -147,7 +149,8 @@ def _tendon(
     stiffness: float,
     lengths: Sequence[float],
 ) -> None:
-    """Add a spatial tendon from a world anchor to a tool point (3,), with a sensor of its force."""
+    """Add a spring [N/m], a tendon with free ``lengths`` (least, most) [m] and a force sensor, from
+    a world ``anchor`` (3,) (None: a site that exists) to a tool point (3,) [m]."""
     if anchor is not None:
         spec.worldbody.add_site(name=f"{name}.anchor", pos=[float(x) for x in anchor])
     spec.body("tool").add_site(name=f"{name}.point", pos=[float(x) for x in point])

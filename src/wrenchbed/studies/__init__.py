@@ -1,7 +1,7 @@
 """Published studies run again: their tables and figures on MuJoCo data, beside what they print.
 Free: the inside of each file (layout of pages); tests/studies/test_studies.py speaks.
-Others rely on: docs/studies and docs/explanation/studies.md print these numbers (`scripts/studies`
-makes them anew after a change, also of a seed).
+Others rely on: docs/studies and docs/explanation/studies.md print these numbers: run
+`scripts/studies` after a change of a method, a scenario or a seed.
 Never: a number of a paper in the place of a measured one; they stand side by side.
 Read first: `medrue`, then `ur5`."""
 
@@ -18,7 +18,8 @@ from wrenchbed.pages.document import Document, provenance
 
 
 def steps(paper: str, quick: bool, robots: int | None) -> int:
-    """Number of progress steps of the study of a paper, ``medrue`` or ``ur5``."""
+    """Number of progress steps of a study: ``paper`` medrue or ur5; ``robots`` (None: default) as
+    of `run`."""
     return int(_module(paper).steps(quick, robots))
 
 
@@ -32,11 +33,9 @@ def run(
     report: Progress = silent,
     command: str = "",
 ) -> Document:
-    """Run a study and write its page to ``folder``; a stopped run continues where it stopped.
-
-    Raises:
-        MissingExtraError: the extra ``report`` is not installed.
-    """
+    """Run the study of a ``paper``, medrue or ur5, write its page to ``folder``; a stopped run goes
+    on. ``quick``: a small version; ``robots``: number of random MedRUE robots, or of repetitions on
+    the UR5; None: 200 and 20, quick 8 and 3. A `MissingExtraError` without the extra ``report``."""
     if robots is not None and robots < 2:
         raise ParameterError(f"{robots} robots (or repetitions) are too few: at least 2")
     for library in ("matplotlib", "jinja2"):
@@ -54,7 +53,7 @@ def _module(paper: str) -> Any:
 
 
 def _finite(value: Any) -> Any:
-    """The value with null for each number that is not finite, as JSON needs."""
+    """Return a JSON value (list, dict, number …) with null for each number that is not finite."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, list):

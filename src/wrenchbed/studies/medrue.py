@@ -48,15 +48,14 @@ _DRAWN = 2500
 
 
 def steps(quick: bool, robots: int | None) -> int:
-    """Number of progress steps that `run` reports."""
+    """Number of progress steps that `run` reports, for ``robots`` robots (None: its default)."""
     return _FIXED + (ROBOTS[quick] if robots is None else robots)
 
 
 def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
-    """Run the whole study; results, tables and figures go to ``folder``.
-
-    Finished robots are kept in ``folder``/parts, so that a stopped run goes on.
-    """
+    """Run the whole study with ``robots`` random robots (None: 200, or 8 if ``quick``); results,
+    tables and figures go to ``folder``. Finished robots are kept in ``folder``/parts, so that a
+    stopped run goes on."""
 
     def step(label: str) -> None:
         report(1, label)
@@ -95,7 +94,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
 
 def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, dict[str, int]]:
     """Observability of all 49 parameters at chosen configurations (n, 6), and the Jacobian's rank
-    by robot and number of configurations."""
+    by robot and number of configurations, as text."""
     model = setting.model
     columns = model.parameters.select(setting.robot.candidates)
     scale = model.parameters.tolerance[list(columns)]
@@ -147,7 +146,8 @@ def _lead(summary: dict[str, Any]) -> str:
 def column(
     table: pa.Table, name: str, *, quantity: str = "position", place: str = "target", **where: str
 ) -> np.ndarray:
-    """Values (robots,) of column ``name`` in the rows with these labels, ordered by robot."""
+    """Values (robots,) of column ``name`` in the rows of a ``quantity``, a workspace ``place`` and
+    further labels, by robot."""
     labels = {"quantity": quantity, "workspace": place, **where}
     keep = np.logical_and.reduce([table[k].to_numpy() == v for k, v in labels.items()])
     rows = table.filter(pa.array(keep)).sort_by("robot")
@@ -392,7 +392,7 @@ def _p(p: float) -> str:
 
 
 def limit_section(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Section:
-    """Page section on the Cramér–Rao bound at the poses of index O1, for two noises, and errors."""
+    """Page section on the Cramér–Rao bound at ``chosen`` (by O1), for two noises, and errors."""
     rows: list[tuple[object, ...]] = [("published", *published.AFTER.values())]
     means = []
     for noise in (MINI40, PAPER):

@@ -42,12 +42,10 @@ class IdentifiedRobot:
 def as_the_paper(
     setting: StudySetting, q: np.ndarray, wrench: np.ndarray, stop: float = _STOP
 ) -> IdentifiedRobot:
-    """Identify from measured means (n, 6) [N, N·m] at configurations (n, 6), by unweighted normal
-    equations with scaled columns: Section 4.2, Eqs. 24–30.
-
-    It ends at an rms change ``stop`` of the parameters in the paper's units. NaN where it left the
-    region in which the five-bar linkages close.
-    """
+    """Identify from measured means ``wrench`` (n, 6) [N, N·m] at q (n, 6), by unweighted normal
+    equations with scaled columns: Section 4.2, Eqs. 24–30. It ends at an rms change ``stop`` of the
+    parameters in the paper's units. NaN where it left the region in which the five-bar linkages
+    close."""
     model, columns, units = setting.model, list(setting.columns), setting.units
     theta, change = setting.theta.copy(), np.inf
     for steps in range(_MOST):
@@ -72,11 +70,9 @@ def weighted(
     std: np.ndarray,
     start: np.ndarray | None = None,
 ) -> IdentifiedRobot:
-    """Identify with each channel weighted by ``std`` (6,), its standard deviation of a mean;
-    efficient for normal noise.
-
-    Begins at nominal, or at ``start`` (P,).
-    """
+    """Identify from mean wrenches (n, 6) at q (n, 6), each channel weighted by ``std`` (6,), its
+    standard deviation of a mean; efficient for normal noise. Begins at nominal, or at ``start``
+    (P,)."""
     model, columns = setting.model, list(setting.columns)
 
     def at(x: np.ndarray) -> np.ndarray:
@@ -153,11 +149,10 @@ def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: 
 
 
 def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number: int) -> list[Row]:
-    """Draw and identify a robot: rows of its errors before it, without noise, by design and noise.
-
-    ``number`` and the seed in ``shared`` give its parameters and noise; ``shared`` is (setting,
-    design → indices (n,) of its configurations in the pool, seed).
-    """
+    """Draw and identify a robot: rows of errors of the nominal model, of a fit without noise, and
+    of fits by design, noise and method. ``number`` and the seed in ``shared`` give its parameters
+    and noise; ``shared`` is (setting, design → indices (n,) of its configurations in the pool,
+    seed)."""
     setting, designs, seed = shared
     rng = np.random.default_rng([seed, number])
     theta = setting.theta.copy()
@@ -197,7 +192,8 @@ class Judge:
         self._target = simulation.wrench(setting.target), simulation.tip(setting.target)
 
     def rows(self, theta: np.ndarray, *, whole: bool = True, **labels: object) -> list[Row]:
-        """Errors of parameters (P,), SI: a row with ``labels`` for each workspace and quantity."""
+        """Errors of parameters (P,): a row with ``labels`` for each quantity in the target and, if
+        ``whole``, the pool."""
         places = {"target": (self.setting.target, self._target)}
         if whole:
             places["whole"] = (self.setting.q, self._whole)

@@ -120,17 +120,20 @@ class StudySetting:
         return self.jacobian * self.units
 
     def covariance(self, chosen: np.ndarray, std: np.ndarray) -> np.ndarray:
-        """Cramér–Rao bound (27, 27): least covariance by poses ``chosen``, noise ``std`` (6,)."""
+        """Cramér–Rao bound (27, 27) at pool indices ``chosen`` (n,), noise ``std`` (6,) of a mean;
+        SI."""
         rows = (self.in_table_units[chosen] / std[:, None]).reshape(-1, len(self.columns))
         triangle = np.linalg.inv(np.linalg.qr(rows, mode="r"))
         return (triangle @ triangle.T) * np.outer(self.units, self.units)
 
     def bound(self, chosen: np.ndarray, std: np.ndarray) -> float:
-        """Cramér–Rao bound of the rms position error in the target [m], noise ``std`` (6,)."""
+        """Cramér–Rao bound of the target's rms position error [m]: indices ``chosen``, noise
+        ``std`` (6,)."""
         return self.goal.rms(self.covariance(chosen, std))
 
     def expected(self, chosen: np.ndarray, noise: NoiseModel) -> np.ndarray:
-        """Mean, maximum, std, rms (4,) [m] over the target of an efficient estimator's error."""
+        """Mean, maximum, std, rms (4,) [m] of an efficient fit's error over the target; pool
+        indices ``chosen``."""
         covariance = self.covariance(chosen, noise.std) / np.outer(self.units, self.units)
         draws = np.random.default_rng(0).standard_normal((DRAWS, len(covariance)))
         draws = draws @ np.linalg.cholesky(covariance).T * self.units
@@ -138,7 +141,8 @@ class StudySetting:
 
 
 def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> StudySetting:
-    """Make the setting with a pool of n configurations, oriented as in `workspace.pool`."""
+    """Make the setting with a pool of n configurations, ``orientations`` at each position (see
+    `workspace.pool`)."""
     robot: MedRUE = registry.load("robots", "medrue")
     model = Model.of(robot)
     columns = model.parameters.select(IDENTIFIED)
@@ -166,7 +170,8 @@ def designs(
     setting: StudySetting, seed: int, starts: int, report: Callable[[str], None]
 ) -> dict[str, PoseDesign]:
     """Pose designs by indices O1 … O5 in the paper's units, by the position error in the target,
-    and at random."""
+    and at random; ``starts``: random starts of each search, ``report``: called with a text after
+    each."""
     table = Pool(setting.in_table_units)
     result = {}
     for criterion in INDICES.values():

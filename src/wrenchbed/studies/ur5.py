@@ -157,7 +157,7 @@ class StudyScene:
         return cls(scenario, model, theta, metadata, noise, seed)
 
     def measure(self, q: np.ndarray) -> tuple[Recording, np.ndarray]:
-        """Simulate rests at q (N, 6): the recording, and exact load plus bias at each (N, 6)."""
+        """Simulate rests at q (N, 6); return the recording, exact readings (N, 6) without noise."""
         count = len(self.model.robot.parameters)
         simulation = Simulation(self.model.robot, self.theta[:count], self.model.gravity)  # type: ignore[arg-type]
         exact = self.model.read(simulation.wrench(q), self.theta)
@@ -179,12 +179,9 @@ class StudyScene:
 def poses(
     robot: URArm, direction: str, n: int, rng: np.random.Generator, *, roll: float | None
 ) -> np.ndarray:
-    """Draw joint values (n, 6) with the tool in a direction, at random positions, turned by
-    ``roll`` about its own axis [rad]; at random for each if None.
-
-    Raises:
-        PlanError: too few positions are reachable.
-    """
+    """Draw joint values (n, 6) with the tool in a direction (right, up, backward, down, left), at
+    random positions, turned by ``roll`` about its own axis [rad]; at random for each if None. A
+    `PlanError` if too few positions are reachable."""
     z = np.array(_AXES[direction])
     x = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.5 else np.array([1.0, 0.0, 0.0])
     facing = np.stack([x, np.cross(z, x), z], axis=-1)
@@ -280,15 +277,15 @@ def trial(scenario: Scenario, seed: int) -> Trial:
 
 
 def steps(quick: bool, robots: int | None) -> int:
-    """Number of progress steps that `run` reports."""
+    """Number of progress steps that `run` reports, for ``robots`` repetitions (None: its
+    default)."""
     return 1 + len(SCENARIOS) * (robots or REPEATS[quick])
 
 
 def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
-    """Run every scenario, repeated with other poses and noise; Tables 2 to 6 are of the first.
-
-    Finished repetitions are kept in ``folder``/parts, so that a stopped run goes on.
-    """
+    """Run every scenario ``robots`` times (None: 20, or 3 if ``quick``) with other poses and noise;
+    Tables 2 to 6 are of the first. Finished repetitions are kept in ``folder``/parts, so that a
+    stopped run goes on."""
     repeats = robots or REPEATS[quick]
     parts = Parts(folder / "parts", f"ur5-{key(seed)}-")
     table = run_parts(

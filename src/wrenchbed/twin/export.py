@@ -98,7 +98,7 @@ def _words(values: np.ndarray) -> str:
 
 
 def _spec(twin: Twin) -> tuple[mujoco.MjSpec, set[str]]:
-    """MJCF with the effects that it can hold, and the names of these effects."""
+    """MJCF with the twin's effects that it can hold, and the names of these effects."""
     robot, theta, inside = twin.model.robot, twin.robot_theta, set()
     for a in twin.active:
         changed = a.effect.as_parameters(robot, theta, a.values)

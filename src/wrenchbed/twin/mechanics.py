@@ -71,7 +71,7 @@ class SensorOnly:
         return np.asarray(Rotation.from_matrix(rotation).as_euler("XYZ"))
 
     def spec(self, theta: np.ndarray) -> mujoco.MjSpec:
-        """MJCF of three hinges that carry the sensor and its tool."""
+        """MJCF of three hinges that carry the sensor and its tool, with parameters theta (P,)."""
         spec = mujoco.MjSpec.from_string(_MJCF)
         write_load(spec, self._robot.tool(theta))
         return spec
@@ -85,7 +85,8 @@ def in_mujoco(robot: Robot) -> SimulatedRobot | SensorOnly:
 def edited(
     robot: Robot, theta: np.ndarray, gravity: Sequence[float], active: Sequence[ActiveEffect]
 ) -> mujoco.MjSpec:
-    """The robot's MJCF with parameters theta (P,) and with those effects that MuJoCo can carry."""
+    """The robot's MJCF with parameters theta (P,) and those of the ``active`` effects that MuJoCo
+    carries."""
     spec = in_mujoco(robot).spec(theta)
     spec.option.gravity = gravity
     for a in active:
@@ -201,9 +202,8 @@ class Mechanism:
     def balance(self, q: Value, coming: np.ndarray) -> np.ndarray:
         """Equilibrium positions of the added joints (M, E) [rad or m] at joint values (M, J), or a
         `Jet` with speeds; ``coming`` (M, J) is the direction in which each joint last moved.
-
-        Springs by the fixed point e ← e + force/k; joints with backlash by the force in its middle.
-        """
+        Springs by the fixed point e ← e + force/k; joints with backlash by the force in its
+        middle."""
         give = np.zeros((len(value(q)), len(self._added)))
         if not self._added:
             return give
@@ -302,7 +302,8 @@ class Mechanism:
         return result
 
     def _turns(self, columns: list[int]) -> np.ndarray:
-        """Derivative of the loops' passive joints by the joints ``columns``: −J_p⁺ J."""
+        """Derivative −J_p⁺ J of the loops' passive joints by the joints at ``columns``; J, J_p:
+        Jacobians of the loops' gaps."""
         data = self.data
         loops = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         jacobian = np.asarray(data.efc_J).reshape(data.nefc, self.model.nv)[loops]

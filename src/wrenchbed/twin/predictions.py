@@ -86,7 +86,7 @@ def order_of(recording: Recording) -> tuple[np.ndarray, str]:
 
 
 def bins(order: np.ndarray, count: int) -> list[np.ndarray]:
-    """Indices of the rows, ordered by a variable (N,), in at most ``count`` groups of like size."""
+    """Indices of rows, ordered by ``order`` (N,), in at most ``count`` groups of like size."""
     return [g for g in np.array_split(np.argsort(order, kind="stable"), count) if len(g)]
 
 

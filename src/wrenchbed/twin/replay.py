@@ -89,10 +89,8 @@ def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
 
 
 def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
-    """Readings (N, 6) of poses at rest; each pose is computed once.
-
-    Moves between poses are simulated too where an effect might have memory.
-    """
+    """Readings (N, 6) of poses at rest; each pose is computed once. Moves between poses are
+    simulated too where an effect might have memory."""
     t, warmth = recording.t.astype(float), _warmth(recording)
     poses, hold = holds(recording)
     ways = WAY if twin.model.robot.joints and twin.active else 0
@@ -126,7 +124,7 @@ class Playback:
         self._plain = Twin(twin.model, twin.theta)
 
     def expect(self, q: np.ndarray) -> None:
-        """Announce the poses (N, J) of a run: hysteresis depends on the range of all loads."""
+        """Announce all poses (N, J) of a run: hysteresis depends on the range of their loads."""
         self._ahead = q
         self._ahead_load = self.twin.load(self.twin.scene(q, np.arange(len(q)) * 1.0))
 

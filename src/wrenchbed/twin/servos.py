@@ -41,11 +41,9 @@ def is_of_servos(path: str | Path) -> bool:
 
 
 def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
-    """Write ``<robot>.xml`` and ``README.md`` from a fit of commands; return the two paths.
-
-    Raises:
-        ExportError: no such fit, its data refute it, or a servo's fitted stiffness is not above 0.
-    """
+    """Write ``<robot>.xml`` and ``README.md`` from a fit of commands; return the two paths. An
+    `ExportError` if there is no such fit, its data refute it, or a servo's fitted stiffness is not
+    above 0."""
     fields = checked.Fields(checked.load(path, ExportError), f"{path}: ", ExportError)
     if refuted := fields.raw.get("refuted"):
         raise ExportError(f"{path}: its own data refute it: {refuted}")
@@ -79,7 +77,7 @@ def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
 
 
 def _numbers(value: Mapping[str, float], joints: int, path: str) -> np.ndarray:
-    """Values (J, 5) of five servo parameters (`_KINDS`) of each joint; negative ones become 0."""
+    """Values (J, 5), `_KINDS` of each joint, from ``value`` by name; negative ones become 0."""
     each = [[f"{kind}.{j + 1}" for kind in _KINDS] for j in range(joints)]
     if missing := [name for names in each for name in names if name not in value]:
         raise ExportError(f"{path}: parameters: {missing[0]} is missing: give a fit of commands")

@@ -51,7 +51,8 @@ class Twin:
 
     @classmethod
     def from_json(cls, raw: Any, where: str = "twin") -> "Twin":
-        """Twin from a JSON object as in twin.json; a `TwinError` names field, value and remedy."""
+        """Twin from an object ``raw`` of twin.json; a `TwinError` names ``where``, field,
+        remedy."""
         fields = checked.Fields(raw, f"{where}: ", TwinError).only(_FIELDS, "a twin")
         if fields.raw.get("format") != FORMAT:
             raise fields.error("format", f"must be {FORMAT}")
@@ -123,8 +124,9 @@ class Twin:
         self, q: Value, t: np.ndarray, held: np.ndarray | None = None,
         warmth: np.ndarray | None = None,
     ) -> Scene:  # fmt: skip
-        """Input of effects: joint values (N, J), a `Jet` in motion, at times (N,) [s]; all rows are
-        measured unless ``held`` (N,) says which; ``warmth`` (N,): rise of temperature [K]."""
+        """Input of effects: joint values (N, J), a `Jet` in motion, at times (N,) [s]; ``held``
+        (N,), boolean: rows that are measured, all if None; ``warmth`` (N,): rise of temperature
+        [K]."""
         held = np.ones(len(t), dtype=bool) if held is None else held
         gravity = np.asarray(self.model.gravity)
         return Scene(self.model.robot, self.robot_theta, gravity, q, t, held, warmth)

@@ -18,7 +18,7 @@ from wrenchbed.viewer.stream import ROW, log_words, to_file
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
-    """Write a diagnosis as an ``.rrd`` picture that names ``command``; needs the library rerun."""
+    """Write a diagnosis as an ``.rrd`` picture, ``command`` (the line that made it) in its text."""
     readings, view, axis = HeldOutReadings(findings), None, None
     scene, shares = wrench_scene(readings), dict[str, float]()
     if scene is not None:
@@ -36,7 +36,8 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
 
 
 def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
-    """Markdown of a diagnosis's three answers; ``shares``: probability of a cause by robot part."""
+    """Markdown of a diagnosis: causes, gap, next steps; ``shares``: robot part → probability of
+    blame."""
     d, words = findings.diagnosis, WrenchAnswer(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {o['sentence']}" for o in d.outliers]

@@ -70,8 +70,8 @@ def log_arrows(
     colour: Colour,
     side: float = 0.0,
 ) -> None:
-    """Draw wrenches (K, 6) [N, N·m], in sensor axes, as arrows at the sensor, over times or rows
-    ``at`` (K,); ``side`` −1 … 1 shifts one of two similar arrows sideways."""
+    """Draw wrenches (K, 6) [N, N·m], in sensor axes, as arrows at the sensor in ``motion``, over
+    times or rows ``at`` (K,), as entity ``name``; ``side`` −1 … 1 shifts them sideways."""
     faint = tuple(round(0.5 * c + 0.5 * 255) for c in colour)
     start = motion.sensor + side * _BESIDE_M * motion.rotation[:, :, 0]
     parts = {"force": (0, scale.force, colour), "torque": (3, scale.torque, faint)}
@@ -105,7 +105,8 @@ def log_channels(
     wrenches: Mapping[str, np.ndarray],
     colours: Sequence[Colour] = (MEASURED, SIMULATED, *OTHERS),
 ) -> None:
-    """Draw wrenches, name → (N, 6), over times [s] or rows ``at`` (N,); one entity per channel."""
+    """Draw wrenches, name → (N, 6), over times [s] or rows ``at`` (N,); an entity below ``root``
+    per channel."""
     for k, channel in enumerate(CHANNELS):
         values = np.stack([w[:, k] for w in wrenches.values()], axis=1)
         log_curves(canvas, f"{root}/{channel}", at, values, list(wrenches), colours)

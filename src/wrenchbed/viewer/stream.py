@@ -79,7 +79,8 @@ def scene(robot: str, name: str = "robot", places: np.ndarray | None = None) -> 
 
 
 def channels(name: str, window: Window, *, residual: bool = False) -> Any:
-    """Make a view of six wrench channels' curves, each above its residual's if ``residual``."""
+    """Make a view of six wrench channels over ``window``, each above its residual if
+    ``residual``."""
     views = []
     for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
         view = curves(f"/wrench/{c}", f"{c} [{u}]", window, legend=k == 0)
@@ -92,7 +93,8 @@ def channels(name: str, window: Window, *, residual: bool = False) -> Any:
 
 
 def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> Any:
-    """Make a view of an entity's curves, at first zoomed to all of ``window`` (times or rows)."""
+    """View of an entity's curves, first zoomed to ``window``: (timeline, times [s] or rows
+    (N,))."""
     b = rr.blueprint
     timeline, at = window
     unit = "seq" if timeline == ROW else "seconds"
@@ -111,7 +113,8 @@ def document(origin: str, name: str) -> Any:
 
 
 def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
-    """Make views of the robot (around ``places``), its colour scale, residuals over rows ``at``."""
+    """Views of the robot (around ``places`` (N, 3)), its colour bar, residuals over rows ``at``
+    (K,)."""
     title = "probability that the cause is there: 0 (grey) … 1 (dark red)"
     bar = rr.blueprint.Spatial2DView(origin="/blame", name=title)
     residual = curves("/residual", "residual of all channels, rms [noise of a row]", (ROW, at))

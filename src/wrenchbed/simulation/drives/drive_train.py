@@ -148,9 +148,9 @@ class DriveParameters:
 
     @classmethod
     def nominal(cls, rigid: JointTorques, holding: np.ndarray) -> "DriveParameters":
-        """Default parameters of a robot's drives, from this file's tables or its MJCF; else
-        friction is a share of ``holding`` (J,), the largest torques that hold its weight [N·m or
-        N]."""
+        """Default parameters of the drives of the robot in ``rigid``, from this file's tables or
+        its MJCF; else friction is a share of ``holding`` (J,), the largest torques that hold its
+        weight [N·m or N]."""
         name, likely = rigid.robot.name, np.maximum(_SHARE * holding, _LEAST)
         coulomb = np.where(rigid.coulomb > 0.0, rigid.coulomb, likely)
         viscous = np.where(rigid.viscous > 0.0, rigid.viscous, _PER_SPEED * likely)
@@ -216,11 +216,9 @@ class DriveTrain:
 
     def torques(self, t: np.ndarray, q: Jet, rigid: np.ndarray | None = None) -> np.ndarray:
         """Torques (N, J) [N·m or N] that drives with nominal constants report, at times t (N,) [s]
-        and joint values with speeds and accelerations (N, J).
-
-        Calls must follow each other in time: some faults have memory. ``rigid`` are torques of the
-        rigid body (N, J), computed if None.
-        """
+        and joint values with speeds and accelerations (N, J). Calls must follow each other in time:
+        some faults have memory. ``rigid`` are torques of the rigid body (N, J), computed if
+        None."""
         p = self.parameters
         rigid = self.rigid.of(q) if rigid is None else rigid
         total = rigid + p.coulomb * np.tanh(q.d / REVERSAL) + p.viscous * q.d + p.offset
@@ -235,7 +233,7 @@ class DriveTrain:
         return np.asarray(total)
 
     def level(self) -> np.ndarray:
-        """Typical current (J,) [A], to which the noise and the ripple are proportional."""
+        """Typical current (J,) [A] of each drive, to which noise and ripple are proportional."""
         load = self.holding + _FRICTIONS * self.nominal.coulomb
         return np.asarray(load / np.abs(self.nominal.constant))
 

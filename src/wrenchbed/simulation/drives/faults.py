@@ -71,7 +71,8 @@ class Fault(NamedTuple):
 
 
 def _hysteresis(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    """Add presliding friction: state z ← s + (z − s) e^(−|dq|/width), s the sign of the step dq."""
+    """Add presliding friction p["size"]·z [N·m or N]: z ← s + (z − s) e^(−|dq|/p["width"]), s the
+    sign of the step dq of the joint."""
     z, last = memory.get("z", 0.0), memory.get("q", float(rows.q[0]))
     deflection = np.empty_like(rows.q)
     for k, q in enumerate(rows.q.tolist()):
@@ -173,11 +174,8 @@ class ActiveFault:
 
 def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> ActiveFault:
     """Make a fault from its name, as ``drive.coulomb``, and ``given``: ``joint`` (from 1), ``size``
-    and further parameters, else defaults; these may scale with the Coulomb frictions (J,).
-
-    Raises:
-        NotFoundError, ParameterError: there is no such fault, joint or parameter.
-    """
+    and further parameters, else defaults; these may scale with the Coulomb frictions (J,). A
+    `NotFoundError` or `ParameterError` if there is no such fault, joint or parameter."""
     kind, joints = name.removeprefix(PREFIX), len(coulomb)
     if kind not in FAULTS:
         raise NotFoundError(f"there is no effect {name!r}{did_you_mean(kind, sorted(FAULTS))}")
