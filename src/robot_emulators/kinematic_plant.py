@@ -61,7 +61,8 @@ class KinematicPlant:
         return Efforts(torque, torque / self.arm.constants, np.full(len(torque), 25.0))
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
-        """Advance by a control cycle, at whose end the joints are at ``target`` (J,) [rad or m]."""
+        """Advance by a cycle, due at a `time.monotonic` time [s] (0: now), at whose end the joints
+        are at ``target`` (J,) [rad or m]."""
         self.qd = (target - self.q) / self.cycle
         self.q = np.array(target, dtype=float)
         self.time += self.cycle

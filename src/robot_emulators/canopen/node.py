@@ -259,7 +259,7 @@ class Node:
         self._ids = frozenset(always | set(self._by_id) | {0x700 + n for n in nodes})
 
     def _check_state(self, key: Key) -> None:
-        """Raise `AbortError` for writing PDO parameters in OPERATIONAL, event timers excepted."""
+        """Raise `AbortError` in OPERATIONAL if ``key`` is a PDO parameter, except event timers."""
         if 0x1400 <= key[0] < 0x1C00 and self.state == OPERATIONAL and key[1] != 5:
             raise AbortError(Abort.STATE)
 

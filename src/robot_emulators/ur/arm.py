@@ -229,7 +229,7 @@ class ControlledArm:
         return None
 
     def _emergency_step(self, dt: float) -> np.ndarray:
-        """Start an emergency braking; return the joint values (6,) after its first cycle."""
+        """Start an emergency braking; return the joint values (6,) after its first ``dt`` [s]."""
         self.freeze()
         assert self.motion is not None
         self._next_plain = self.motion.step(self._plain, dt)

@@ -142,7 +142,7 @@ class _Planned(ArmMotion):
         return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
 
     def _least(self, q: np.ndarray) -> float:
-        """Least duration [s] that the joints' speed and acceleration limits allow for this path."""
+        """Least duration [s] of this path from q (6,) by the joints' speeds and accelerations."""
         before, steepest = q, np.zeros(6)
         with contextlib.suppress(UnreachableError):
             for k in range(1, _LOOKS + 1):
@@ -267,7 +267,7 @@ class Servo(ArmMotion):
         self._speed = np.array(qd)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Joint target (6,) after ``dt`` [s], from a critically damped second-order filter."""
+        """Joint target (6,) ``dt`` [s] after target q (6,), by a critically damped filter."""
         w, miss = self._rate, q - self._goal
         fade, slope = exp(-w * dt), self._speed + w * miss
         self._speed = (self._speed - w * dt * slope) * fade
@@ -294,7 +294,7 @@ class JointSpeed(ArmMotion):
         self._speed = np.array(qd)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Joint target (6,) after ``dt`` [s]; the speeds approach the commanded ones."""
+        """Joint target (6,) ``dt`` [s] after target q (6,); speeds approach the commanded ones."""
         change, most = self._goal - self._speed, self._rate * dt
         largest = float(np.abs(change).max())
         self._speed = self._speed + change * (most / max(largest, most))

@@ -86,7 +86,8 @@ def packet(kind: int, payload: bytes = b"") -> bytes:
 
 
 def text(message: str, source: str, level: int, version: int) -> bytes:
-    """Return an RTDE text message of protocol 1 or 2; level 0: exception, 1: error, 2: warning."""
+    """Return an RTDE text message from ``source`` in protocol ``version`` 1 or 2; ``level`` 0:
+    exception, 1: error, 2: warning."""
     said, by = message.encode()[:255], source.encode()[:255]
     if version == 1:
         return packet(TEXT, bytes([level]) + said)

@@ -60,7 +60,7 @@ def _text(path: Path) -> str:
 
 
 def _converted(data: bytes, name: str) -> str:
-    """Convert a .urp file to URScript; empty if it only has an External Control node."""
+    """Convert .urp file ``name`` to URScript; empty if it only has an External Control node."""
     try:
         if data[:2] == b"\x1f\x8b":
             data = zlib.decompressobj(16 + zlib.MAX_WBITS).decompress(data, _LARGEST)

@@ -34,8 +34,8 @@ class Inputs:
         self._owners: dict[str, Hashable] = {}
 
     def claim(self, owner: Hashable, names: Sequence[str]) -> list[str]:
-        """Reserve inputs for a client, all or none; return for each of ``names`` its type, `IN_USE`
-        if another client has it, or `NOT_FOUND`."""
+        """Reserve inputs for a client ``owner``, all or none; return for each of ``names`` its
+        type, `IN_USE` if another client has it, or `NOT_FOUND`."""
         types = [self._type(owner, name) for name in names]
         if IN_USE not in types and NOT_FOUND not in types:
             self._owners.update(dict.fromkeys(names, owner))

@@ -34,9 +34,9 @@ _SENT: dict[str, Callable[[Any], bytes]] = {
 
 
 def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int | None]:
-    """RTDE field of a register, and its bit if registers share the field. ``way``: input or output;
-    ``kind``: bit, int or double; ``known``: the existing fields. Raises `ScriptFaultError` if
-    none."""
+    """RTDE field of register number ``address``, and its bit if registers share the field. ``way``:
+    input or output; ``kind``: bit, int, double; ``known``: existing fields. Else a
+    `ScriptFaultError`."""
     where = real(address, "an address")
     if where != int(where):
         raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
@@ -178,8 +178,8 @@ def _count(number: float) -> int:
 def socket_read_binary_integer(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read ``number`` 32-bit integers; return their count and values, or 0 and NaNs if they do not
-    arrive within ``timeout`` [s]."""
+    """Read ``number`` 32-bit integers from connection socket_name; return their count and values,
+    or 0 and NaNs if they do not arrive within ``timeout`` [s]."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(4 * count))
     if data is None:
@@ -191,8 +191,8 @@ def socket_read_binary_integer(
 def socket_read_byte_list(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read ``number`` bytes; return their count and values, or 0 and −1s if they do not arrive
-    within ``timeout`` [s]."""
+    """Read ``number`` bytes from connection socket_name; return their count and values, or 0 and
+    −1s if they do not arrive within ``timeout`` [s]."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(count))
     return [0] + [-1] * count if data is None else [count, *data]
@@ -202,7 +202,7 @@ def socket_read_byte_list(
 def socket_read_line(
     program: ScriptProgram, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Read a line; return it without its end, empty if none arrives before the timeout [s]."""
+    """Read a line from connection socket_name without its end; empty after the timeout [s]."""
     data = yield from _waited(program, socket_name, timeout, lambda link: link.until(b"\n"))
     return "" if data is None else data.decode("latin-1").rstrip("\r")
 
@@ -211,7 +211,8 @@ def socket_read_line(
 def socket_get_var(
     program: ScriptProgram, name: str, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """Send ``GET name``; return the integer in the reply ``name value``, 0 without a reply."""
+    """Send ``GET name`` to connection socket_name; return the integer of the reply ``name value``,
+    0 if none comes within the timeout [s]."""
     if not _send(program, socket_name, f"GET {name}\n".encode()):
         yield
         return 0

@@ -244,7 +244,7 @@ def get_jacobian_time_derivative(
 def get_mass_matrix(
     program: ScriptProgram, q: Six | None = None, include_rotors_inertia: bool = False
 ) -> list[list[float]]:
-    """Rows of the mass matrix (6, 6) [kg·m²] at q (6,) (None: present), without rotors' inertia."""
+    """Rows of the mass matrix (6, 6) [kg·m²] at q (6,) (None: present); rotors are left out."""
     torques, (joints, _), still = program.arm.plant.model_torques, _state(program, q), np.zeros(6)
     columns = [torques(joints, still, unit, still[:3]).tolist() for unit in np.eye(6)]
     return [list(row) for row in zip(*columns, strict=True)]
@@ -289,7 +289,8 @@ def get_inverse_kin_has_solution(
     program: ScriptProgram, pose: Six, qnear: Six | None = None, maxPositionError: Any = 1e-10,
     maxOrientationError: Any = 1e-10, tcp: Any = _ACTIVE,
 ) -> bool:  # fmt: skip
-    """Whether `solve` finds joint values for this pose of the TCP; the error limits are ignored."""
+    """Whether `solve` finds joint values near qnear (6,) for a pose (6,) of the TCP (tcp: its pose
+    in flange axes); the largest errors are ignored."""
     try:
         solve(program, pose, qnear, tcp)
     except ScriptFaultError:
@@ -320,7 +321,8 @@ def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
 
 @TABLE.add()
 def set_tcp(program: ScriptProgram, pose: Six, tcp_name: Any = "") -> None:
-    """Set the pose (6,) of the TCP in flange axes, x y z [m] and rotation vector [rad]."""
+    """Set the pose (6,) of the TCP in flange axes, x y z [m] and rotation vector [rad]; its name is
+    ignored."""
     program.arm.tcp = pose
 
 

@@ -141,7 +141,8 @@ class _Translator:
         return True
 
     def _resolve(self, scope: _Scope, function: ast.FunctionDef, shared: set[str]) -> None:
-        """Declare each variable that a function assigns as Python's global, nonlocal or local."""
+        """Declare each variable that ``function`` assigns as Python's global (if in ``shared``, the
+        program's variables), nonlocal or local."""
         enclosing, around = set[str](), scope.around
         while around is not None and around is not self._top:
             enclosing |= around.bound - around.shared

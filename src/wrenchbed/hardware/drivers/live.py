@@ -320,7 +320,7 @@ class LiveDriver(Driver):
         return block_of(rows)
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Stream the targets (N, J), yield the measured rows; stop at the end or on an error."""
+        """Stream targets (N, J) at a rate [Hz], yield measured rows; stop at the end or errors."""
         try:
             yield from self._streamed(targets, rate)
         except BaseException as error:
@@ -329,7 +329,7 @@ class LiveDriver(Driver):
         self.stop()
 
     def _streamed(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Stream the targets (N, J); yield rows at equal steps of the robot's own clock."""
+        """Stream targets (N, J) at a rate [Hz]; yield rows at equal steps of the robot's clock."""
         done, total = 0, len(targets)
         rows: list[dict[str, float]] = []
         waiting: deque[EvenRow] = deque()

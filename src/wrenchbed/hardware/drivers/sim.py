@@ -303,7 +303,7 @@ class SimDriver(Driver):
         yield self._arrived(start, seconds + waited)
 
     def _arrived(self, start: np.ndarray, seconds: float) -> Reached:
-        """End a move of ``seconds`` at rest; return the joint values (J,) reached and the time."""
+        """End a move from ``start`` (J,) that took ``seconds``; return joint values (J,), time."""
         arrived = self._time + seconds
         if self._playback is not None:
             self._playback.move((self._time, arrived), start, self._plant.q)

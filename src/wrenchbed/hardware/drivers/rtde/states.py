@@ -313,7 +313,7 @@ class StateReceiver:
             self.ended = f"the stream of states ended: {error}"
 
     def _take(self, arrival: float, values: dict[str, Values] | None) -> None:
-        """Count a packet and publish its state, unless its time stamp repeats the last one."""
+        """Count a packet that came at ``arrival`` [s]; publish its state if its stamp is new."""
         last = self.newest
         if values is None:
             self.newest = last._replace(bad=last.bad + 1, wrong="data of a wrong length")

@@ -222,7 +222,7 @@ def switch_on(host: str, look: Look) -> None:
 
 
 def halt(host: str, timeout: float) -> str:
-    """Stop the robot's program by the dashboard; return "" if confirmed, else the reason."""
+    """Stop the robot's program by the dashboard; "" if confirmed in ``timeout`` [s], else why."""
     try:
         answer = request(host, "stop", timeout)
     except LinkError as error:
