@@ -126,7 +126,7 @@ class Hub:
         self._bus = Listener(self._thread, (host, port), "CAN", self._client, MOST)
 
     def attach(self, heard: Heard | None = None) -> Callable[[Frame], None]:
-        """Add a device: ``heard`` gets other nodes' frames; return a function that sends frames."""
+        """Add a device: ``heard(t, frame)`` gets others' frames; return a function to send one."""
         number = self._number()
 
         def post(frame: Frame) -> None:

@@ -177,7 +177,7 @@ class Kinematics:
         return np.asarray(solutions[np.abs(solutions - near).sum(axis=1).argmin()])
 
     def _solutions(self, rotation: np.ndarray, position: np.ndarray) -> Iterator[list[float]]:
-        """Yield all joint values (6,) that bring the flange to a pose, eight at most.
+        """Yield the joint values (6,), eight at most, of a flange rotation and position (3,) [m].
 
         Joints 1, 5 and 6 follow from the pose, 2 to 4 from a triangle, as their axes are parallel:
         Hawkins 2013, "Analytic inverse kinematics for the Universal Robots UR-5/UR-10 arms".

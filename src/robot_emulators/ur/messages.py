@@ -81,7 +81,7 @@ def error(code: int, argument: int, text: str) -> Event:
 
 
 def key(title: str, text: str) -> Event:
-    """Make the message that a program began or ended; ``title`` as `STARTED`, ``text`` its name."""
+    """Make the message that a program, named ``text``, began or ended (``title``, as `STARTED`)."""
     return Event(KEY, _INTERFACE, struct.pack(">ii", 0, 0) + _titled(title), text)
 
 

@@ -344,8 +344,8 @@ def set_target_payload(
     program: ScriptProgram, m: float, cog: Three, inertia: Six | None = None,
     transition_time: float = 0.0,
 ) -> None:  # fmt: skip
-    """Set the payload's mass m [kg], cog (3,) [m] and inertia (6,) xx yy zz xy xz yz [kg·m²], at
-    once: transition_time is ignored."""
+    """Set the payload's mass m [kg], cog (3,) [m] and inertia (6,) xx yy zz xy xz yz [kg·m²] (None:
+    unchanged), at once: transition_time is ignored."""
     program.controller.estimate.carry(m, cog, inertia)
 
 

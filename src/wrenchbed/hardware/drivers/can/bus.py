@@ -52,11 +52,11 @@ class CanLink:
         self._thread.start()
 
     def listen(self, heard: Listener) -> None:
-        """Register a function that the reader thread calls with every data frame."""
+        """Register ``heard(t, id, data)``, which the reader thread calls for each data frame."""
         self._listeners = (*self._listeners, heard)
 
     def leave(self, heard: Listener) -> None:
-        """Unregister a function that `listen` has registered."""
+        """Unregister a function ``heard`` that `listen` has registered."""
         self._listeners = tuple(one for one in self._listeners if one != heard)
 
     def send(self, can_id: int, data: bytes) -> None:

@@ -413,7 +413,7 @@ def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) 
 
 
 def main(argument: str) -> None:
-    """Run the control process; ``argument`` is its setting as JSON."""
+    """Run the control process; ``argument``: JSON of `serve`'s setting and two descriptors."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(OSError):  # where the system allows it
         os.setpriority(os.PRIO_PROCESS, 0, _PRIORITY)

@@ -276,7 +276,7 @@ class Receiver:
             time.sleep(_PAUSE_S)
 
     def _drain(self) -> int:
-        """Receive all waiting datagrams into the buffer; return its bytes of whole records."""
+        """Fill the buffer with all waiting datagrams; return how many bytes are whole records."""
         view, used = memoryview(self._buffer), 0
         while used < _ROOM - LARGEST - 1:
             try:

@@ -192,7 +192,7 @@ def _unit(fields: dict[str, str], name: str, known: dict[str, float]) -> float:
 
 
 def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
-    """Full scale (6,) [N, N·m] that the page states; None unless it is six positive numbers."""
+    """Full scale (6,) [N, N·m]: the six positive numbers of ``text`` × ``si`` (6,), or None."""
     try:
         values = [float(part) for part in text.split(";") if part.strip()]
     except ValueError:
