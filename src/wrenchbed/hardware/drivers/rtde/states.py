@@ -159,8 +159,8 @@ class Outputs:
         self.close()
 
     def _ask(self, kind: int, body: bytes, end: float) -> bytes:
-        """Send a request of type ``kind``; return the body of its answer, by `time.monotonic`
-        ``end`` [s]; skip text messages before it."""
+        """Send a request of type ``kind`` with ``body``; return the body of its answer, due by
+        ``end`` (`time.monotonic`, [s]); skip text messages before it."""
         try:
             self._link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
         except OSError as error:
