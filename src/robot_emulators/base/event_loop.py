@@ -59,10 +59,9 @@ class LoopThread:
                 self.loop.call_soon_threadsafe(task)
 
     def call(self, task: Callable[[], T], seconds: float = _JOIN_S) -> T:
-        """Run ``task`` in the loop's thread, wait for it and return its result.
-
-        Raises:
-            TimeoutError: it has not ended within ``seconds``; a task not begun by then never runs.
+        """Run ``task`` in the loop's thread, wait for it and return its result. Raises a
+        `TimeoutError` if it has not ended within ``seconds`` [s]; a task not begun by then never
+        runs.
         """
         asked: Future[T] = Future()
 

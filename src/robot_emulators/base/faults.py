@@ -123,10 +123,9 @@ class Faults:
             self._active.pop(key, None)
 
     def check(self, faults: Iterable[TimedFault], where: str) -> None:
-        """Check that each fault is registered for its link and that its values are allowed.
-
-        Raises:
-            FaultError: begins with ``where``, a file's name; lists known faults or names the value.
+        """Check that each fault is registered for its link and that its values are allowed. A
+        `FaultError` begins with ``where`` (a file's name) and lists the known faults or names the
+        value.
         """
         for fault in map(self._placed, faults):
             name = f"{fault.link} {fault.kind}"

@@ -61,11 +61,8 @@ class Machine:
         self._left = MOST_IN_A_CYCLE
 
     def cycle(self) -> bool:
-        """Run each thread until it waits; return False when the program has ended.
-
-        Raises:
-            ScriptFaultError: the program cannot go on.
-            ProgramEndsError: the program calls ``halt``.
+        """Run each thread until it waits; return False when the program has ended. Raises a
+        `ScriptFaultError` if it cannot go on, a `ProgramEndsError` if it calls ``halt``.
         """
         self._left = MOST_IN_A_CYCLE
         done: set[int] = set()
