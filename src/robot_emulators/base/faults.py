@@ -64,10 +64,8 @@ def read(path: str | Path) -> tuple[TimedFault, ...]:
 
 
 def parse(raw: Any, where: str) -> TimedFault:
-    """Check one raw entry of a fault script and return it as a `TimedFault`.
-
-    Raises:
-        FaultError: an entry is wrong; its text begins with ``where``, such as the file's name.
+    """Check one raw entry of a fault script and return it as a `TimedFault`. The text of a
+    `FaultError` begins with ``where``, such as the file's name, and names the field.
     """
     if not isinstance(raw, Mapping):
         raise FaultError(f"{where}: must be an object with link and kind")

@@ -89,9 +89,7 @@ class Entry:
 
     def parsed(self, raw: bytes) -> int:
         """Decode little-endian bytes from the bus to a number that may be written to this entry.
-
-        Raises:
-            AbortError: wrong length, or a value that is not allowed.
+        Raises an `AbortError` for a wrong length or a value that is not allowed.
         """
         if len(raw) != self.size:
             raise AbortError(Abort.LENGTH_HIGH if len(raw) > self.size else Abort.LENGTH_LOW)

@@ -84,7 +84,8 @@ class Node:
         """Hook: update, at time t [s], objects that change by themselves, before they are sent."""
 
     def boot(self, everything: bool = True) -> None:
-        """Reset all objects, or those of communication alone; then boot to PRE-OPERATIONAL."""
+        """Reset all objects (``everything``) or the communication's alone; boot to
+        PRE-OPERATIONAL."""
         with self.lock:
             if not everything and self.state == OPERATIONAL:
                 self.on_connection_lost(0)

@@ -55,7 +55,7 @@ class Pdo:
 
     @property
     def type(self) -> int:
-        """Transmission type of the PDO: up to 240 it is sent at SYNC, from 254 on by events."""
+        """Transmission type of the PDO (CiA 301): up to 240 at SYNC, from 254 on by events."""
         return self._objects[self.index, 2]
 
     @property
