@@ -116,6 +116,6 @@ class Port(Listener[Peer]):
         }
 
     def tick(self) -> None:
-        """Let each client resume or pause after a control cycle."""
+        """After a cycle, let each client pause or resume as faults that block it come and go."""
         for peer in list(self.clients):
             peer.tick()

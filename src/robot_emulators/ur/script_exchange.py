@@ -35,8 +35,8 @@ _SENT: dict[str, Callable[[Any], bytes]] = {
 
 def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int | None]:
     """RTDE field of register number ``address``, and its bit if registers share the field. ``way``:
-    input or output; ``kind``: bit, int, double; ``known``: existing fields. Else a
-    `ScriptFaultError`."""
+    input or output; ``kind``: bit, int, double; ``known``: fields that exist. Raises a
+    `ScriptFaultError` if the register does not exist."""
     where = real(address, "an address")
     if where != int(where):
         raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
