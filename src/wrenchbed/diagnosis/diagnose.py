@@ -60,8 +60,7 @@ MOST_ROUNDS = 3
 LEFT = 1.0
 """Gap on held-out rows from which outliers are looked for although causes are named."""
 MOST_SPELLS = 3
-"""Most separate times at which rows disagree with all others under the verdict ``none``: more often
-it is a fault that comes and goes."""
+"""Most times at which rows disagree with all others under ``none``; more: an intermittent fault."""
 OFTEN = "the rows set aside disagree at many times, each differently: an intermittent fault"
 """Note on a recording in which rows disagree at more times than a cause explains."""
 AGAIN = "the rows set aside show the jump of the zero again: a fault that comes and goes"

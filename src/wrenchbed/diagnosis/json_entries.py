@@ -237,7 +237,8 @@ def _along(
 
 
 def _uncertainty(a: Analysis, f: Finalist, part: int, covariance: np.ndarray) -> dict[str, float]:
-    """Standard uncertainties, SI, of an effect's parameters by name, with errors of its formula."""
+    """Standard uncertainties, SI, of the parameters of cause ``part`` by name, from the
+    ``covariance`` (k, k) of its variables, with errors of its formula."""
     effect, v, result = f.parts[part].effect, f.variables, {}
     size = {p.name: p.tolerance for p in effect.parameters(a.prepared.robot)}
     for i, std in zip(v.of_parts([part]), np.sqrt(np.diagonal(covariance)), strict=True):

@@ -119,7 +119,8 @@ def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarra
 
 
 def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Base acceleration (N,) along ``direction`` [m/s²]; ``maps`` (G, 6, 3): from it to rows."""
+    """Acceleration of the base along ``direction`` (3,), estimated from each row (N,) [m/s²];
+    ``maps`` (G, 6, 3): change of rows, as scaled in ``s``, per acceleration in base axes."""
     sensor = np.linalg.pinv(np.cov(s.rows.T) + 1e-9 * np.eye(6))
     v = maps @ direction
     weights = (v @ sensor) / np.einsum("gk,kl,gl->g", v, sensor, v)[:, None]
@@ -127,7 +128,8 @@ def _along(s: Scatter, maps: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
-    """Strongest spectral line of x (N,), rows as ``s``; None if it holds little of a ``power``."""
+    """Strongest spectral line of a signal x (N,) at the rows of ``s``; None if it holds little of
+    the variance ``power``."""
     size = int(s.count.max())
     length = size / s.rate
     grid = np.fft.rfftfreq(GRID * size, 1.0 / s.rate)

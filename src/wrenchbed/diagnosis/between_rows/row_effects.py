@@ -41,8 +41,7 @@ STALE = 0.03
 BESIDE = 1.3
 """Factor on the row variance that other causes explain: only what exceeds it counts as noise."""
 REPORTED, REPORTED_CHANNEL = 0.75, 0.5
-"""Least probability of a reported finding, and of a channel in it: a false alarm costs more than a
-cause that hardly counts."""
+"""Least probability of a reported finding, and of a channel in it: a miss costs less."""
 
 
 @dataclass(frozen=True)

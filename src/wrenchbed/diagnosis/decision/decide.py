@@ -30,8 +30,7 @@ MOST = 0.5
 DOUBTFUL = 0.5
 """Largest probability of a cause beside a sure one if the interval of its closed gap holds 0."""
 WITHDRAWN = 0.05
-"""Share of its probability that a withdrawn answer keeps, so that no answer is impossible: how
-often the 95 % interval on held-out rows errs."""
+"""Share of its probability that a withdrawn answer keeps: how often a 95 % interval errs."""
 MOST_RIVALS = 4
 """Most rivals of a named cause (docs/contracts.md): more than five candidates tell nothing."""
 FIRM = 0.75
@@ -99,7 +98,8 @@ def _cause(
     facts: Facts[S], mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part,
     without: Collection[str],
 ) -> Cause:  # fmt: skip
-    """Cause, with rivals, of a part of ``claim``; ``mass``: probability by set; rules left out."""
+    """Cause, with rivals, of the part ``part`` of the leading option ``claim``. ``mass``:
+    probability of each set of claimed causes; ``without``: names of rules that are left out."""
     beside = claim.keys - {part.key}
     score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
     score |= {(n, None): 1.0 for n in part.twins}

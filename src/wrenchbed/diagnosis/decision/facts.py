@@ -46,8 +46,7 @@ class Facts(Generic[S]):
         least: smallest probability of a cause: above 0 where few rows are left to separate causes.
         ordinary_fitted: whether the calibrated simulator fits all stated values within the spread
             that healthy robots have, so that it may imitate causes.
-        own_rest: whether the unexplained residual counts as noise: an answer without a cause is
-            then ``unknown``.
+        own_rest: whether the unexplained residual counts as noise; no cause is then ``unknown``.
         seen: names of effects that values of single readings show, such as a channel's limit.
     """
 

@@ -97,7 +97,8 @@ def not_apart(
 
 
 def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:
-    """Best variants of the likeliest effects beside a fitted set, not ``taken``; up to `TRIED`."""
+    """Best variants of the likeliest effects beside the fitted set of causes ``base``, at most
+    `TRIED`; effects named in ``taken`` are left out."""
     singles = a.refitter.added(base) if base.parts else a.searcher.singles(a.refitter.y)
     best = best_variants(a.searcher.hypotheses, singles)
     return [s for name, s in best.items() if name not in {*taken, *STATED}][:TRIED]

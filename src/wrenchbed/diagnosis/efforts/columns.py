@@ -60,7 +60,7 @@ Made = tuple[list[Column], list[Block]]
 
 
 def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
-    """Columns (effort per unit of a parameter) and causes of a joint, without those of scans."""
+    """Columns (effort per unit of a parameter) and causes of a joint, but those that scans add."""
     columns, blocks = list[Column](), list[Block]()
     if rows.command is not None:  # setpoints of limited speed trail by the square of the speed
         speed = np.gradient(rows.command, rows.t)
@@ -223,7 +223,8 @@ def _tool(scene: EffortScene) -> Made:
     middle = cog + scene.displaced / 2.0
 
     def seen(form: np.ndarray, at: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
-        """Change of channels (N, C) by a mass ``more`` [kg] and a moment ``moved`` (3,) [kg·m]."""
+        """Change of all channels (N, C) per mass ``more`` [kg] and first moment ``moved`` (3,)
+        [kg·m] at the CoG ``at`` (3,) [m]; ``form`` (10,): both as inertial parameters."""
         places = at, at + _STEP * moved / max(mass, LIGHT)
         now, then = (
             scene.sensed(scene.robot.theta_of_tool(scene.theta, m, [float(c) for c in place]))

@@ -70,7 +70,8 @@ def with_tool(recording: Recording, drives: Drives) -> Recording:
 
 
 def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
-    """Write stated values, by name or as lists over joints, into ``value`` (J,) by `KINDS`."""
+    """Write the fields ``stated`` of a file, drive values by name or as lists over joints, into
+    ``value`` (J,) by `KINDS`."""
     for kind, values in value.items():
         if (every := stated.numbers(kind, len(values))) is not None:
             values[:] = every

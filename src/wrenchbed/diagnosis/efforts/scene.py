@@ -26,11 +26,9 @@ from wrenchbed.simulation.closed_form import Model
 COMMANDED = "commanded"
 """Column prefix of targets of servos times their stiffness [N·m]."""
 MOST_ROWS = 12_000
-"""Rows of the analysis at most, a minute and a half at 125 Hz: time and memory grow with them,
-evidence is enough long before."""
+"""Most rows of the analysis, 1.5 min at 125 Hz: time and memory grow, evidence is enough before."""
 _RATE = 125.0
-"""Rows a second that are enough for reversals and for cogging [Hz]: the slowest rate at which UR
-controllers log."""
+"""Rate that is enough for reversals and cogging [Hz]: the slowest at which UR controllers log."""
 _PER_CUTOFF = 2.5
 """Rate of kept rows of commands, over the motion's cutoff frequency: above the cutoff encoders'
 noise, twice differentiated, is larger than all else."""

@@ -25,8 +25,7 @@ from wrenchbed.diagnosis.evidence.search import (
 AMPLITUDE = 6.0
 """Prior rms that a named cause adds to the readings, over a row's noise std: an estimate."""
 MOST_CAUSES = 5
-"""Most causes of a set, those that are too small to be claimed included: two faults, and three
-small effects beside them."""
+"""Most causes of a set: two faults, and three effects beside them that are too small to claim."""
 _BEAM = 8
 """Width of the beam: sets of causes that each step of the search continues; time grows with it."""
 _LIKELY = 60
@@ -77,7 +76,8 @@ class Evidence(Candidates):
         return score, np.linalg.solve(np.linalg.cholesky(normal), side.T)
 
     def beside(self, blocks: Structure, log_posterior: float) -> dict[Structure, float]:
-        """Log posterior of ``blocks`` (cause indices) and one more, of another effect or joint."""
+        """Log posterior of each set of ``blocks`` (indices of causes) and one more cause, of
+        another effect or joint; ``log_posterior``: of ``blocks`` alone."""
         base = log_posterior + (np.log(MORE) if blocks else -np.log(PRIOR[NONE]))
         of = [b.key for b in self.d.blocks]
         taken = {of[k] for k in blocks}
@@ -85,7 +85,7 @@ class Evidence(Candidates):
         return {tuple(sorted((*blocks, s.index))): s.log_posterior for s in every}
 
     def possible(self, blocks: Structure) -> bool:
-        """Whether those causes of a set whose size cannot be negative are fitted with one ≥ 0."""
+        """Whether causes, by index, whose size cannot be negative are fitted with a size ≥ 0."""
         d, known, x = self.d, drive_effects(), wide(self.d) * self._given(blocks)[0]
         signed = (k for k in blocks if (e := known.get(d.blocks[k].effect)) and e.one_way)
         return all(x[d.sized(k)].sum() >= 0.0 for k in signed)

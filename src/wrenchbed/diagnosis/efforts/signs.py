@@ -21,11 +21,9 @@ _EPISODE = 4.5
 """Variance of the noisiest stretch over the median's: 98 % of 107 ordinary arms of the development
 seeds stay below 4.2."""
 _PEAK = 4.5
-"""Least power of a reported peak over its neighbours' median; healthy arms of development seeds
-reach 4.3."""
+"""Least power of a reported peak over its neighbours' median; healthy arms of development: 4.3."""
 _SEGMENT, _NEIGHBOURS = 256, 31
-"""Rows of a segment of the spectrum, two seconds at 125 Hz, and frequencies of which the median is
-taken: a quarter of them."""
+"""Rows of a segment of the spectrum (2 s at 125 Hz), and frequencies in a median (a quarter)."""
 _FIRST = 2
 """Number of lowest frequencies left out: the window's main lobe leaks from zero to them."""
 _KURTOSIS = 15.0
@@ -34,8 +32,7 @@ _SLOW = 2.0
 """Least ratio, to the median joint's, of a residual's scatter to that from row to row: healthy arms
 of development seeds reach 1.15, public recordings of healthy UR5, iiwa, Panda, TX40 1.54."""
 _HELD_S, _HELD_ROWS = 0.15, 12
-"""Shortest time [s] and rows over which a moving joint's effort repeats exactly: twice what
-quantised noise reaches, 0.07 s."""
+"""Least time [s] and rows of a moving joint's repeated effort: quantised noise reaches 0.07 s."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,7 @@ def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
 
 
 def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Text on a time t [s] when a residual (M,) of mask ``use`` is far larger; empty if none."""
+    """Text on a stretch of t (M,) [s] with a far larger residual (M,), mask ``use``; else empty."""
     fold = np.arange(len(residual)) * _STRETCHES // len(residual)
     rows = np.bincount(fold, use, _STRETCHES)
     some = np.flatnonzero(rows >= _LEAST_ROWS)

@@ -248,7 +248,7 @@ class EffectDictionary:
         return np.stack(squares)
 
     def gap(self, signal: np.ndarray, *, configured: bool = False) -> float:
-        """Gap of a whitened signal (C R,) after bias, mass, CoG are fitted, before if
+        """Gap of a whitened signal (C R,): after the fit of bias, mass and CoG, or before it if
         ``configured``."""
         if not configured:
             signal = self.without_stated(signal)

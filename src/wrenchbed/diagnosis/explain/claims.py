@@ -235,7 +235,7 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
 
 
 def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
-    """Per stated number (S,): bias as large as the ``extent`` (C,) of its channel, else 0."""
+    """Biases (S,) among stated numbers as large as a signal's range ``extent`` (C,), else 0."""
     result = np.zeros(len(d.stated))
     for i in np.flatnonzero(d.of_stated(STATED[0])):
         column = np.abs(d.E[:, d.stated[i]].reshape(-1, d.channels)).max(axis=0)

@@ -14,8 +14,7 @@ from wrenchbed.diagnosis.explain.refit import Refitter
 CLAIMABLE = 0.75
 """Least estimated gap of a claimed cause: 1 (docs/contracts.md) less its uncertainty."""
 APART = 6.0
-"""Squared difference of readings, over noise and background, from which they count as different: 3
-in log likelihood, as `MARGIN` of explanations."""
+"""Least squared difference of readings that counts: 3 in log likelihood, as `MARGIN`."""
 EQUAL = 1.0 - 1e-6
 """Cosine of two columns from which they are the same up to rounding of finite differences."""
 SAME, EXCUSED = 0.02, 0.1
@@ -101,7 +100,7 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
 
 
 def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
-    """Whether a free curve ``wide`` has all columns of ``part``, as a straight curve is a gain."""
+    """Whether a free curve ``wide`` can be the effect ``part``: it has all columns of it."""
     if not wide.variant.free_form or part.variant.shape or not len(part.columns):
         return False
     unit = refitter.d.E / np.maximum(np.linalg.norm(refitter.d.E, axis=0), 1e-300)

@@ -15,8 +15,7 @@ from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis
 NAMES = ("joints", "observations", "rows", "force", "torque", "orientations", "rest")
 """Features: joints; then as decimal logarithms observations, rows of each, force and torque over
 the noise of a row, and the least mean square of the load's direction along any axis; last the share
-of the gap that the best explanation leaves beyond what is normal, 0 where a smooth function
-predicts it."""
+of the gap that the best explanation leaves abnormally, 0 where a smooth function predicts it."""
 LEAST_P = 0.01
 """p-value below which a recording counts as unlike the learning cases."""
 RIDGE = 1e-3

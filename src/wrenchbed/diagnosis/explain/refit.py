@@ -95,7 +95,8 @@ class Refitter(ReadingsModel):
         return self._fitted(*self._of_parts(f, keep), rough=False) if keep else self.nothing()
 
     def again(self, f: Finalist) -> Finalist:
-        """Refit of causes, fitted to other rows, to these: new variables and residual only."""
+        """Fit to these rows a set of causes that was fitted to other rows: only variables and
+        residual are new."""
         views = tuple(self._views(f))
         if views not in self._again:
             s, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
@@ -207,7 +208,8 @@ class Refitter(ReadingsModel):
         return x
 
     def _judged(self, s: Structure, rungs: Sequence[int], x: np.ndarray) -> list[Finalist]:
-        """Fits, by recording, of causes at x (k,) on the best background levels near ``rungs``."""
+        """Fit of the set of causes at x (k,) in each recording, on the best background levels;
+        ``rungs``: indices of those at which x was fitted."""
         f = s.response(x)
         residual, slopes = s.y - f, s.design(x, f, range(len(x)))
         y = residual + slopes @ (x - s.start)

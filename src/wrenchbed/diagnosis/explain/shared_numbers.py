@@ -146,7 +146,8 @@ class Structure:
 
 
 def _homes(cases: Sequence[ReadingsModel], same: Sequence[Hypothesis]) -> list[int]:
-    """Indices of recordings with values of their own of a cause; one if it is the robot's."""
+    """Indices of the recordings that have values of their own of a cause's numbers; one index if
+    all recordings share them. ``same``: the cause in each recording."""
     shows = [r for r, (c, h) in enumerate(zip(cases, same, strict=True)) if h.name in c.shown]
     if same[0].effect.stated:
         return [r for r in shows if len(same[r].columns)]

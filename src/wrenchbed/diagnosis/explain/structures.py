@@ -303,14 +303,17 @@ def analyse(prepared: Prepared) -> Analysis:
 
 
 def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseline) -> Analysis:
-    """Rank a recording's sets of causes, linearised at ``at``; ``coarse``: shorter averages."""
+    """Rank the sets of causes that explain a recording, linearised at the calibration ``at``.
+    ``coarse``: the recording as shorter averages; ``baseline``: its first calibration."""
     searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance))
     refitter = Refitter(searcher, readings_from_baseline(searcher.d, coarse, at))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), refitter)
 
 
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
-    """Change of the causes' gap with the tool of ``to``: gap × largest squared change over load."""
+    """Estimate the change of the causes' gap if the tool becomes that of ``to``: the gap times the
+    mean squared change of a channel's load over the load's variance, in the channel of the largest.
+    """
     p = p.leading
     here, there = (p.rows(x.expected) for x in (p, p.at(to.robot_theta)))
     change = ((there - here) ** 2).mean(axis=0) / np.maximum(here.var(axis=0), LEAST_LOAD)

@@ -43,9 +43,8 @@ class Part:
 
     @property
     def label(self) -> str:
-        """Key of this part in the gaps and shares on held-out rows (`Closure.members`, `shares`):
-        the effect's name, followed by the joint's number, from 1, if each joint is a cause of its
-        own: ``drive.coulomb 3``."""
+        """Key of this part in held-out gaps and shares (`Closure.members`, `shares`): the effect's
+        name, with the joint's number, from 1, if each joint is a cause: ``drive.coulomb 3``."""
         return self.name if self.joint is None else f"{self.name} {self.joint}"
 
 

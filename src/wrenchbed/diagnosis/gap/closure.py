@@ -29,7 +29,7 @@ NOISES = 2.0 ** np.arange(0.0, 8.0)
 def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
     """Part (M, c) of the residual of readings (M, c) that smooth functions of variables predict.
 
-    Each fold is predicted by a ridge regression on the others, the prior of largest evidence.
+    Each fold is predicted by a ridge regression on the others, its prior chosen by evidence.
     """
     held = prepared.scene.held
     x = np.concatenate(list(variables(prepared).values()), axis=1)

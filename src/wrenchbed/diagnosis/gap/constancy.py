@@ -110,7 +110,7 @@ def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.nd
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of columns (C R, k), of which some may be 0."""
+    """Orthonormal basis (C R, k') of columns (C R, k), some of which may be 0 or dependent."""
     norm = np.linalg.norm(columns, axis=0)
     u, s, _ = np.linalg.svd(columns / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
     return np.asarray(u[:, s > _RANK * s[0]])

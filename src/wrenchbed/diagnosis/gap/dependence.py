@@ -95,8 +95,7 @@ def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: flo
 
     Forward selection: each step takes the variable that explains most of the rest beyond what as
     many random columns would, and gives it only what earlier ones did not explain. ``gap`` is the
-    mean square of a row's channel. Shares sum to at most 1; a variable that adds nothing to the
-    others has 0, and so do those that are not chosen.
+    mean square of a row's channel. Shares sum to at most 1; variables that add nothing have 0.
     """
     result = np.zeros(len(parts.names))
     y = parts.without_fitted(residual.T[:, :, None])[:, :, 0]  # (C, R)

@@ -35,8 +35,7 @@ class Closure:
         folds: number of parts of the recording, each of which was held out once.
         per_channel: gap of each channel ``before`` and ``after`` the effects.
         members: gap that each cause closes (what comes back without it), by `Part.label`.
-        readings: readings (M, 6) of the scene's rows by simulator: ``calibrated``,
-            ``with_effects``.
+        readings: readings (M, 6) of the scene by simulator: ``calibrated``, ``with_effects``.
         in_all: share of the gap of all channels together that the effects close.
         further: gap of channels but the first that each cause closes, by `Part.label`.
         start: gap of which ``closed`` is a share.

@@ -36,8 +36,7 @@ LEAST_MINOR = 0.1
 MISSED = 0.05
 """Share of recordings in which a fault of the size s95 may stay unreported."""
 ORDINARY = 0.5 * MOST
-"""Standard deviation of an effect's size in healthy robots, in typical sizes: a fault adds to it,
-or takes from it."""
+"""Std of an effect's size in healthy robots, in typical sizes: a fault adds to it or reduces it."""
 PLAUSIBLE = 8.0
 """Largest plausible size of an effect, in typical sizes, as `LARGEST_SCALE` of the search."""
 ALIKE = 0.05

@@ -96,7 +96,9 @@ class DryRun:
 
 @one_thread
 def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
-    """Rehearse a plan of poses or a motion on the nominal robot with its sensor's noise; `of_plan`.
+    """Rehearse a plan of poses or a motion on the nominal robot with its sensor's noise.
+
+    ``samples`` and ``rate`` as for `of_plan`.
 
     Raises:
         DiagnosisError: such a recording could not be diagnosed, and why.

@@ -25,8 +25,7 @@ _FADE_S = 2.0
 """Duration of the fade from rest and to rest at both ends [s]: a fifth of `_PERIOD_S`. A shorter
 one adds accelerations that shrink the whole motion, a longer one wastes rows near rest."""
 _SPEED, _ACCELERATION = 0.6, 4.0
-"""Share of top speed, and largest acceleration [rad/s²]: such that people stand beside it without
-fear and controllers do not stop."""
+"""Share of top speed, and largest acceleration [rad/s²], at which controllers do not stop."""
 _ROOM = 0.05
 """Distance from the joints' limits [rad or m]: 3°, more than a controller overshoots."""
 _ROWS = 120
@@ -36,8 +35,7 @@ _CHECKS = 250
 _TRIES, _STEPS = 30, 250
 """Random series to begin with, and random changes of the best: some seconds of search."""
 _CHANGE = 0.35
-"""Size of a random change of coefficients, over their mean size: smaller ones stay near a poor
-start, larger ones begin anew."""
+"""Random change of coefficients over their mean size: smaller stays near a poor start."""
 _WIDEST = 2.0
 """Largest excursion of a joint from its middle [rad]: wider winds cables, shows nothing new."""
 

@@ -252,8 +252,7 @@ class Experiment:
     Attributes:
         action: imperative sentence on what to do.
         separates: effects that it would separate, or the variable that it would show.
-        gain: Jensen–Shannon divergence that it adds per minute [nat/min], mean over the pairs; 0 if
-            it explores an unknown cause.
+        gain: Jensen–Shannon divergence that it adds [nat/min], mean over pairs; 0 if it explores.
         minutes: duration, moves and mounting included [min].
         plan: plan to record; None where there is nothing to plan.
         sentence: whole proposal, for people.

@@ -17,8 +17,7 @@ _STEPS, _DONE = 5, 1e-9
 MASS_SHARE, COG_M, BIAS_SIGMAS = 0.005, 5e-4, 3.0
 """Default tolerances: ratio to the stated mass, CoG [m], bias in units of a gap of 1."""
 MOST_ROUNDED = (0.05, 5e-3)
-"""Largest tolerance by rounding of a stated mass (ratio) and CoG [m]: one digit of "0.1 kg", and
-whole centimetres."""
+"""Largest tolerance by rounding of a stated mass (ratio) and CoG [m]: of "0.1 kg" and "1 cm"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +27,7 @@ class Baseline:
     Attributes:
         configuration: simulator with the fitted mass, CoG and bias.
         moved: fitted − stated of ``tool.mass`` (1,) [kg] and ``tool.cog`` (3,) [m].
-        tolerance: of ``sensor.bias`` (6,), ``tool.mass`` (1,) and ``tool.cog`` (3,) if the readings
-            show them; inf if unstated.
+        tolerance: of ``sensor.bias`` (6,), ``tool.mass`` (1,), ``tool.cog`` (3,); inf: unstated.
     """
 
     configuration: Configuration
@@ -42,7 +40,8 @@ class Baseline:
         return self.configuration.robot_theta
 
     def with_configuration(self, stated: Configuration, beside: Configuration) -> "Baseline":
-        """Copy with mass and CoG of ``beside``, fitted with a cause; ``stated``: before any fit."""
+        """Copy with the tool's mass and CoG of ``beside``, fitted together with a cause; `moved` is
+        counted from ``stated``, the simulator before any fit."""
         mass = np.array([beside.mass - stated.mass])
         moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}
         return Baseline(beside, {k: moved[k] for k in self.moved}, self.tolerance)

@@ -12,8 +12,7 @@ from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.errors import DiagnosisError
 
 LEAST_POSES = 12
-"""Fewest poses of a diagnosis: their 72 readings must determine bias, mass and CoG, and leave
-blocks that are held out."""
+"""Fewest poses: their 72 readings determine bias, mass and CoG, and leave blocks to hold out."""
 LEAST_SECONDS = 5.0
 """Shortest motion of a diagnosis [s]: a shorter one leaves held-out blocks without motion."""
 

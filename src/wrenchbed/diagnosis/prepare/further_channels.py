@@ -127,7 +127,7 @@ def _of_effects(channel: Channel, scene: Scene) -> list[np.ndarray]:
 
 
 def _scatter(channel: Channel, prepared: Prepared, data: Observations, y: np.ndarray) -> np.ndarray:
-    """Standard deviation (k,) of observations y (H, k) by their rows' scatter; else 0."""
+    """Std (k,) of observations y (H, k) by the scatter of their rows; 0 if none has several."""
     free = len(channel.rows(prepared.recording, data)) - len(y)
     if free <= 0:
         return np.zeros(y.shape[1])

@@ -16,8 +16,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 EDGE, ABOVE = 0.3, 4.0
-"""Noise is taken from frequencies above ``EDGE`` times the rate of the averages, where no gap lies,
-up to ``ABOVE`` times that edge."""
+"""Noise is taken from ``EDGE`` times the averages' rate, above any gap, to ``ABOVE`` times that."""
 STRETCH_S, LEAST = 1.0, 32
 """Length [s] of the stretches of a motion that are compared, and their least number of rows."""
 QUIET = 0.2, 0.5
@@ -32,8 +31,7 @@ MOVE_S, TOGETHER = 0.1, 0.7
 rows at that lag from which they move: they share more than half of their variance."""
 AT_ONE, NEIGHBOURS, LEAST_IN_POSE = 0.6, 3, 32
 """Share of the scatter within this number of frequency bins (the window's main lobe) from which it
-is periodic, and rows that a pose needs for the test: twice the share that white noise has in them,
-0.3 at most."""
+is periodic, and rows that a pose needs for the test: twice white noise's share in them, ≤ 0.3."""
 
 
 def noise_in_motion(

@@ -46,8 +46,7 @@ class Material(NamedTuple):
     place: float | None = None
 
     def counts(self, units: Sequence[str], noise: np.ndarray) -> np.ndarray:
-        """Residual (C,) that counts as a gap of 1, by unit of each channel; its ``noise`` (C,) if
-        none is stated for the unit."""
+        """Residual (C,) that counts as a gap of 1, by unit of each channel, else ``noise`` (C,)."""
         stated = {"N": self.force, "N·m": self.torque, "m": self.place}
         pairs = zip(map(stated.get, units), noise, strict=True)
         return np.array([n if size is None else size for size, n in pairs])
@@ -187,8 +186,7 @@ class Prepared:
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """Material residual of each column (C,), the unit of whitened readings: one row's noise
-        unless the user states another.
+        """Residual (C,) that counts as 1 in whitened readings: a row's noise if none is stated.
 
         The noise's correlation between columns is left out: imperfections do not share it.
         """

@@ -27,8 +27,7 @@ WINDOW = 64
 
 LEAST_PILE, PILE = 3, 5.0
 """Fewest readings at exactly a channel's least or largest value for it to be a limit, and least
-ratio of their number to that at any value between: noise repeats no value that often, coarse
-quantisation all of them."""
+ratio of their number to that at any value between: coarse quantisation repeats all values."""
 
 
 def at_limits(wrench: np.ndarray) -> np.ndarray:
@@ -163,7 +162,8 @@ def _chance(same: np.ndarray) -> float:
 
 
 def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
-    """Share of rows equal to that `FAR` rows before, others between: by coarse counts alone."""
+    """Share of rows equal to the one `FAR` rows before with others between, as only quantised rows
+    are; ``all_same`` (N − 1,): mask of rows equal to the one before."""
     changes = np.concatenate([[0], np.cumsum(~all_same)])
     same = (wrench[FAR:] == wrench[:-FAR]).all(axis=1)
     return float(np.mean(same & (changes[FAR:] > changes[:-FAR])))

@@ -30,7 +30,8 @@ LEAST_IN_HOLD, RUNS = 200, 100
 def of_poses(
     model: Model, robot_theta: np.ndarray, q: np.ndarray, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
-    """Scene of poses (H, J) at t (H,) [s], joined by straight moves; ``warmth`` (H,) [K]."""
+    """Scene of poses at rest q (H, J) at times t (H,) [s], joined by straight joint-space moves;
+    ``warmth`` (H,): temperature above the recording's first [K], None if not known."""
     gravity = np.asarray(model.gravity)
     if not model.robot.joints or len(q) < 2:
         return Scene(model.robot, robot_theta, gravity, q, t, np.ones(len(q), dtype=bool), warmth)
@@ -51,7 +52,8 @@ def of_poses(
 def of_motion(
     model: Model, robot_theta: np.ndarray, q: Value, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
-    """Scene of samples (N, J), jets, or orientations (N, 4) at t (N,) [s]; ``warmth`` (N,) [K]."""
+    """Scene of a motion's samples q (N, J), jets, or orientations (N, 4), at times t (N,) [s];
+    ``warmth`` (N,): temperature above the recording's first [K], None if not known."""
     held = np.ones(len(value(q)), dtype=bool)
     return Scene(model.robot, robot_theta, np.asarray(model.gravity), q, t, held, warmth)
 
