@@ -99,7 +99,7 @@ def _instead(
 
 
 def _numbers(a: Analysis, f: Finalist, name: str, spread: float) -> dict[str, Any]:
-    """Keys ``elements``, ``combination``, ``parameters`` of a fitted effect, std × ``spread``."""
+    """Keys ``elements``, ``combination``, ``parameters`` of ``name`` in a fit; std × ``spread``."""
     k = f.names.index(name)
     return numbers_of(a, elements(a.refitter, f, k, [name])[name], spread)
 

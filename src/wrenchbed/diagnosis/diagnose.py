@@ -380,7 +380,7 @@ def _without_outliers(
 
 
 def _learnt(known: Reliability, p_value: float, mode: str) -> str:
-    """Sentence on the learning cases, and how like those of a mode a recording of a p-value is."""
+    """Sentence on the learning cases of ``mode`` and how like them a recording of a p-value is."""
     unlike = UNLIKE if known.unlike(p_value, mode) else ""
     return f"the probabilities were learnt on {known.source}{unlike}"
 

@@ -93,7 +93,7 @@ def _of_elements(entry: Mapping[str, Any]) -> str:
 
 
 def with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Add to number ``joint`` or ``link``, in place, those of all other elements ``names``."""
+    """Add ``rivals``, numbers of the other ``names``, to entry ``joint`` or ``link`` in place."""
     for key in ("joint", "link"):
         if key in parameters and len(names) > 1:
             others = [int(n.split()[1]) for n in names[1:]]
@@ -340,7 +340,7 @@ def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
 
 
 def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tuple[str, ...]:
-    """Notes on the residual that the answer leaves, and on effects that only row scatter shows."""
+    """Notes on the gap left and effects ``between`` rows; ``unknown``: whether the verdict is."""
     result = []
     rest = None if gap.with_effects is None else gap.with_effects.value - max(gap.floor, 0.0)
     if rest is not None and rest > max(1.0, UNEXPLAINED * gap.excess):

@@ -41,7 +41,7 @@ def cause(
     rivals: Sequence[Mapping[str, Any]] = (), closed_share: float | None = None,
     elements: Sequence[str] = (),
 ) -> dict[str, Any]:  # fmt: skip
-    """Make an entry of ``which`` of diagnosis.json; ``closed_share`` of the gap, 0…1."""
+    """Make an entry of ``which`` of diagnosis.json; ``closed_share``: of the gap, 0…1, if known."""
     return {
         "effect": effect,
         "elements": list(elements),

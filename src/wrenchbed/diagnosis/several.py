@@ -322,7 +322,8 @@ def _of_data(e: Examined, folds: int) -> list[str]:
 def settles(
     alone: Verdict[Explanation], joint: Verdict[Explanation], names: Sequence[str]
 ) -> list[str]:
-    """Sentences on rivals that recordings ``names`` together rule out, the first alone does not."""
+    """Sentences on rivals that the verdict ``joint``, on the recordings ``names``, rules out and
+    ``alone``, on the first of them, does not."""
     result = []
     verb = "tells" if len(names) == 2 else "tell"
     for cause in alone.causes:

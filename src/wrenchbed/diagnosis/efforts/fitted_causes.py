@@ -113,7 +113,7 @@ class Simulators:
         return self._made(tuple(sorted(blocks)))
 
     def judged(self, blocks: Sequence[int]) -> Judged:
-        """Gaps on held-out rows: as stated, fitted without causes, with causes of these indices.
+        """Held-out gaps: as stated, fitted without causes, with those of indices ``blocks``.
 
         To measure one cause, the others are refitted without it. But a wrong number of the stated
         tool is measured from the configured value (`docs/contracts.md`), so no ordinary error of a
@@ -141,7 +141,7 @@ class Simulators:
         return Judged(d.fold, np.ones(len(use)), rows, without, channels)
 
     def gap(self, blocks: Iterable[int], joint: int | None) -> np.ndarray:
-        """Held-out gap (M,) of rows, with causes by index: of ``joint`` (from 1), None: of all."""
+        """Held-out gap (M,) by row with causes ``blocks``: of ``joint`` (from 1); None: of all."""
         left = self._left(self.of(blocks).each)
         return self._of_rows(left) if joint is None else left[:, joint - 1]
 

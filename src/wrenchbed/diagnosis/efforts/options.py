@@ -48,7 +48,8 @@ def _part(
     s: Simulators, chances: Mapping[Structure, float], structure: Structure, block: int
 ) -> Part:
     """Cause ``block``, an index, of the set ``structure``, with its gap. It is named by a simpler
-    cause that it contains unless evidence prefers it (an offset instead of a cable with an offset).
+    cause that it contains (an offset, not a cable) unless ``chances``, sets' probabilities, prefer
+    it.
     """
     d, b, beside = s.d, s.d.blocks[block], [k for k in structure if k != block]
     for k, other in enumerate(d.blocks):

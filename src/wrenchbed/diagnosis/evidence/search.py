@@ -186,7 +186,7 @@ class Searcher(Candidates):
         return total
 
     def nulls(self, y: np.ndarray) -> np.ndarray:
-        """Log evidence of y (C R,), no cause, on each of L background levels, prior included."""
+        """Log evidence (L,) of y (C R,) without a cause, by background level, prior included."""
         return self._scored(y)[1]
 
     def _scored(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:

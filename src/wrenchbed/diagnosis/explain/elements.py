@@ -196,7 +196,7 @@ def _sum(
 
 
 def listed(names: Iterable[str], last: str = "or") -> str:
-    """Words for elements: ``joint 2``, ``joints 2, 3 or 4``, ``fx or fy``; ``last``: "or"."""
+    """Words for elements: ``joint 2``, ``joints 2, 3 or 4``; ``last`` joins the last, as "or"."""
     every = list(names)
     kinds = {n.rpartition(" ")[0] for n in every}
     if len(every) > 1 and (kinds == {"joint"} or kinds == {"link"}):

@@ -110,7 +110,7 @@ class ReadingsModel:
         amplitudes = (np.flatnonzero(free) - first).tolist()
 
         def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
-            """Squared residual with the cause's best amplitudes, and the variables with these."""
+            """Squared residual with the cause's best amplitudes; ``at`` (k,) with these in it."""
             bare = np.where(free, 0.0, at)[first:]
             design = self._changes(parts[last:], bare, 0.0, amplitudes, np.ones(len(bare)))
             normal = level.products(design) + _RIDGE * np.eye(design.shape[1])
@@ -161,9 +161,9 @@ class ReadingsModel:
     def _beside(
         self, rung: int, design: np.ndarray, spread: np.ndarray, y: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Square of y (C R,) over a background and columns (C R, k) with prior standard deviations
-        (k,); its scores w (n,) with all columns; and H (k, n): HᵀH is the information on all n
-        columns that those k take up."""
+        """Square of y (C R,) over the background level ``rung`` and columns (C R, k) with prior
+        standard deviations (k,); its scores w (n,) with all columns; and H (k, n): HᵀH is the
+        information on all n columns that those k take up."""
         level = self.searcher.rungs[rung].level
         solved = level.solve(np.column_stack([design, y]))
         side = self.d.E.T @ solved[:, :-1]
@@ -196,7 +196,7 @@ class ReadingsModel:
         return f.covariance * np.outer(wider / std, wider / std)
 
     def level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
-        """Background level of index ``rung``; stated numbers of ``parts``, as wrong, are free."""
+        """Background level of index ``rung``, with stated numbers among ``parts`` left free."""
         blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)
         if not blamed:
             return self.searcher.rungs[rung].level

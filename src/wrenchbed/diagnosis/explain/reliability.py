@@ -104,7 +104,7 @@ class Reliability:
 
     def right(self, verdict: Verdict[Any], closed: float, mode: str) -> float:
         """Share of answers like a verdict that are right, 0 … 1; ``closed`` is the least share of
-        the gap that it closes on held-out rows."""
+        the gap that it closes on held-out rows, ``mode`` is ``static`` or ``dynamic``."""
         if not verdict.causes:
             return self.none if verdict.word == NONE else self.unknown
         return self.of(features(verdict, closed, mode))
@@ -114,18 +114,19 @@ class Reliability:
         return min(float(expit(np.dot(self.claim, features))), self.believed)
 
     def p_value(self, mode: str, design: Sequence[float]) -> float:
-        """Conformal p-value that a recording with features ``design`` is like those of a mode."""
+        """Conformal p-value that a recording is like the learning cases of a ``mode`` (``static``,
+        ``dynamic``); ``design``: its features in the order of `familiarity.NAMES`."""
         taught = self.designs.get(mode)
         return 1.0 if taught is None else familiarity.p_value(design, taught)
 
     def unlike(self, p_value: float, mode: str) -> bool:
-        """Whether a recording with a p-value is unlike the learning cases of a mode: less typical
-        than 99 % of them, or, where they are fewer than 100, than all of them."""
+        """Whether a p-value is of a recording unlike the learning cases of a mode, ``static`` or
+        ``dynamic``: less typical than 99 % of them or, where these are fewer than 100, than all."""
         count = len(self.designs.get(mode, ()))
         return p_value < familiarity.LEAST_P or p_value * max(count, 1) <= 1.0
 
     def believed_at(self, p_value: float, mode: str) -> "Reliability":
-        """Model for a recording with a p-value: less sure if it is unlike the learning cases."""
+        """Model for a recording with a p-value: less sure if it is unlike the cases of its mode."""
         if not self.unlike(p_value, mode):
             return self
         believed, spread = min(self.believed, RIGHT_ELSEWHERE), max(self.spread, SPREAD_ELSEWHERE)
@@ -137,7 +138,8 @@ UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
 
 
 def features(verdict: Verdict[Any], closed: float, mode: str) -> tuple[float, ...]:
-    """Features (F,), as `NAMES`, of a verdict's claim that closes ``closed`` (0…1) of the gap."""
+    """Features (F,), as `NAMES`, of a verdict's leading claim; ``closed``: least share of the gap
+    that it closes on held-out rows; ``mode``: ``static`` or ``dynamic``."""
     lead = key_of(verdict)
     others = sum(p for name, p in verdict.probabilities.items() if name != lead)
     odds = np.log(max(verdict.probabilities[lead], 1e-300) / max(others, 1e-300))

@@ -127,7 +127,7 @@ class Structure:
         return np.concatenate([c.response(parts, x[at]) for c, parts, at in every])
 
     def design(self, x: np.ndarray, f: np.ndarray, which: Iterable[int]) -> np.ndarray:
-        """Derivatives (C R, n) of the response, f at x, by variables of n indices ``which``."""
+        """Derivatives (C R, n) of the response, f at x, by n variables of indices ``which``."""
         some = list(which)
         result = np.zeros((len(f), len(x)))
         for c, parts, at, rows in zip(self.cases, self.parts, self.at, self.rows, strict=True):

@@ -172,7 +172,8 @@ def _extended(
 def with_rivals(
     refitter: Refitter, f: Finalist, parts: Sequence[int], singles: Sequence[SingleEvidence]
 ) -> list[Finalist]:
-    """Fits with each of the causes ``parts``, by index, replaced by effects nearly as good."""
+    """Fits with each of the causes ``parts``, by index, replaced by effects nearly as good;
+    ``singles``: evidence of effects alone, for a set of one cause."""
     result = []
     for k in parts:
         base = refitter.keeping(f, [i for i in range(len(f.parts)) if i != k])

@@ -70,7 +70,7 @@ def calibrated(a: Analysis) -> Twin:
 
 
 def twin_of(a: Analysis, f: Finalist, keep: Sequence[int]) -> Twin:
-    """Twin with some effects of a fitted set, by index, and stated numbers as fitted with them."""
+    """Twin with effects ``keep`` of a fitted set, indices, and stated numbers fitted with them."""
     values = a.refitter.values(f.parts, f.x)
     active = tuple(ActiveEffect(f.parts[k].effect, values[k]) for k in keep)
     configuration = corrected(a.refitter, f, a.prepared.configuration)

@@ -116,7 +116,7 @@ class CrossFit:
         self._fits = {k: without(k) if fits is None else fits[k] for k in p.folds}
 
     def calibrated(self, baseline: Twin) -> np.ndarray:
-        """Held-out readings (M, C) with bias, mass, CoG refitted; ``baseline``: of all rows."""
+        """Held-out readings (M, C), bias, mass, CoG refitted; ``baseline``: fitted to all rows."""
         a, whole = self._a, self._a.at_baseline
         error, all_rows = _errors(a.baseline, whole), whole.d.fitted(whole.y)
         at_all = self._read(a.baseline.configuration, ())

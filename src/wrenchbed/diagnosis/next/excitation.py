@@ -101,7 +101,7 @@ class _Search:
         return np.concatenate([middle, rng.normal(size=(2 * HARMONICS, middle.shape[1]))])
 
     def motion(self, coefficients: np.ndarray, t: np.ndarray) -> Jet:
-        """Joint values (N, J) and derivatives at t (N,) [s], scaled up to the joints' limits."""
+        """Jet (N, J) at t (N,) [s] of a motion by ``coefficients``, scaled up to joints' limits."""
         middle = coefficients[0]
         wave = self._wave(coefficients[1:], self._t)
         room = np.minimum(np.minimum(self._high - middle, middle - self._low), _WIDEST)

@@ -304,7 +304,7 @@ def separate(
     seed: int = 0,
     others: Sequence[Prepared] = (),
 ) -> tuple[Experiment, ...]:
-    """Propose experiments that separate two or more explanations, given all recordings so far."""
+    """Propose experiments that separate ``candidates``; ``others``: further recordings so far."""
     candidates = [c for c in candidates if len(c[0].columns)]
     if len(candidates) < 2:
         return ()

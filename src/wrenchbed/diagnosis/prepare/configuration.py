@@ -67,7 +67,7 @@ class Configuration:
     def with_nearest_load(
         self, mass: float, cog: np.ndarray, bias: np.ndarray | None
     ) -> "Configuration":
-        """Copy with the possible tool nearest to a mass [kg] and CoG (3,) [m].
+        """Copy with the possible tool nearest to a mass [kg] and CoG (3,) [m]; bias (6,) if given.
 
         Beside a cause that takes the weight over, a linear fit may make the mass negative.
         """

@@ -151,7 +151,8 @@ def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndar
 def accelerations(
     recording: Recording, means: Averages, q: np.ndarray, t: np.ndarray, gravity: np.ndarray
 ) -> Mapping[str, np.ndarray]:
-    """Acceleration, spin and its derivative (M, 3), SI, of the tool in sensor axes; else empty."""
+    """Acceleration, spin and its derivative (M, 3), SI, of the tool in sensor axes, at averages of
+    orientations q (M, 4) and times t (M,) [s]; empty without an accelerometer."""
     measured = accelerometer_rows(recording)
     if measured is None:
         return {}

@@ -136,7 +136,8 @@ def _noise_at_rest(recording: Recording, data: Observations) -> np.ndarray:
 
 
 def _noise_of_averages(residual: np.ndarray, period: float, stride: int) -> np.ndarray:
-    """Variance (6,) of averages of ``stride`` rows (N, 6), over that of white noise; at least 1."""
+    """Variance (6,) of averages of ``stride`` rows, over that for white noise, ≥ 1, from residuals
+    (N, 6) over a row's noise, sampled each ``period`` [s]."""
     return np.maximum(1.0, noise_in_motion(residual, period, stride)[1])
 
 
