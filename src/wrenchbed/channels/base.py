@@ -29,7 +29,7 @@ def flat(slopes: np.ndarray) -> np.ndarray:
 
 
 class Channel(ABC):
-    """One kind of measured quantity, as joint torques; a module's ``CHANNEL`` is an instance."""
+    """One kind of measured quantity, as joint torques; each file has an instance, ``CHANNEL``."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -57,7 +57,7 @@ class Channel(ABC):
         """Units of the channel's k columns, by column name."""
 
     def of(self, recording: Recording) -> Self:
-        """Copy with the number of joints of a recording to which the channel applies."""
+        """Copy for the number of joints of a recording that holds the channel's columns."""
         return self
 
     def applies(self, recording: Recording) -> bool:
@@ -86,7 +86,7 @@ class Channel(ABC):
         return self
 
     def relinearised(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
-        """Copy with nuisance (zero …) refitted to readings (H, k); itself if linear in it."""
+        """Copy with nuisance (zero …) refitted to readings (H, k); itself if linear in nuisance."""
         return self
 
     @abstractmethod
@@ -106,15 +106,15 @@ class Channel(ABC):
         return np.zeros((len(scene), len(self.columns), 0))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
-        """Changes (M, k, m) of all readings by m imperfections of a healthy sensor, of 1 σ each."""
+        """Changes (M, k, m) of all readings by m errors of a healthy sensor, each of its std."""
         return np.zeros((len(scene), len(self.columns), 0))
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """Two lists of `imperfections`, one array (M, k, m) a kind, of usual size: of the sensor
-        (gain, zero …); then of the arm (friction, links)."""
+        """Changes of readings by errors of healthy robots of usual size, an array (M, k, m) a kind:
+        first a list of the sensor's (gain, zero …), then one of the arm's (friction, links)."""
         return [self.imperfections(scene)], []
 
     def with_sizes(self, sizes: np.ndarray) -> Self:
-        """Copy whose imperfections of the second list of `kinds` (friction …) have ``sizes``, one a
-        kind, in multiples of the usual size; itself where that list is empty."""
+        """Copy whose errors in the second list of `kinds` (friction …) have ``sizes``, one a kind
+        in order, in multiples of the usual size; itself where that list is empty."""
         return self

@@ -63,7 +63,7 @@ class EffortAtRest(Channel):
         return self if isinstance(scene.robot, SimulatedRobot) else None
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-        """Torque readings (M, J) at measured poses, with effects; 0 at rows between poses."""
+        """Torque readings (M, J) with effects at measured poses; 0 in rows between two poses."""
         return chain.sensed(held_torques(chain, scene, pose, load))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
@@ -72,7 +72,7 @@ class EffortAtRest(Channel):
         return np.concatenate([*sensors, *sized], axis=2)
 
     def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """Imperfections (M, J, m) [N·m]: gain, zero of the sensors; friction, links."""
+        """Errors of healthy arms (M, J, m) [N·m]: gain, zero of sensors; then friction, links."""
         torque = self.predict(EffectChain(()), scene, Pose(*scene.pose), scene.load)
         size = np.abs(torque).max(axis=0)
         size = np.maximum(size, _LEAST * size.max())

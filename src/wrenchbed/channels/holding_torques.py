@@ -33,7 +33,7 @@ def nominal_twists(scene: Scene) -> np.ndarray:
 
 
 def twists(robot: Robot, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Jacobian (J, N, 6): the sensor's twist in its axes at unit speed of each joint; q (N, J)."""
+    """Jacobian (J, N, 6) at q (N, J): the sensor's twist, in its axes, by unit joint speed."""
     joints = q.shape[1]
     steps = q + 1j * STEP * np.eye(joints)[:, None]  # complex steps: exact (J, N, J)
     rotation, place = robot.sensor_pose(steps.reshape(-1, joints), theta)
@@ -42,13 +42,12 @@ def twists(robot: Robot, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
 
 
 def held_wrench(twist: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """Torques (N, J, …) that hold wrenches (N, 6, …) on a sensor with `twists` (J, N, 6)."""
+    """Torques (N, J, …) that hold wrenches (N, 6, …) on a sensor, whose `twists` are (J, N, 6)."""
     return -np.einsum("jni,ni...->nj...", twist, wrench)
 
 
 def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-    """Torques (N, J) that hold arm and tool at joint values (N, J) in gravity (1 or N, 3) in
-    m/s²."""
+    """Torques (N, J) that hold arm and tool at q (N, J), in gravity (1 or N, 3) [m/s²]."""
     if len(gravity) == 1:
         return -robot.gravity_torque(q, theta, gravity[0])
     each = np.stack([robot.gravity_torque(q, theta, axis) for axis in np.eye(3)])
@@ -56,10 +55,10 @@ def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndar
 
 
 def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-    """Torques (M, J) that hold arm and load at poses, with effects; 0 at rows between poses.
+    """Torques (M, J) that hold arm and load at poses, with effects; 0 in rows between poses.
 
     Args:
-        pose: of the sensor, with the effects.
+        pose: of the sensor in all rows, with the effects of ``chain``.
         load: on the sensor (M, 6) [N, N·m].
     """
     robot, theta, at = scene.robot, chain.theta(scene.robot, scene.theta), scene.held

@@ -94,7 +94,7 @@ def posterior(
 
 
 def _determined(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (p, r) of amplitudes that columns (n, p) determine; whether each is (p,)."""
+    """Directions (p, r) of amplitudes that columns (n, p) determine; whether each amplitude is."""
     norm = np.linalg.norm(free, axis=0)
     norm = np.where(norm > 0.0, norm, 1.0)
     _, scale, vt = np.linalg.svd(free / norm, full_matrices=True)

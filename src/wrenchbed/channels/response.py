@@ -51,7 +51,7 @@ def refitted(
 
 
 def _only(scene: Scene, seen: np.ndarray) -> Scene:
-    """Copy of a scene in which only those measured rows that ``seen`` (H,) selects count."""
+    """Copy of a scene whose measured rows are only those that ``seen`` (H,), boolean, selects."""
     return replace(scene, held=np.isin(np.arange(len(scene)), np.flatnonzero(scene.held)[seen]))
 
 
@@ -79,7 +79,7 @@ class Responses:
     def __init__(
         self, scene: Scene, channels: Sequence[Channel], read: np.ndarray, seen: np.ndarray
     ) -> None:
-        """Take readings (H, C) of measured rows; nuisance is fitted to those in ``seen`` (H,)."""
+        """Take readings (H, C) of measured rows; nuisance is fitted where ``seen`` (H,) is true."""
         self.scene, self.channels = scene, channels
         self._read, self._seen = read[seen], _only(scene, seen)
         self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
@@ -119,17 +119,17 @@ class Response:
     channels: tuple[Channel, ...]
 
     def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
-        """Change of all readings (M, C) per typical size of a parameter, by central differences."""
+        """Change (M, C) of readings per typical size of a parameter at a variant's other values."""
         ((_, change),) = self.changes(effect, [parameter], variant.at)
         return change
 
     def changes(
         self, effect: Effect, parameters: Sequence[Parameter], at: Values
     ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-        """Yield changes (M, C) of the readings per typical size of amplitudes, with their names.
-
-        Amplitudes that act on different columns of the wrench, or on different joints, are changed
-        at once: a change that comes with several names holds each in its own column.
+        """Yield names of amplitudes, and the change (M, C) of readings per typical size of these;
+        ``at`` has values of other parameters (a time constant …). Amplitudes that act on different
+        columns of the wrench, or on different joints, are changed at once: a change that comes with
+        several names holds each in its own column.
         """
         names_of_joints = [f"q{k + 1}" for k in range(self.scene.joints.shape[1])]
         groups: dict[str, list[Parameter]] = {}
@@ -154,8 +154,8 @@ class Response:
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]
     ) -> tuple[EffectChain, EffectChain]:
-        """Two chains of one effect, with amplitudes half a typical size above and below zero; one
-        whole above and zero where a negative one is impossible, as of the mass of a light tool."""
+        """Two chains of one effect, its amplitudes ``parameters`` half a typical size above and
+        below 0 (or one and 0, if negative is impossible, as a mass); ``at``: its other values."""
         start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
         sizes = ({p.name: s * p.tolerance for p in parameters} for s in (0.5, -0.5, 1.0, 0.0))
         up, down, one, none = (EffectChain([ActiveEffect(effect, start | s)]) for s in sizes)

@@ -85,7 +85,7 @@ def calibrate_at_rest(
     prefix: str,
     groups: Sequence[str],
 ) -> DriveFit:
-    """Fit parameters of ``groups`` to efforts (N, J) of poses at rest; prefix: ``tau`` or ``i``.
+    """Fit ``groups`` (of `GROUPS`) to efforts (N, J) of poses at rest; prefix: ``tau`` or ``i``.
 
     Raises:
         CalibrationError: too few poses.
@@ -233,7 +233,7 @@ def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
 
 
 def _held_out(columns: _Columns, fit: Posterior, joints: int) -> np.ndarray:
-    """Errors of efforts (H, J), each pose predicted without it, by noise and sizes of ``fit``."""
+    """Residuals of efforts (H, J), each pose by a fit of others with noise, sizes of ``fit``."""
     y, free, ordinary, friction = columns
     sized = (s * errors for s, errors in zip(fit.sizes, ordinary.values(), strict=True))
     wide = np.column_stack([free, *sized, friction])
@@ -253,7 +253,7 @@ def _identified(
     joints: Sequence[Joint], load: np.ndarray, p: RestProblem, gain: np.ndarray, fit: Posterior
 ) -> tuple[tuple[IdentifiedValue, ...], np.ndarray]:
     """Parameters as published and their covariance (K, K), from a fit's changes of the stated
-    ``load`` (4,), mass [kg] and first moment [kg·m], and its zeros and gains."""
+    ``load`` (4,), mass [kg] and first moment [kg·m], and its zeros and ``gain`` (J,)."""
     loads, zeros, gains = p.load.shape[2], min(p.zeros.shape[2], len(joints)), len(gain) * p.gains
     names = [("tool.mass", "kg"), *((f"tool.cog.{a}", "m") for a in "xyz")][:loads]
     for kind, unit, count in ((OFFSET, "N·m", zeros), (CONSTANT, "N·m/A", gains)):

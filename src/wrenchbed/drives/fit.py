@@ -172,7 +172,8 @@ def joint_errors(
         y: measured efforts (M, J).
         nominal: residual of the nominal robot (M, J), where known.
         left, unseen: residual of the fit, and of fits without the row's block (M, J).
-        use: rows to use (M, J), boolean.
+        use: whether to use each row (M, J), boolean.
+        units: of each joint's effort.
     """
 
     def rms(error: np.ndarray, joint: int) -> float:
@@ -188,7 +189,7 @@ def joint_errors(
 
 
 def impossible(values: Iterable[IdentifiedValue]) -> str | None:
-    """Sentence on the first value of `POSITIVE` that is surely negative; None without one."""
+    """Sentence on the first value that cannot be negative (`POSITIVE`) but surely is; else None."""
     for p in values:
         half = p.interval95
         if p.name.startswith(POSITIVE) and half is not None and p.value + half < 0.0:

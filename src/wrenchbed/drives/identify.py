@@ -172,8 +172,8 @@ def _groups(free: Sequence[str], prefix: str, *, stated: bool, rest: bool) -> tu
 def problem_of(
     recording: Recording, signals: Sequence[DriveSignals], groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
-    """Least-squares problem of all pieces of a motion, with columns for the free parameters of
-    ``groups``, and the nominal values of load, links and rotors by name."""
+    """Least-squares problem of all pieces (``signals``) of a motion, with columns for the free
+    parameters of ``groups`` (of `GROUPS`), and nominal values of load, links and rotors by name."""
     parts, starts = zip(*(_of_piece(recording, s, groups) for s in signals), strict=True)
     y, nominal, loads, own, use = (
         np.concatenate([getattr(p, name) for p in parts])
@@ -232,7 +232,7 @@ def arm_of(recording: Recording) -> SimulatedRobot:
 
 
 def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Columns (N, J, F) of friction, offset and rotor of each joint, and the names of F groups."""
+    """Columns (N, J, F) of each joint's friction, offset, rotor, and names of the F of them."""
     speed, kinds = signals.q.d, tuple(g for g in FRICTION if g in groups)
     shapes = (np.sign(speed), speed, np.ones_like(speed), signals.q.dd)
     columns = [shape for kind, shape in zip(FRICTION, shapes, strict=True) if kind in kinds]
@@ -240,7 +240,7 @@ def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarra
 
 
 def check_moves(name: str, problem: Problem) -> None:
-    """Raise CalibrationError if too few rows are left or a joint never moves."""
+    """Raise CalibrationError if few rows are left or a joint never moves; name: recording's."""
     use = problem.use
     rows = len(use)
     if rows < 2 * FOLDS or not use.any(axis=0).all():
@@ -250,7 +250,7 @@ def check_moves(name: str, problem: Problem) -> None:
 
 
 def load_torques(y: np.ndarray, robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
-    """Torques (N, J, 10) by each number of `LOAD`, from the torque regressor y (N, J, 10 L)."""
+    """Torques (N, J, 10) by each number of `LOAD`, from the arm's regressor y (N, J, 10 L)."""
     q = np.asarray(robot.home, dtype=float)[None]
     link, origin = at_home(*robot.link_frames(q, theta)[robot.carrier])
     rotation, place = (np.asarray(v)[0] for v in robot.sensor_pose(q, theta))
@@ -284,7 +284,7 @@ def values_of(
     problem: Problem, solution: Solution, starts: dict[str, float], joints: Sequence[Joint],
     covariance: np.ndarray,
 ) -> tuple[IdentifiedValue, ...]:  # fmt: skip
-    """Parameters of a fit as published; ``starts`` are nominal values, ``covariance`` (K, K)."""
+    """Parameters as published, with covariance (K, K); ``starts``: nominal values by name."""
     std = np.sqrt(np.diagonal(covariance))
     names, determined = _names(problem, _certain(problem, solution, starts, std), joints)
     values = published(problem, solution.x, starts)
@@ -320,7 +320,7 @@ def _certain(p: Problem, s: Solution, starts: dict[str, float], std: np.ndarray)
 def _names(
     p: Problem, determined: np.ndarray, joints: Sequence[Joint]
 ) -> tuple[list[tuple[str, str]], np.ndarray]:
-    """Names and units of the published parameters, and whether the data determine each."""
+    """(Name, unit) of each published parameter; whether it is determined, from flags (K,)."""
 
     def of_joints(kind: str, unit: str) -> list[tuple[str, str]]:
         return [(f"{kind}.{j}", joint.own(unit)) for j, joint in enumerate(joints, start=1)]
@@ -342,7 +342,7 @@ def _names(
 
 
 def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray:
-    """Parameters (K,) as published (mass, centre …), from x (K,) of the fit and nominal values."""
+    """Parameters (K,) as published (mass, centre …) from a fit's x (K,) and nominal ``starts``."""
     gain, change, friction = parts(p, x)
     change = change + [starts[c] for c in p.changes]
     if p.changes == LOAD:
@@ -354,7 +354,7 @@ def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray
 
 
 def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
-    """Errors of each joint; those of held-out blocks of time come from the fits without them."""
+    """Errors of each joint, in ``units``; on held-out blocks of time by the fits without them."""
     unseen = np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]

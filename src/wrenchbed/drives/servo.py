@@ -66,7 +66,7 @@ class Piece:
     target: tuple[Callable[[np.ndarray], np.ndarray], ...]
 
     def noise(self, rng: np.random.Generator) -> np.ndarray:
-        """Random noise (N, J) [rad or m] as large as the encoders' noise is estimated."""
+        """Draw noise (N, J) [rad or m] as strong as the encoders' noise, by joint values, is."""
         std = [encoder_noise(x, self.signals.rate) for x in self.signals.effort.T]
         return rng.normal(size=self.signals.effort.shape) * std
 
@@ -76,17 +76,17 @@ class Piece:
         return replace(self, signals=motion_signals("", s.t, q, q, s.cutoff, s.edges))
 
     def error(self, delay: np.ndarray) -> np.ndarray:
-        """Filtered tracking error (M, J) of targets delayed by ``delay`` (J,) [s]."""
+        """Filtered tracking error (M, J), M kept rows, of targets delayed by ``delay`` (J,) [s]."""
         return self.signals.filtered(self.held(delay) - self.signals.effort)
 
     def by_speed(self, delay: np.ndarray) -> np.ndarray:
-        """Filtered columns (M, J, 2): signed square of the targets' speed, and their speed."""
+        """Filtered columns (M, J, 2), M kept rows: speed v |v| of the delayed targets, then v."""
         step = 0.5 / self.signals.rate
         speed = (self.held(delay - step) - self.held(delay + step)) / (2.0 * step)
         return self.signals.filtered(np.stack([speed * np.abs(speed), speed], axis=2))
 
     def held(self, delay: np.ndarray) -> np.ndarray:
-        """Targets (N, J) delayed by ``delay`` (J,) [s]: mean of a spline over the time of a row."""
+        """Targets (N, J), delayed by ``delay`` (J,) [s]: means of a spline over each row's time."""
         t, period = self.signals.t, 1.0 / self.signals.rate
         each = zip(self.target, delay.tolist(), strict=True)
         means = [(s(t - d) - s(t - d - period)) / period for s, d in each]
@@ -184,7 +184,7 @@ def _piece(signals: DriveSignals, target: np.ndarray) -> Piece:
 
 
 def _iterated(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solution, np.ndarray]:
-    """Iterate the delays (J,) [s]: last linearised problem, its solution, the delays."""
+    """Iterate the delays: return last linearised problem, its solution, the delays (J,) [s]."""
     delay, most = _first_delays(problem, pieces), 1.0 / pieces[0].signals.rate
     for _ in range(_STEPS):
         about = _linearised(problem, pieces, delay)
@@ -197,8 +197,8 @@ def _iterated(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solut
 
 
 def _linearised(problem: Problem, pieces: Sequence[Piece], delay: np.ndarray) -> Problem:
-    """Problem linearised about delays (J,) [s]: tracking errors, and two more columns of each
-    joint, by the square of the targets' speed and, last, by its delay."""
+    """Problem linearised about delays (J,) [s]: tracking errors, and after other columns of each
+    joint two more: by the square of its target's speed, and by its delay."""
     y = np.concatenate([p.error(delay) for p in pieces])
     more = np.concatenate([p.by_speed(delay) for p in pieces])
     own = np.concatenate([problem.own, more], axis=2)
@@ -223,8 +223,7 @@ def _first_delays(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
 
 
 def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Entries (…, J, F) of parameters (…, K) that each joint has alone (friction …, last the
-    delay)."""
+    """Each joint's own parameters (…, J, F), in order of ``problem.kinds``, out of x (…, K)."""
     joints = problem.y.shape[1]
     numbers = x[..., joints + len(problem.changes) :]
     return numbers.reshape(*x.shape[:-1], joints, -1)
@@ -279,7 +278,7 @@ def _ratios(
     problem: Problem, solution: Solution, identified: Sequence[IdentifiedValue],
     joints: Sequence[Joint],
 ) -> tuple[str, ...]:  # fmt: skip
-    """Sentences on friction and damping over stiffness, of joints of undetermined stiffness."""
+    """Sentences on friction and damping over stiffness, of joints whose stiffness is unknown."""
     determined = {p.name: p.std is not None for p in identified}
     numbers, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
     sentences = []

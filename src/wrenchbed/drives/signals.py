@@ -88,9 +88,9 @@ class DriveSignals:
         return max(1, int(self.rate / (_KEPT * self.cutoff)) // self.coarse) * self.coarse
 
     def filtered(self, columns: np.ndarray, every: int = 1) -> np.ndarray:
-        """Columns (N, …), or every ``every``-th row of them (⌈N / every⌉, …), low-passed, thinned,
-        without their ends (M, …). With ``every`` 1 or `coarse` the result is the same for what has
-        no content beyond half of that rate."""
+        """Columns (N, …), or every ``every``-th row of them (⌈N / every⌉, …), low-passed, in M kept
+        rows (M, …): each `step`-th row without the ends. With ``every`` 1 or `coarse` the result is
+        the same for what has no content beyond half of that rate."""
         half, rows = self._half(), len(self.t)
         window = scipy.signal.firwin(
             2 * half + 1, self.cutoff, window=("kaiser", _KAISER), fs=self.rate, scale=True
@@ -101,7 +101,7 @@ class DriveSignals:
         return np.asarray(low_passed[first : first + len(range(half, rows - half, self.step))])
 
     def moving(self) -> np.ndarray:
-        """Whether each joint moves all the time that a filtered row depends on (M, J), boolean."""
+        """Whether (M, J) each joint moves all the time that a filtered, kept row depends on."""
         speed = np.abs(self.q.d)
         still = (speed < REST * speed.max(axis=0)) | (np.ptp(self.q.v, axis=0) < _STILL)
         memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
@@ -178,8 +178,8 @@ def motion_signals(
 ) -> DriveSignals:  # fmt: skip
     """Smoothed motion of joint values (N, J) at times (N,) [s], beside efforts (N, J).
 
-    The cutoff of the filter [Hz] is five times the motion's bandwidth if none is given; without
-    ``edges`` they are estimated.
+    The cutoff of the filter [Hz] is five times the motion's bandwidth if none is given; ``edges``
+    of each joint's low-pass (J,) [Hz] are estimated without them. ``name`` is for messages.
 
     Raises:
         RecordingError: an uneven clock.
@@ -212,10 +212,10 @@ def motion_signals(
 
 
 def _edge(q: np.ndarray, rate: float, most: float) -> float:
-    """Frequency [Hz] above which a joint's values (N,) are only encoder noise.
+    """Frequency [Hz], up to ``most``, above which a joint's values (N,) are only encoder noise.
 
     Differentiated twice, that noise would look like a torque: on an outstretched arm several times
-    the noise of its first joint's effort.
+    the noise of its first joint's effort. ``rate`` [Hz] is that of rows.
     """
     frequency, power, floor = _spectrum(q, rate)
     above_noise = np.flatnonzero(power > _OVER_NOISE * floor)
@@ -229,7 +229,7 @@ def encoder_noise(q: np.ndarray, rate: float) -> float:
 
 
 def _spectrum(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Frequencies [Hz], power density of a joint's values (N,) there, and that of white noise."""
+    """Frequencies [Hz], power density there of a joint's values (N,), density of white noise."""
     rows = min(len(q), int(_SPECTRUM_S * rate))
     straight = np.asarray(scipy.signal.detrend(q), dtype=np.float64)
     frequency, power = scipy.signal.welch(straight, rate, window="blackmanharris", nperseg=rows)

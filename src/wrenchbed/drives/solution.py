@@ -46,8 +46,8 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Parameters of all rows (K,) and without each block (FOLDS, K), whether data determine each,
-    and the weight (J,) of each joint's rows."""
+    """Parameters (K,) from all rows, and (FOLDS, K) without each block of time; whether the data
+    determine each (K,), and the weight (J,) of each joint's rows."""
 
     x: np.ndarray
     folds: np.ndarray
@@ -77,7 +77,7 @@ def solve(problem: Problem) -> Solution:
 
 
 def moved_by(p: Problem, s: Solution, torques: np.ndarray) -> np.ndarray:
-    """Parameters (H, K) of H fits, each to efforts to which one of H torques (M, J, H) is added."""
+    """Parameters (H, K) of H fits, each of efforts plus one of H ``torques`` (M, J, H)."""
     gain = parts(p, s.x)[0]
     normal, right = _normal(p, s.x, s.weight)
     whole = normal.sum(axis=0) + np.diag(_prior_precision(p))
@@ -119,7 +119,7 @@ def start(p: Problem) -> np.ndarray:
 
 
 def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normal equations of each block: JᵀWJ (FOLDS, K, K) and JᵀWr (FOLDS, K), residuals r."""
+    """Normal equations of each block, JᵀWJ (FOLDS, K, K), JᵀWr (FOLDS, K); r: residuals at x."""
     rest, (gain, change, _) = residual(p, x), parts(p, x)
     body = p.nominal + p.loads @ change
     joints, changes, kinds = p.y.shape[1], len(p.changes), len(p.kinds)
@@ -150,7 +150,7 @@ def _blocks(fold: np.ndarray) -> np.ndarray:
 
 
 def _scaled(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Roots (K,) of a matrix's diagonal; eigenvalues, eigenvectors of the matrix scaled by them."""
+    """Roots (K,) of a matrix's diagonal; eigenvalues, eigenvectors of it scaled by these roots."""
     scale = np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
     value, vector = np.linalg.eigh(normal / np.outer(scale, scale))
     return scale, value, vector
