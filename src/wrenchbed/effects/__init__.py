@@ -1,9 +1,9 @@
-"""Unmodelled effects, one file each; the registry lists the folder.
-Read first: `base` (the contract), then `chain` (how effects act together).
-Free: the inside of each file (numerics); tests/effects compares formulas with plain numpy,
-tests/twin with MuJoCo.
-Others rely on: names (docs/contracts.md, `benchmark/fault.py`), docstrings (`scripts/effects`),
-traits and variants (tests/data), sizes, weights (`scripts/learn_reliability`).
+"""Unmodelled effects, one file each; the registry lists the folder. Read first: `base`, `chain`.
+Free: numerics of a formula; tests/effects compares it with numpy, tests/twin with MuJoCo.
+Others rely on: names: change docs/contracts.md and `benchmark/fault.py` with them. Titles,
+docstrings, parameters: run `scripts/effects`. Attributes, variants: test_effect_declarations.py
+and test_variants.py of tests/effects write tests/data anew. Sizes, weights, `form_error`: then
+also run `scripts/learn_reliability`.
 Never: import another effect, a recording or a diagnosis.
 """
 

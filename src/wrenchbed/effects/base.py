@@ -53,8 +53,8 @@ class Stage(NamedTuple):
 
     Attributes:
         changes: what an effect at this stage changes, as text.
-        simulated: how a twin simulates an effect that its MJCF cannot hold.
-        exported: what that effect is applied to beside an exported MJCF.
+        simulated: text on how a twin simulates an effect that its MJCF cannot hold.
+        exported: text on what such an effect is applied to beside an exported MJCF.
     """
 
     changes: str
@@ -98,7 +98,7 @@ class Variant:
     Attributes:
         label: text for people, for instance ``joint 2``.
         free: names of the amplitudes that are fitted together.
-        at: initial values of the shape parameters.
+        at: initial values of the shape parameters (such as a time constant), by name.
         shape: names of those in ``at`` that a nonlinear fit may move.
         detail: choices (not numbers) that the answer states: ``{"joint": 2}``.
         weight: prior probability among the effect's variants, relative.
@@ -120,12 +120,12 @@ class Variant:
 
 
 class Curve(NamedTuple):
-    """Curve that a form-free variant adds, over the variable that it depends on.
+    """Curve that a variant without a formula adds to readings, over what it depends on.
 
     Attributes:
         channel: name of the wrench channel that it changes; empty if the same in all.
-        x: grid (P,) of that variable; a loop goes there and back.
-        columns: contribution of each amplitude ``names`` per SI unit (P, k).
+        x: grid (P,) of what it depends on (time, load …); a loop goes there and back.
+        columns: contribution of each of the k amplitudes ``names`` per SI unit (P, k).
     """
 
     channel: str
@@ -140,10 +140,10 @@ class Residual(NamedTuple):
     """Measured minus predicted readings of a calibrated simulator, for `Effect.scan`.
 
     Attributes:
-        rows: indices of the scene's rows that were measured and may be fitted (R,).
-        value: residual in units of ``noise``, after the fit of bias, mass and CoG (R, 6).
+        rows: indices (R,) of the scene's M rows that were measured and may be fitted.
+        value: residual (R, 6) in units of ``noise``, after the fit of bias, mass and CoG.
         noise: standard deviation of a row (6,) [N, N·m].
-        tangent: function (parameter, shapes) → change of readings (M, 6) per typical size.
+        tangent: (amplitude's name, shape values) → change of readings (M, 6) per typical size.
         fitted: orthonormal basis of the fit of bias, mass and CoG (R, 6, k).
     """
 
@@ -213,8 +213,8 @@ class Effect(ABC):
 
     @property
     def family(self) -> str:
-        """Name of a group of effects, each of which may absorb errors in the assumed formula of
-        another: for instance those of forces on the tool from outside."""
+        """Group of effects that may absorb errors in each other's assumed formulas: ``external``,
+        of forces on the tool from outside, else the subsystem."""
         return "external" if self.subsystem in ("cable", "environment") else self.subsystem
 
     @property
@@ -238,7 +238,7 @@ class Effect(ABC):
         return self.stage in ("reading", "timing")
 
     def acts(self, scene: Scene) -> bool:
-        """Whether the effect can change a scene's readings; any can if they average a motion."""
+        """Whether the effect can change a scene's readings; any can if rows average a motion."""
         return scene.mode in self.modes or scene.averaged
 
     def applies(self, robot: Robot) -> bool:
@@ -246,12 +246,12 @@ class Effect(ABC):
         return self.between_rows or any(self.variants(s) for s in examples(robot))
 
     def parameters(self, robot: Robot) -> ParameterSet:
-        """Amplitudes (nominal 0, tolerance = typical size) and shapes of a robot's effect, SI."""
+        """Amplitudes (nominal 0, tolerance: typical size) and shape parameters of an effect, SI."""
         return ParameterSet(self.numbers)
 
     @abstractmethod
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """Ways in which the effect may show in a scene's readings; empty where it cannot."""
+        """Ways in which the effect may show in a scene's readings (see `Variant`); or none."""
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         """Variants without a formula: free curves over time, load or temperature, linear in many
@@ -259,25 +259,25 @@ class Effect(ABC):
         return ()
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Curves that a form-free variant adds to readings, one a channel; by default none."""
+        """Curves that a variant without a formula adds to readings, one a channel; default none."""
         return ()
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
-        """Names of a variant's amplitudes that a simulation sets to their typical size."""
+        """Names of a variant's amplitudes that a simulation of it sets to their typical size."""
         return variant.free
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Further variants, with shape values found by search on a residual; by default none."""
+        """More variants, whose shape (as a moment) is searched on a residual; by default none."""
         return ()
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
-        """Parameter names that `values` accepts; those to use with ``joint=2`` come first."""
+        """Parameter names that `values` accepts: first ``joint`` and the short names beside it."""
         names = self.parameters(robot).names
         short = joint_stems(names)
         return ("joint", *short, *names) if short else names
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """Values of all parameters by name, from some ``given``; the others are nominal.
+        """Values of all parameters by name, from some ``given`` by name; the others are nominal.
 
         ``joint=2,offset=1e-3`` is accepted for ``offset.q2=1e-3``.
 
@@ -295,7 +295,7 @@ class Effect(ABC):
             raise ParameterError(f"{self.name}: {error}") from error
 
     def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
-        """Value, standard uncertainty (``std``) and unit of a variant's parameters, by name."""
+        """Value, standard uncertainty (``std``), unit of a variant's parameters, keyed by name."""
         known = self.parameters(robot)
         result: Published = {
             n: {"value": values[n], "std": std.get(n), "unit": known[known.index(n)].unit}
@@ -317,15 +317,15 @@ class Effect(ABC):
     # ---- what it does at its stages: nothing at those at which it does not act ------------------
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        """Parameters (P,) of a robot, changed by an effect with values p (stage ``model``)."""
+        """Robot's parameters (P,) changed by the effect, whose values are p (stage ``model``)."""
         return theta
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """Displacement to add to the joint values (M, J) [rad or m] (stage ``joint``)."""
+        """What to add to joint values (M, J) [rad or m] for effect values p (stage ``joint``)."""
         return 0.0
 
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
-        """Pose of the sensor with the effect, from that without it (stage ``pose``)."""
+        """Pose of the sensor with the effect, values p, from that without (stage ``pose``)."""
         return pose
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
@@ -341,7 +341,7 @@ class Effect(ABC):
         return reading
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
-        """Readings (N, 6) at times (N,) [s] with the effect's random part added (stage ``row``)."""
+        """Readings (N, 6) at t (N,) [s] with the effect's random part added (stage ``row``)."""
         return rows
 
     # ---- MuJoCo ----------------------------------------------------------------------------
@@ -357,7 +357,7 @@ class Effect(ABC):
 
 
 class ModelEffect(Effect):
-    """Effect that changes the robot's own parameters, the same in closed form and in MuJoCo."""
+    """Effect that is a change of the robot's own parameters, alike in closed form and MuJoCo."""
 
     stage = "model"
 
@@ -366,7 +366,7 @@ class ModelEffect(Effect):
 
 
 class JointEffect(Effect):
-    """Effect with one amplitude a joint; usually true joint values differ from reported ones."""
+    """Effect with one amplitude per joint, mostly a displacement of true joint values."""
 
     stage = "joint"
     local = True
@@ -381,7 +381,7 @@ class JointEffect(Effect):
         return joint_parameters(robot, self.amplitude, *self.sizes, self.text, self.units)
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """Variants for each joint alone, and for all together."""
+        """One variant for each joint alone, then one for all together; none without joints."""
         if not scene.jointed:
             return ()
         names = each_joint(self.amplitude, scene.robot)
@@ -397,7 +397,7 @@ class LoadEffect(Effect):
     stage = "load"
 
     def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
-        """Largest force, or if there is none largest torque, that acts on the tool from outside."""
+        """Largest force (else torque) on the tool, for effects that act on it from outside."""
         if self.family != "external":
             return {}
         load = self.pull(scene, Pose(*scene.pose), scene.load, p)[scene.held]
@@ -424,7 +424,7 @@ class ReadingEffect(Effect):
 
 
 class ChannelEffect(ReadingEffect):
-    """Effect on readings with one amplitude for each channel, ``stem.fx`` …, and no shapes."""
+    """Effect on readings with one amplitude for each channel, ``stem.fx`` …; no other parameter."""
 
     channelwise = True
     stem: ClassVar[str]
@@ -441,7 +441,7 @@ class ChannelEffect(ReadingEffect):
 
 
 class RowEffect(Effect):
-    """Effect that only scatters rows (``corrupt``); the mean of a pose does not change."""
+    """Effect that only scatters rows (method ``corrupt``); the mean of a pose does not change."""
 
     stage = "row"
 
@@ -455,7 +455,7 @@ class RowEffect(Effect):
 def alike(
     names: Sequence[str], unit: str, size: float, bound: float, text: str
 ) -> tuple[Parameter, ...]:
-    """Make parameters of nominal 0 with one unit, typical size and bound ± for all ``names``."""
+    """Make parameters ``names`` of nominal 0, typical ``size``, range ±``bound`` and a ``text``."""
     return tuple(Parameter(n, 0.0, unit, size, -bound, bound, text) for n in names)
 
 
@@ -467,8 +467,8 @@ def channel_parameters(
     units: Sequence[str] = UNITS,
     bounds: tuple[float, float] = (-1e4, 1e4),
 ) -> tuple[Parameter, ...]:
-    """Make parameters ``stem.fx`` … ``stem.tz`` with typical sizes for forces and for torques. The
-    bounds only refuse absurd values (estimates)."""
+    """Make parameters ``stem.fx`` … ``stem.tz`` with typical sizes ``force`` and ``torque``,
+    described by ``text``. The bounds only refuse absurd values (estimates)."""
     return tuple(
         Parameter(f"{stem}.{c}", 0.0, u, force if c[0] == "f" else torque, *bounds, text)
         for c, u in zip(CHANNELS, units, strict=True)
@@ -478,7 +478,7 @@ def channel_parameters(
 def channel_variants(
     stem: str, at: Values | None = None, shape: tuple[str, ...] = ()
 ) -> list[Variant]:
-    """Variants that free ``stem.fx`` …: one channel alone, the forces, the torques, all six."""
+    """Variants that free ``stem.fx`` …: one, forces, torques, all; ``at``, ``shape``: `Variant`."""
     names = per_channel(stem)
     where = dict(at or {})
     single = [
@@ -499,7 +499,8 @@ def zero_and_gain_variants(
     at: Values | None = None,
     shape: tuple[str, ...] = (),
 ) -> tuple[Variant, ...]:
-    """Variants of a sensor that warms: zeros (6) alone, one gain ``span``, gains (6), both."""
+    """Variants of a sensor that warms, by free amplitudes: ``zeros`` (6 names), ``span`` (a gain of
+    all), ``spans`` (6 gains), both. ``at`` and ``shape`` as of `Variant`."""
     where = dict(at or {})
     *single, _, _, together = channel_variants(zeros[0].partition(".")[0], where, shape)
     return (
@@ -518,8 +519,8 @@ def zero_and_gain_variants(
 def joint_parameters(
     robot: Robot, stem: str, rotary: float, linear: float, text: str, units: tuple[str, str]
 ) -> ParameterSet:
-    """Make parameters ``stem.q1`` … with typical size and unit of rotary or linear joints. Their
-    bounds only refuse absurd values (estimates)."""
+    """Make parameters ``stem.q1`` … with typical size and unit for rotary (first unit) or linear
+    joints, described by ``text``. Their bounds only refuse absurd values (estimates)."""
     items = []
     for k, joint in enumerate(robot.joints, start=1):
         turns = joint.unit == "rad"
@@ -544,7 +545,7 @@ def has_loops(robot: Robot) -> bool:
 
 
 def waves(stem: str) -> tuple[str, ...]:
-    """Names ``stem.1`` … of the WAVES amplitudes of the sine waves of a `course`."""
+    """Names ``stem.1`` … of the amplitudes of the `WAVES` sines in a `course` of time."""
     return tuple(f"{stem}.{k}" for k in range(1, WAVES + 1))
 
 
@@ -557,7 +558,7 @@ def course(scene: Scene, p: Values, rate: str, wave: Sequence[str]) -> np.ndarra
 
 
 def half_waves(scene: Scene, duration: float) -> np.ndarray:
-    """Sines sin(kπ (t − t₀)/D), k = 1 … WAVES, at each row (M, WAVES), 0 after D [s]."""
+    """Sines sin(kπ (t − t₀)/D), k = 1 … WAVES, at rows (M, WAVES), 0 after the duration D [s]."""
     share = np.clip(scene.age / duration, 0.0, 1.0)
     return np.sin(np.pi * np.outer(share, np.arange(1, WAVES + 1)))
 
@@ -571,7 +572,7 @@ def added(robot: Robot, theta: np.ndarray, changes: Values) -> np.ndarray:
 
 
 def vector(p: Values, names: Sequence[str]) -> np.ndarray:
-    """Array (len(names),) of the named parameters' values."""
+    """Array (len(names),) of values of the parameters ``names`` in p."""
     return np.array([p[n] for n in names])
 
 
@@ -588,7 +589,7 @@ def direction(p: Values, names: Sequence[str]) -> np.ndarray:
 
 
 def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> ParameterError:
-    """Make the error for a parameter name that an effect lacks, or that needs a joint beside it."""
+    """Make the error for a parameter name that is not ``taken`` (accepted) or lacks its joint."""
     if name in taken:
         return ParameterError(f"{effect}: {name} belongs to one joint: add joint=1 … {joints}")
     near = sorted(taken, key=lambda n: -SequenceMatcher(None, name, n).ratio())
@@ -605,10 +606,10 @@ def joint_stems(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def of_joint(given: Mapping[str, Any], names: Sequence[str], joints: int) -> dict[str, Any]:
-    """Add the joint to short names: ``{"joint": 2, "offset": x}`` becomes ``{"offset.q2": x}``.
+    """Add the joint to short ``names``: {"joint": 2, "offset": x} becomes {"offset.q2": x}.
 
     Raises:
-        ParameterError: there is no such joint.
+        ParameterError: there is no such joint among ``joints``, their number.
     """
     remaining, stems = dict(given), joint_stems(names)
     if not stems or "joint" not in remaining:

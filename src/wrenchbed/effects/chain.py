@@ -21,7 +21,7 @@ from wrenchbed.robots.base import Robot
 
 @dataclass(frozen=True, eq=False)
 class ActiveEffect:
-    """A kind of effect with the values of all its parameters."""
+    """An effect with values of all its parameters by name: what a chain applies."""
 
     effect: Effect
     values: Mapping[str, float]
@@ -110,13 +110,13 @@ class EffectChain:
         return more
 
     def sensed(self, torque: np.ndarray) -> np.ndarray:
-        """Joint torques (M, J) [N·m, of slides N] as their sensors read them with the effects."""
+        """Joint torques (M, J) [N·m, of slides N] as torque sensors with the effects read them."""
         for a in self._at["effort"]:
             torque = a.effect.sense(torque, a.values)
         return torque
 
     def read(self, scene: Scene, load: np.ndarray) -> np.ndarray:
-        """Readings (M, 6) [N, N·m] of a load (M, 6), changed by effects that show in a scene."""
+        """Readings (M, 6) [N, N·m] of a load (M, 6), with those effects that act in the scene."""
         reading = load
         for a in (*self._at["reading"], *self._at["timing"]):
             if a.effect.acts(scene):
@@ -162,8 +162,8 @@ def parse_effect(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def active_effect(robot: Robot, text: str) -> ActiveEffect:
-    """Make an effect from text as ``joint.offset:joint=3``. Without amplitudes it has its typical
-    size, in the variant that the given values select, else in the commonest.
+    """Make an effect from text as ``joint.offset:joint=3``. Without amplitudes these have typical
+    sizes, in the variant (joint, channel …) that the text selects, else in the commonest.
 
     Raises:
         NotFoundError, ParameterError: no such effect or parameter, or an impossible value.

@@ -40,10 +40,10 @@ PLAIN = dict.fromkeys((*SLIDE, *ASIDE), 0.0) | {"power": 1.0, "reach": 1.0}
 
 
 class EnvironmentContact(LoadEffect):
-    """F = k l (x/l)₊ᵐ (n + s), x = d − n·p, at the tip p: a plane with the normal n pushes back.
+    """F = k l (x/l)₊ᵐ (n + s), x = d − n·p, at the tip p: the plane n·p = d pushes back.
 
     k is the stiffness, l = 1 cm, the ``power`` m = 1 of a spring, 3/2 of a ball on a half space
-    (Hertz); s drags along the plane, always the same way.
+    (Hertz); n is the normal; s drags along the plane, always the same way.
 
     The tip is that of the robot's model, else twice as far from the sensor as the CoG; what touches
     may lie nearer, farther (``reach``) or ``aside``.
@@ -85,7 +85,7 @@ class EnvironmentContact(LoadEffect):
         return tuple(result)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants with planes whose depth, times a fixed force, explains a residual best."""
+        """Variants with planes that explain a residual best by their depth, as a force along n."""
         if not scene.jointed:
             return ()
         rotation, position = (value(x)[residual.rows] for x in scene.pose)
@@ -128,7 +128,7 @@ class EnvironmentContact(LoadEffect):
         return np.concatenate([force, cross(np.broadcast_to(lever, force.shape), force)], axis=1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """A plane that pushes the tip as a linear spring; other laws and drag stay closed form."""
+        """Add a plane that pushes the tip as a linear spring; other laws, drag stay closed form."""
         from wrenchbed.simulation.springs import plane
 
         if p["stiffness"] and p["power"] == 1.0 and not any(p[n] for n in SLIDE):
@@ -140,13 +140,13 @@ class EnvironmentContact(LoadEffect):
 
 
 def _from(normal: np.ndarray, begin: Values, weight: float) -> Variant:
-    """Variant of a contact plane with a normal (3,), whose shapes begin at the values ``begin``."""
+    """Variant of a contact plane with a normal (3,), other shape values ``begin``, and a weight."""
     side = sides(normal)
     return Variant(f"from {side}", ("stiffness",), begin, SHAPE, {"side": side}, weight)
 
 
 def _depth(scene: Scene, pose: Pose, p: Values) -> np.ndarray:
-    """Depth (M,) [m] of the contact point behind the plane, negative in front of it."""
+    """Depth (M,) [m] of the contact point behind the plane of p, negative in front of it."""
     at = value(pose.position) + apply(value(pose.rotation), touching(scene, p))
     return np.asarray(p["depth"] - at @ direction(p, NORMAL))
 

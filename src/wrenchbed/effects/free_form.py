@@ -1,7 +1,6 @@
-"""Parameters, variants and curves of form-free effects: many linear amplitudes, smaller by order.
-
-The evidence of a fit pays for each amplitude that data determine, so a formula that fits is
-preferred. Numbers of points and weights are estimates.
+"""Parameters, variants and curves of effects without a formula: many linear amplitudes, smaller by
+order. A fit's evidence pays for each that data determine, so a formula that fits is preferred.
+Numbers of points and weights are estimates.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +25,7 @@ def orders(stem: str, count: int) -> tuple[str, ...]:
 def falling(
     stem: str, sizes: Sequence[float], ratio: float, text: str, units: Sequence[str]
 ) -> tuple[Parameter, ...]:
-    """Make parameters ``stem1.fx`` … with a typical size by order (K,); of torques × ``ratio``."""
+    """Make parameters ``stem1.fx`` … of typical ``sizes`` (K,) by order; torques × ``ratio``."""
     return tuple(
         p
         for name, size in zip(orders(stem, len(sizes)), sizes, strict=True)
@@ -38,7 +37,7 @@ def free_variants(
     stems: Sequence[str], text: str, at: Values, channels: Sequence[str] = CHANNELS
 ) -> tuple[Variant, ...]:
     """Variants with a free curve in one channel, the forces, the torques or all: amplitudes
-    ``stem.fx`` …, a label that begins with ``text``, shapes at the values ``at``."""
+    ``stem.fx`` … of ``stems``, labels beginning with ``text``, ``at``: values of the shape."""
 
     def of(label: str, group: Sequence[str], share: float) -> Variant:
         free = tuple(f"{stem}.{c}" for c in group for stem in stems)
@@ -59,10 +58,10 @@ def channel_curves(
     x_unit: str = "",
     y_unit: str = "",
 ) -> tuple[Curve, ...]:
-    """Curves of a form-free variant, one for each channel that it has amplitudes of.
+    """Curves of a variant without a formula, one for each channel that it has amplitudes of.
 
     Args:
-        variant: form-free, with amplitudes ``….fx`` …
+        variant: free curve, with amplitudes ``….fx`` …
         x: grid (P,), or a function from a channel's name to its grid.
         basis: function of an amplitude's name and grid (P,): its contribution per SI unit (P,).
         x_unit, y_unit: units of grid and values; if empty the channel's own.
@@ -80,6 +79,6 @@ def channel_curves(
 def share_curve(
     variant: Variant, x: np.ndarray, basis: Callable[[str, np.ndarray], np.ndarray], x_unit: str
 ) -> tuple[Curve, ...]:
-    """Curve over x (P,) of a form-free variant that adds one share of the load to all channels."""
+    """Curve over x (P,) that adds one share of the load to all channels; basis(name, x) is (P,)."""
     columns = np.stack([basis(n, x) for n in variant.free], axis=1)
     return (Curve("", variant.free, x, columns, x_unit, "1"),)

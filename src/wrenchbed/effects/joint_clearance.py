@@ -29,8 +29,8 @@ class JointClearance(JointEffect):
     five-bar's plane. ``slack.Li2`` and ``slack.Li4`` lengthen a distal link under tension and
     shorten it under pressure, e·δE = s tanh(N/N₀) for both links' directions e; N is the push of
     all weights along the link, by virtual work. Both are given as what the joints would have to
-    turn, J δq = δE, and q6 as much as the wrist's roll then differs.
-    ``tilt``: R → R Exp(t M/√(M² + M₀²)), M the moment of the tool's load across the sensor's z.
+    turn, J δq = δE, and q6 as much as the wrist's roll then differs. N₀ and M₀ are small. ``tilt``:
+    R → R Exp(t M/√(M² + M₀²)), M the moment of the tool's load across the sensor's z.
 
     Seen in: poses between which the force in a link changes its sign.
     """
@@ -101,7 +101,7 @@ class JointClearance(JointEffect):
         return Pose(pose.rotation @ tilt, pose.position)
 
     def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
-        """Parameters to publish by name: a negative ``play.1`` becomes a positive ``play.2``."""
+        """Parameters to publish, by name; a negative ``play.1`` becomes a positive ``play.2``."""
         result = super().publish(robot, variant, values, std)
         if "play.1" in result and result["play.1"]["value"] < 0.0:
             play = result.pop("play.1")
@@ -120,7 +120,7 @@ class JointClearance(JointEffect):
 
 
 def _moved(scene: Scene, links: np.ndarray, slack: Values) -> np.ndarray:
-    """Displacement δE (M, 2) [m] of a five-bar's tip by slack of its distal ``links`` (rows)."""
+    """Displacement δE (M, 2) [m] of a five-bar's tip by ``slack`` of ``links`` (M, 2, 2; rows)."""
     longer = np.zeros(links.shape[:2])
     for k, (name, half) in enumerate(slack.items()):
         if half:

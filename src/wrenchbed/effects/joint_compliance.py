@@ -55,7 +55,7 @@ class JointCompliance(JointEffect):
         return super().values(robot, remaining)
 
     def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
-        """Parameters to publish: a stiffness for a single joint, compliances for several."""
+        """Parameters to publish: of a single joint its stiffness, of several joints compliances."""
         result = super().publish(robot, variant, values, std)
         if len(variant.free) != 1:
             return result

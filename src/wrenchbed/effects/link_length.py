@@ -78,12 +78,12 @@ def public(name: str) -> str:
 
 
 def single(names: Sequence[str]) -> list[Variant]:
-    """Variants that free one parameter of the robot each."""
+    """Variants that free one of the robot's parameters ``names`` each."""
     return [Variant(n, (public(n),), detail={"parameter": n}) for n in names]
 
 
 def together(label: str, names: Sequence[str], weight: float = 1.0) -> Variant:
-    """Variant that frees several parameters of the robot together."""
+    """Variant, of a prior weight, that frees several of the robot's parameters together."""
     return Variant(label, tuple(map(public, names)), weight=weight)
 
 

@@ -184,7 +184,7 @@ class Scene:
 
 
 def examples(robot: Robot) -> list[Scene]:
-    """Example scenes in which to ask for variants: a few poses that warm up, and the same as a
+    """Example scenes in which to ask for variants: a few poses that warm up, then the same as a
     motion, or as averages of one if the robot has no joints."""
     q: Value = robot.sample(_EXAMPLE_ROWS, np.random.default_rng(0))
     theta, gravity = robot.parameters.nominal, np.array(robot.gravity)

@@ -125,7 +125,7 @@ class SensorDrift(ReadingEffect):
 
 
 def _wave(t: np.ndarray, duration: float, order: int) -> np.ndarray:
-    """Integral ∫cos(kπt/T) dt at times (P,) [s] for the order k + 1; T is the duration."""
+    """Integral ∫cos(kπt/T) dt (P,), from 0 to times t (P,) [s]; k = order − 1, T the duration."""
     turn = (order - 1) * np.pi / duration
     if not turn:
         return t

@@ -122,7 +122,7 @@ class SensorHysteresis(ReadingEffect):
 
 
 def _width(name: str) -> float:
-    """Half width of a play operator, as a share of the channel's range, by an amplitude's name."""
+    """Half width of the play operator of an amplitude's name, as a share of the channel's range."""
     stem = name.partition(".")[0]
     if stem in WIDTHS:
         return WIDTHS[stem]
@@ -131,7 +131,7 @@ def _width(name: str) -> float:
 
 
 def _turned(name: str) -> bool:
-    """Whether a name is of an amplitude s_iw, by which the lag grows with the load."""
+    """Whether the amplitude named is a slope, by which the lag changes along the load."""
     return ".slope" in name or name.startswith("turn")
 
 

@@ -36,7 +36,7 @@ EXPLAINED = 0.5
 
 
 def _named(k: int) -> tuple[str, tuple[str, ...]]:
-    """Names of the k-th jump's parameters (from 1): its moment, and its steps (6,)."""
+    """Name of the k-th jump's moment (k from 1), then names (6,) of its steps."""
     return ("time", STEPS) if k == 1 else (f"time{k}", per_channel(f"step{k}"))
 
 
@@ -72,7 +72,7 @@ class SensorJump(ReadingEffect):
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """Variants with moments midway between two measured rows, spread evenly."""
+        """Variants with one jump, at moments midway between two measured rows, spread evenly."""
         t = scene.t[scene.held]
         midway = (t[1:] + t[:-1]) / 2.0
         count = min(MOMENTS, len(midway))
@@ -84,7 +84,7 @@ class SensorJump(ReadingEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants of two jumps or more, while each further one explains half of what remains."""
+        """Variants of two or more jumps, while each further one explains half of what is left."""
         t = scene.t[residual.rows]
         if residual.fitted is None or len(t) < 2 * (MOST + 1):
             return ()
@@ -123,8 +123,8 @@ class SensorJump(ReadingEffect):
 def _placed(
     value: np.ndarray, fitted: np.ndarray, after: np.ndarray, chosen: Sequence[int]
 ) -> tuple[list[int], float]:
-    """Add one jump to chosen ones and move each to its best row beside the others: the first rows
-    after the jumps, and the squared residual that remains."""
+    """Add one jump to ``chosen`` ones (first rows after them), move each to its best of ``after``
+    (M,) beside the others; return these rows and the squared residual that remains."""
     rows, remaining = [*chosen, 0], np.inf
     for k in [len(chosen), *range(len(chosen)), len(chosen)]:
         rest, basis = value, fitted

@@ -36,10 +36,9 @@ class SensorTemperature(ReadingEffect):
     """y_i → (1 + (γ + γ_i) ϑ) y_i + k_i ϑ with the temperature ϑ [K] above the first row's.
 
     The sensor follows a temperature that was recorded beside it with a ``lag`` of first order.
-    Where none was recorded, no reading shows a temperature and a diagnosis does not consider it:
-    what changes with time alone is a drift, or the tool. A simulation that states the effect has
-    ϑ = 1 − exp(−(t − t₀)/τ) there: a warm-up of first order, of which ``zero`` [N, N·m] and
-    ``span`` [1] are the complete changes at its end.
+    Where none was recorded, a diagnosis does not consider the effect: what changes with time alone
+    is a drift, or the tool. A simulation that states it has ϑ = 1 − exp(−(t − t₀)/τ) there: a
+    warm-up of which ``zero`` [N, N·m] and ``span`` [1] are the complete changes at its end.
 
     Seen in: a warm-up with the temperature recorded; the span, two loads at two temperatures.
     """

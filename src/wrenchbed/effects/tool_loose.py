@@ -38,7 +38,7 @@ weight, in steps that a refit bridges."""
 
 
 class ToolLoose(LoadEffect):
-    """c → c + s n sgn(n·F/|F| − l): the tool's CoG jumps along a direction n; torque δc × F.
+    """c → c + s n sgn(n·F/|F| − l): the tool's CoG jumps by 2 s along a direction n; torque δc × F.
 
     The sign is tanh(…/0.05), l leans to one side; with a ``grip`` it turns only once n·F/|F| is
     that far beyond l. What flows along the load has no torque; along one axis it is tool.flexure.
@@ -134,7 +134,7 @@ class ToolLoose(LoadEffect):
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:
-    """Position (M,) of a loose part, −1 … 1, by the share ``along`` (M,) of the load on its way."""
+    """Position (M,) of a loose part, −1 … 1; ``along`` (M,): share of the load along its way."""
     if not grip:
         return np.tanh(along / SOFT)
     return held_on(np.where(np.abs(along) > grip, np.sign(along), 0.0)[:, None])[:, 0]

@@ -67,7 +67,7 @@ class ToolSlide(LoadEffect):
 
 
 def _moved(scene: Scene, p: Values) -> np.ndarray:
-    """Displacement (M, 3) [m] of the tool's CoG in sensor axes, from parameters p."""
+    """Displacement (M, 3) [m] of the tool's CoG, sensor axes, for the effect's values p."""
     return np.stack([course(scene, p, f"rate.{a}", FREE[a]) for a in "xyz"], axis=1)
 
 

@@ -40,7 +40,7 @@ class Column:
     """One regressor with a fitted amplitude, of one joint's effort (N,), or of all joints (N, C).
 
     Attributes:
-        data: values at all rows.
+        data: values at all N rows.
         std: prior standard deviation of the amplitude in healthy robots; None: a small one.
         free: whether every fit leaves its amplitude free.
     """
@@ -58,9 +58,10 @@ class Block:
     Attributes:
         effect: name of the effect; without a name, words for what it does.
         joint: its number from 1; None for the whole arm.
-        outside: whether the cause has no name in the library.
-        value: shape at which the columns were made: a time [s], or periods a turn.
-        prior: log odds against other variants of the same effect.
+        outside: whether no effect of the library describes the cause.
+        columns: their names.
+        value: number at which columns were made: a time [s], periods a turn; 1 if they need none.
+        prior: log odds against other blocks of the same effect and joint.
         level: scale of what it changes: friction of the joint [N·m], mass [kg] or inertia [kg·m²]
             of the link or the tool; 1 if sizes are absolute.
     """
@@ -75,13 +76,13 @@ class Block:
 
     @property
     def key(self) -> tuple[str, int | None]:
-        """Effect and joint: blocks with one key are variants of one cause."""
+        """Effect and joint: blocks with the same key are forms of one cause."""
         return self.effect, self.joint
 
 
 @dataclass(frozen=True, eq=False)
 class DriveRows:
-    """Motion and predicted effort of one joint in time (N,), SI; forces of slides are torques here.
+    """Motion, predicted effort of one joint in N rows (N,), SI; a slide's force counts as torque.
 
     Attributes:
         joint: its number from 1.
@@ -89,7 +90,7 @@ class DriveRows:
         total, body: predicted effort, and that of the rigid body alone.
         hinge: whether the joint is rotary, not a slide (prismatic).
         level: Coulomb friction of the joint, stated or fitted.
-        is_stated: whether that is stated.
+        is_stated: whether the recording states it.
         spread: standard deviation of stated numbers in healthy robots, by effect; None if unstated.
         free: effects with an unstated number, which every fit leaves free.
         warm: temperature of the drive [°C], if it was recorded and changes.
@@ -130,20 +131,20 @@ class DriveRows:
     def column(
         self, word: str, data: np.ndarray, std: float | None = None, *, free: bool = False
     ) -> Column:
-        """Make a regressor of this joint from data (N,), named ``word.joint`` with its number."""
+        """Make a regressor ``word.joint`` from data (N,); ``std`` and ``free`` as of `Column`."""
         return Column(f"{word}.{self.joint}", data, std or None, free)
 
 
 @dataclass(frozen=True, eq=False)
 class DriveResidual:
-    """Residual of one joint's effort at the kept rows (M,), for `DriveEffect.scan`.
+    """Residual of one joint's effort at M rows, kept of all N by a filter, for `DriveEffect.scan`.
 
     Attributes:
-        y: measured minus predicted effort.
-        use: whether each row is used, boolean.
-        left: residual of y after a fit of all columns, zero where not used.
+        y: measured minus predicted effort (M,).
+        use: whether each row is used (M,), boolean.
+        left: residual of y after a fit of all columns (M,), zero where not used.
         own: columns of friction and the like, which every joint has, without a delay's (M, K).
-        thin: function that picks (and filters) the kept rows (M,) of a column (N,).
+        thin: function that filters a column (N,) and picks the M rows of it.
     """
 
     y: np.ndarray
@@ -175,8 +176,8 @@ class DriveEffect(ABC):
     """Whether its size is never below zero: it can only add to friction, or be late."""
 
     def shapes(self, rows: DriveRows) -> Mapping[str, np.ndarray]:
-        """Effort (N,) of the effect at size 1 by name of column; empty if it cannot show, or is
-        searched by `scan`."""
+        """Effort (N,) of each column at amplitude 1, by the column's word; empty if none can
+        show."""
         return {}
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
@@ -195,8 +196,8 @@ class DriveEffect(ABC):
     def cause(
         self, rows: DriveRows, columns: tuple[str, ...], value: float = 1.0, prior: float = 0.0
     ) -> Block:
-        """Make a cause of this effect from names of columns, the ``value`` of its shape (time [s],
-        periods a turn) and ``prior`` log odds against other variants."""
+        """Make a cause of this effect from names of columns, the ``value`` at which they were made
+        (a time [s], periods a turn) and ``prior`` log odds against its other forms."""
         level = 1.0 if self.size.absolute else rows.level
         return Block(self.name, rows.joint, False, columns, value, prior, level)
 
@@ -207,12 +208,12 @@ class DriveEffect(ABC):
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        """Columns and cause of a shape (time, period) searched on a residual; None without one."""
+        """Columns and cause at a time or period searched on a residual; None if none is sought."""
         return None
 
 
 class StatedNumber(DriveEffect):
-    """Effect that is an error of a drive parameter, which every fit leaves free if unstated."""
+    """Effect that is an error of a stated drive parameter; if unstated every fit frees it."""
 
     word: ClassVar[str]
     """Name of its column, before the joint's number."""

@@ -45,7 +45,7 @@ def closest(
 
 
 class Lag(DriveEffect):
-    """Delay or filter of the effort: the size is the lag [s], linear about that of `Block.value`.
+    """Delay or filter of the effort by a lag [s], its size; linear about the lag `Block.value`.
 
     Friction changes sign within an unstated distance after each reversal: a free column.
     """
@@ -54,7 +54,7 @@ class Lag(DriveEffect):
 
     @abstractmethod
     def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:
-        """Change (N,) of a torque (N,) by a delay or filter with a time [s]."""
+        """Change (N,) of a torque (N,) when it is delayed or filtered by a time [s]."""
 
     def scan(
         self, rows: DriveRows, residual: DriveResidual

@@ -19,21 +19,21 @@ _LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
 
 
 def direction(speed: np.ndarray, rest: float = REST) -> np.ndarray:
-    """Sign (N,) of a speed (N,); below the share ``rest`` of the top speed the sign before."""
+    """Sign (N,) of a speed (N,); where it is below ``rest`` × top speed, the sign before that."""
     moves = np.abs(speed) > rest * np.abs(speed).max()
     last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), 0))
     return np.asarray(np.sign(speed[last]))
 
 
 def moving(speed: np.ndarray, rate: float) -> np.ndarray:
-    """Boolean (N,): whether the joint moves at all rows within 0.04 s (`_MEMORY_S`) of a row."""
+    """Whether (N,) the joint moves in all rows within `_MEMORY_S` of a row; ``rate`` [Hz]."""
     still = np.abs(speed) <= REST * np.abs(speed).max()
     width = 2 * max(1, round(_MEMORY_S * rate)) + 1
     return np.asarray(np.convolve(still, np.ones(width), mode="same") < 0.5)
 
 
 def since_reversal(q: np.ndarray, sign: np.ndarray) -> np.ndarray:
-    """Distance (N,) [rad] moved since the last change of direction; inf before the first one."""
+    """Distance (N,) [rad] since ``sign`` (N,) last changed, along q (N,); inf before the first."""
     path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q)))])
     turned = np.flatnonzero(np.diff(sign) != 0.0) + 1
     last = np.zeros(len(q), dtype=int)
@@ -75,8 +75,8 @@ def _path(x: np.ndarray, width: float) -> np.ndarray:
     """Compute `play` (M, K) in blocks of rows, without a loop over rows.
 
     Each row clips the state into x ± width, and clips composed are a clip. So all blocks of about
-    √M rows are composed side by side, and one pass over the blocks finds the states between them.
-    The numbers are those of a loop over rows, bit for bit.
+    √M rows are composed side by side, and one pass over blocks finds the states between: bit for
+    bit a loop.
     """
     rows, channels = x.shape
     length = max(1, int(np.sqrt(rows)))
@@ -116,6 +116,6 @@ def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
 
 
 def slow(torque: np.ndarray, rate: float, time: float) -> np.ndarray:
-    """Change (N,) of a torque (N,) by a first-order low-pass of time constant ``time`` [s]."""
+    """Change (N,) of a torque (N,), ``rate`` [Hz], by a low-pass of time constant ``time``."""
     clock = np.arange(len(torque)) / rate
     return np.asarray(lagging(torque[:, None], clock, time)[:, 0] - torque)

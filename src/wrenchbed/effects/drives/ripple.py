@@ -5,9 +5,9 @@ from wrenchbed.effects.drives.wave import GEAR_MOST, SLOWEST, Wave, first_of, fi
 
 
 class DriveRipple(Wave):
-    """τ → τ + Σ a sin(k n q) + b cos(k n q), n (few) periods a joint turn.
+    """τ → τ + Σ_k a_k sin(k n q) + b_k cos(k n q), n (few) periods in a turn of the joint, q.
 
-    Such slow periods look like other causes: they are searched beside what every fit leaves free.
+    A slow period looks like other causes: it is searched beside what every fit leaves free.
 
     Seen in: motion over more than a turn.
     """

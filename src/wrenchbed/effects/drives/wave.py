@@ -25,7 +25,7 @@ _BINS = 8.0
 
 
 def first_of(effect: str) -> tuple[str, ...]:
-    """Prefixes of an effect's columns at its base period, whose amplitudes make its size."""
+    """Prefixes of names of an effect's columns at its first harmonic, which make its size."""
     return f"{effect}.sine1", f"{effect}.cosine1"
 
 
@@ -37,7 +37,7 @@ class Wave(DriveEffect):
 
     @abstractmethod
     def periods(self, residual: DriveResidual) -> float:
-        """Number of periods a joint turn at which a residual has the strongest wave."""
+        """Search the number of periods a joint turn whose wave is strongest in a residual."""
 
     def scan(self, rows: DriveRows, residual: DriveResidual) -> tuple[tuple[Column, ...], Block]:
         turns = self.periods(residual)
