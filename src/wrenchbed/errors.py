@@ -176,8 +176,8 @@ def shortage(cause: BaseException, where: str | Path = "") -> ShortageError | No
 
 
 def raise_shortage(cause: BaseException, where: str | Path = "") -> None:
-    """Raise `ShortageError` for an error about too little memory or too few files: then no file is
-    to blame."""
+    """Raise `ShortageError` if ``cause`` is about too little memory or too few files, while
+    ``where`` was read: no file is to blame."""
     error = shortage(cause, where)
     if error is not None:
         raise error from cause

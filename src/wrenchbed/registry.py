@@ -140,8 +140,8 @@ def _from_file(kind: str, path: Path) -> Any:
 
 
 def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
-    """Register a user's robot or sensor by its ``record`` (see `record_of`); plug-ins' names
-    win."""
+    """Register the content of a user's robot or sensor file as ``record``, to load it by ``name``;
+    plug-ins of that name win."""
     if name not in names(kind):
         _records.setdefault((kind, name), record)
 
@@ -161,13 +161,13 @@ def forget() -> Callable[[], None]:
 
 
 def revived(kind: str, name: str, record: Mapping[str, Any]) -> Any:
-    """Load the object ``name`` from the record that a file carries of it."""
+    """Load the user's robot or sensor ``name`` from ``record``, the content of its file."""
     remember(kind, name, record)
     return load(kind, name)
 
 
 def record_of(kind: str, name: str) -> Mapping[str, Any] | None:
-    """Content of a user's robot or sensor file, for `revived` elsewhere; None for a plug-in."""
+    """Content of a user's robot or sensor file, which recordings copy; None for a plug-in."""
     return _records.get((kind, name))
 
 

@@ -119,12 +119,8 @@ class LiveLimits:
 
 def live_limits(driver: Driver, plan: Plan, *, clear: bool = True) -> LiveLimits:
     """Return the limits of a connected driver; those not given are derived for a plan, without
-    motion. If ``clear``, moves lead around obstacles.
-
-    Raises:
-        PlanError: the robot cannot run the plan.
-        LimitError: the sensor reads too much at rest for any limit within its range.
-    """
+    motion. If ``clear``, moves lead around obstacles. A `PlanError` if the robot cannot run the
+    plan, a `LimitError` if the sensor reads too much at rest for any limit within its range."""
     limits, origin = driver.limits, dict.fromkeys(("workspace", "force", "torque"), GIVEN)
     if limits.workspace is None:
         limits = replace(limits, workspace=_box(driver, plan, clear))

@@ -166,7 +166,8 @@ def check_same(path: Path, old: Metadata, new: Metadata, kept: bool = True) -> N
 
 
 def _check_samples(path: Path, plan: Plan, pose: np.ndarray, needed: np.ndarray) -> None:
-    """Raise a `PlanError` unless each visit has the rows needed; the last one may have fewer."""
+    """Raise a `PlanError` unless each pose (``pose`` (N,): its number) has its ``needed`` (P,)
+    rows; the last may have fewer."""
     count = np.bincount(pose, minlength=len(plan))
     bad = (count > 0) & (count != needed)
     if len(pose):

@@ -81,7 +81,8 @@ class RunSettings:
 
 @dataclass(frozen=True)
 class Drift:
-    """Change (6,) of the first pose's reading until its second visit, std (6,), time [s]."""
+    """Change (6,) [N, N·m] of the first pose's mean reading until its second visit, its std (6,),
+    and the time between [s]."""
 
     change: np.ndarray
     std: np.ndarray

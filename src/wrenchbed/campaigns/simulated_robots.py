@@ -161,7 +161,7 @@ def schema(fleet: Fleet) -> pa.Schema:
 
 @lru_cache(1)  # robots that share their poses share it
 def course(fleet: Fleet, k: int) -> Recording:
-    """Recording of robot k before simulation: its times and joint values, with readings 0."""
+    """Recording of robot k before simulation: its times and joint values; readings are 0 in it."""
     robot = fleet.model_robot()
     plan = fleet.plan
     if plan is None:

@@ -42,7 +42,8 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
 
 
 def figures(table: pa.Table) -> dict[str, float | None]:
-    """Key results of a campaign's rows, for JSON: shares, medians, coverage of 95 % intervals."""
+    """Name → key result of a campaign's rows, for JSON: shares, medians, coverage of 95 %
+    intervals."""
     failed = int((text(table, "error") != "").sum())
     results: dict[str, float | None] = {"robots": table.num_rows, "failed": failed}
     for what, scale, unit in _ERRORS:

@@ -118,7 +118,8 @@ def check_seed(seed: int) -> None:
 
 @contextmanager
 def outputs() -> Iterator[None]:
-    """In the block, `check_out` may lock output files; the locks are released at its end."""
+    """In the block, `check_out` and `check_folder` lock outputs; at its end the locks are
+    released."""
     with _CLAIMED:
         yield
 

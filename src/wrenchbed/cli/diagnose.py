@@ -156,9 +156,9 @@ def _diagnose_efforts(
 def _diagnose_wrench(
     data: list[wb.Recording], look_alikes: int, seed: int, out: Path, material: str | None
 ) -> tuple[list[str], Answer]:  # fmt: skip
-    """Diagnose the wrench, or a tracker's readings; return the names of the files in ``out``, and
-    the answer to print. Settings as options of `diagnose`: ``look_alikes`` (a number), ``seed``,
-    ``material``."""
+    """Diagnose the wrench, or a tracker's readings; return the names of the files written to
+    ``out``, and the answer to print. ``look_alikes``: number of simulated robots that measure
+    reliability; ``material``: text of the residuals that count as a gap of 1."""
     from wrenchbed.diagnosis.diagnose import diagnose as one
     from wrenchbed.diagnosis.several import diagnose_several as several
     from wrenchbed.reports.diagnosis_page import diagnosis_page

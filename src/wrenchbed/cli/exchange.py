@@ -23,7 +23,7 @@ from wrenchbed.files import write_text
 
 @dataclass(frozen=True)
 class RowOptions:
-    """Options of `import`: how rows are read."""
+    """Options of `import`: static or dynamic rows, and what to do with incomplete ones."""
 
     # static, dynamic, or auto: a log of holds and moves is split into poses by itself. As the map
     # says if none.

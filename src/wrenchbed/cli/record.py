@@ -80,7 +80,8 @@ class DeviceArguments:
             raise ParameterError(f"--channels {wrong[0]}: is simulated {when} only")
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
-        """Make the driver's options for a robot; an argument that it does not take is refused."""
+        """Make the options of driver class ``device`` for a robot; refuse an argument that it does
+        not take."""
         given = {
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
             "parameters": console.parameters(self.parameters) or None, "noise": self.noise,
@@ -130,7 +131,7 @@ class LimitArguments:
 
 @dataclass(frozen=True)
 class RunArguments:
-    """Options of `record`: how the plan is run."""
+    """Options of `record`: samples and rate, dry run, resuming, second visit, what is confirmed."""
 
     samples: int = 100  # Rows a pose.
     rate: float | None = None  # Sampling rate [Hz]; the plan's, else 100 at rest and 125 in motion.
@@ -328,7 +329,8 @@ def _shown(link: LiveDriver, plan: wb.Plan) -> LiveLimits:
 
 
 def _agree(address: str) -> None:
-    """Ask at the terminal whether the robot may move; raise an error unless the answer is yes."""
+    """Ask at the terminal whether the robot at ``address`` may move; raise an error unless the
+    answer is yes."""
     console.note(f"The robot at {address} will move. Is nobody in its reach? [y/N]")
     if sys.stdin.readline().strip().lower() not in _YES:
         raise ParameterError("not agreed: nothing was moved")

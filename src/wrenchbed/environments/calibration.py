@@ -30,7 +30,7 @@ _TRIES = 50
 
 
 def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
-    """`Knowledge` of a robot before any reading: poses ``pool`` (N, J), noise (6,) [N, N·m]."""
+    """`Knowledge` of a robot before any reading: poses ``pool`` (N, J), ``std`` (6,) [N, N·m]."""
     robot, nominal = model.robot, model.parameters.nominal
     columns = model.parameters.select(robot.free)
     scale = model.parameters.tolerance[list(columns)]

@@ -227,7 +227,8 @@ def _sweep(folder: Path) -> None:
 
 
 def no_link(name: str, flags: int) -> int:
-    """Opener for `open` that returns a file descriptor and does not follow symbolic links."""
+    """Opener for `open` (file name, flags) that returns a file descriptor and does not follow
+    symbolic links."""
     return os.open(name, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
 
 

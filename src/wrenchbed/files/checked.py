@@ -176,7 +176,8 @@ class Fields:
     def number(
         self, key: str, unit: str, *, positive: bool = False, nonnegative: bool = False
     ) -> float | None:
-        """Finite number in field ``key``; None if the field is absent. The unit is for messages."""
+        """Finite number in field ``key``, > 0 if ``positive``, ≥ 0 if ``nonnegative``; None if the
+        field is absent. The unit is for messages."""
         if self.raw.get(key) is None:
             return None
         value = self.stated_number(key, f"must be a number [{unit}]")

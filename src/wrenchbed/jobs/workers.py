@@ -115,7 +115,8 @@ def workers(
 
 
 def _check_files(count: int) -> None:
-    """Raise `ShortageError` if the limit of open files is so low that the workers would hang."""
+    """Raise `ShortageError` if the limit of open files is so low that ``count`` workers would
+    hang."""
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     need = _LEAST_FILES + _FILES_A_WORKER * count
     if limit != resource.RLIM_INFINITY and limit < need:

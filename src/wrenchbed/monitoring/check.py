@@ -206,8 +206,8 @@ def _alarms(series: History) -> tuple[str, ...]:
 
 
 def _changes(series: History, begin: int, level: float) -> tuple[Change, ...]:
-    """Change of each number from the checks before ``begin`` to those since; false alarm:
-    ``level``."""
+    """Change of each number from the checks before index ``begin`` to those since, significant at
+    ``level`` (probability of any false alarm)."""
     step, before = series.step(begin), series.values[:begin].mean(axis=0)
     after = before + step.size
     return changes_of(NUMBERS, before, after, step.std, level=level, freedom=step.freedom)

@@ -137,7 +137,7 @@ class Compensator:
         return expected, _transform(flange.T @ turn, flange.T @ (at - origin))
 
     def _judge(self, t: float, residual: np.ndarray) -> None:
-        """At rest, adjust the zero by a small residual (6,), or raise the alarm for a large one."""
+        """At rest, adjust the zero by a small residual (6,) [N, N·m]; alarm for a large one."""
         self._recent.append((t, residual))
         self._sum = self._sum + residual
         while t - self._recent[0][0] > WINDOW_S:

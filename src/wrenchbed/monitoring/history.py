@@ -127,7 +127,8 @@ def time_of(recording: Recording) -> datetime:
 
 
 def parse_time(text: str, where: str) -> datetime:
-    """Parse an ISO 8601 time and convert it to UTC; a `HistoryError` if it lacks a zone."""
+    """Parse an ISO 8601 time and convert it to UTC; a `HistoryError`, which begins with ``where``,
+    if it lacks a zone."""
     try:
         time = datetime.fromisoformat(text)
     except ValueError:
@@ -146,11 +147,8 @@ def file_of(time: datetime) -> str:
 
 def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
     """Make a check (mean reading at each rest, covariance of a row) from a recording with its time.
-
-    Raises:
-        HistoryError: it states no time.
-        RecordingError: another robot, a motion, or other poses than the plan's; names the first.
-    """
+    A `HistoryError` if it states none; a `RecordingError` for another robot, a motion, or other
+    poses than the plan's, the first of which it names."""
     time, metadata = time_of(recording), recording.metadata
     if metadata.robot != robot.name or metadata.mode != "static" or not recording.joints:
         raise RecordingError(
@@ -205,7 +203,8 @@ def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
 
 
 def continues(before: Sequence[Check], check: Check) -> None:
-    """Raise `HistoryError` for a check with the same readings as the last one or another sensor."""
+    """Raise `HistoryError` if ``check`` has the same readings as the last one ``before``, or is of
+    another sensor."""
     for old in before:
         if old.recording_digest == check.recording_digest:
             raise HistoryError(f"holds the readings of {old.recording}: it was checked already")
@@ -234,7 +233,7 @@ def write(folder: Path, checks: Sequence[Check]) -> None:
 
 
 def _recordings(path: Path) -> set[str]:
-    """Paths of the recordings in a table of checks; the table's own path if it cannot be read."""
+    """Paths of the recordings that a table of checks lists; {``path``} if it cannot be read."""
     try:
         columns, raw = parquet.read(path, HistoryError)
     except HistoryError:

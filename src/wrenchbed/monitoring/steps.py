@@ -226,7 +226,8 @@ class History:
 
     @cached_property
     def _expected(self) -> tuple[np.ndarray, np.ndarray]:
-        """Prior scatter (K,) [SI] of K numbers between checks; change per kelvin over that (K,)."""
+        """Prior scatter (K,) [SI] of each of K numbers from check to check, and its change per
+        kelvin in units of that scatter (K,)."""
         full, mass = self._sensor.calibration().range, self._first.origin[6]
         spans = [_SPAN_PER_K] * 2
         by_kelvin = np.concatenate([_ZERO_PER_K * full, [_SPAN_PER_K * mass], np.zeros(8), spans])

@@ -239,7 +239,8 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Indices of the points of a series to draw: extremes; of points also evenly spaced ones."""
+    """Indices of at most ``most`` points to draw: extremes; in scatter plots also evenly spaced
+    ones."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)
     even = np.linspace(0, len(s.x) - 1, most // 2).astype(int)

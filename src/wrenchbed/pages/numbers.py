@@ -59,7 +59,7 @@ def p_value(p: float) -> str:
 
 
 def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> str:
-    """Text ``value ± std unit`` of a parameter, by its JSON ``entry``; "+" before it if
+    """Text ``value ± std unit`` of parameter ``name``, from its JSON ``entry``; with "+" if
     ``signed``."""
     value, std = entry.get("value"), entry.get("std")
     if not _is_number(value) or "unit" not in entry:
@@ -108,13 +108,13 @@ def round_down(x: float) -> float:
 
 
 def minus(text: str) -> str:
-    """Replace the hyphen of a negative number by a minus sign; a plain zero loses it."""
+    """Replace the hyphen of a negative number by a minus sign; "-0" becomes "0"."""
     return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")
 
 
 def human(name: str, value: float, unit: str) -> tuple[float, str]:
-    """(factor, unit) for people instead of the SI ``unit``; of unit "1", ``name`` decides on %,
-    ppm."""
+    """(factor, unit) in which people read ``value`` [``unit``]; ``name`` decides whether a ratio is
+    in %."""
     if unit == "1" and name == "skew":
         return 1e6, "ppm"
     if unit == "1":

@@ -65,8 +65,8 @@ def _steps(edges: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]) -> Chart:
-    """Chart of positions, name → (N, 3) [m], from above and the front; ``targets`` in another
-    colour."""
+    """Chart of positions, name → (N, 3) [m], from above and from the front; ``sets`` and
+    ``targets`` have different colours."""
     named: tuple[tuple[Role, Mapping[str, np.ndarray]], ...] = (
         ("measured", sets), ("before", targets)
     )  # fmt: skip

@@ -71,7 +71,8 @@ def exp(x: Value, y: Value, z: Value) -> Value:
 
 
 def _series(square: Value, odd: int) -> Value:
-    """Series in φ² of sin(φ)/φ (``odd`` 0) or (1 − cos φ)/φ² (1), to rounding for |φ| ≤ π."""
+    """Series in ``square`` (φ²) of sin(φ)/φ (``odd`` 0) or (1 − cos φ)/φ² (``odd`` 1), to rounding
+    for |φ| ≤ π."""
     total: Value = 1.0 / (1 + odd) + 0.0 * square
     term: Value = total
     for k in range(1, _TERMS):

@@ -122,7 +122,7 @@ class _Task:
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
     def assured(self, chosen: Chosen) -> float:
-        """Position error [m] that the wanted share of robots stays below, by linear propagation."""
+        """Position error [m] below which ``options.share`` of robots stay after measurements."""
         covariance = np.linalg.inv(self.information(chosen)) * np.outer(self.scale, self.scale)
         return self.goal.quantile(covariance, self.options.share)
 
@@ -150,8 +150,8 @@ class _Task:
             chosen[0].append(pose)
 
     def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
-        """Selection without touches, then poses, that its accuracy [m] does not need, one by
-        one."""
+        """Drop chosen touches, then poses, while the rest still reaches ``accuracy`` [m]; return
+        it."""
         for kind, least in ((1, 0), (0, self.options.least_poses)):
             while len(chosen[kind]) > least:
                 blocks = self.pools[kind].blocks[chosen[kind]]
@@ -165,7 +165,7 @@ class _Task:
         return chosen
 
     def exchanged(self, chosen: Chosen) -> Chosen:
-        """Improve a selection of fixed size: poses exchanged for poses, touches for touches."""
+        """Improve chosen measurements in fixed number: poses for poses, touches for touches."""
         for kind in (1, 0) * _TURNS:
             if not chosen[kind]:
                 continue

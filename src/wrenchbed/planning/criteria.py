@@ -45,8 +45,8 @@ class Criterion(ABC):
         return self.gradient(information)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after adding (``sign`` 1) or removing (−1) each block (k, m) of N
-        alone."""
+        """Criterion (N,) of ``information`` (m, m) with each of ``blocks`` (N, k, m) alone added
+        (``sign`` 1) or removed (−1)."""
         return self.values(information + sign * np.swapaxes(blocks, -1, -2) @ blocks)
 
 
@@ -88,8 +88,8 @@ class O1(Spectral):
         return self._of(sigma) / (len(sigma) * sigma)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after adding (``sign`` 1) or removing (−1) each block (k, m) of N alone,
-        by the matrix determinant lemma (k × k)."""
+        """Criterion (N,) of ``information`` (m, m) with each of ``blocks`` (N, k, m) alone added
+        (``sign`` 1) or removed (−1), by the matrix determinant lemma."""
         m = len(information)
         inner = blocks @ np.linalg.inv(information) @ np.swapaxes(blocks, -1, -2)
         factor = np.linalg.det(np.eye(blocks.shape[1]) + sign * inner)
@@ -98,8 +98,9 @@ class O1(Spectral):
 
 
 class Weakest(Spectral):
-    """Criterion σm^a / σ1^b of the smallest and the largest singular value. Screening also weighs
-    the other small singular values, as each may become the smallest."""
+    """Criterion σm^a / σ1^b of smallest and largest singular value; (a, b) is (1, 1) for O2, (1, 0)
+    for O3, (2, 1) for O4. Screening weighs other small ones too, as each may become the
+    smallest."""
 
     smooth = False
 
@@ -139,7 +140,7 @@ class O5(Spectral):
 
 
 class InverseTrace(Criterion):
-    """1 / trace(W M⁻¹), M the information: A-optimality for W = 1, I-optimality for a goal's W."""
+    """1 / trace(W M⁻¹), M the information: A-optimality if weight W is 1, else I-optimality."""
 
     power = 1.0
 
@@ -156,8 +157,8 @@ class InverseTrace(Criterion):
         return inner / np.trace(self.weight @ inverse) ** 2
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """Criterion (N,) after adding (``sign`` 1) or removing (−1) each block (k, m) of N alone,
-        by the Woodbury identity."""
+        """Criterion (N,) of ``information`` (m, m) with each of ``blocks`` (N, k, m) alone added
+        (``sign`` 1) or removed (−1), by the Woodbury identity."""
         inverse = np.linalg.inv(information)
         turned = np.swapaxes(blocks, -1, -2)
         inner = np.eye(blocks.shape[1]) + sign * (blocks @ inverse @ turned)

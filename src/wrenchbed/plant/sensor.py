@@ -153,8 +153,8 @@ class SensorWithEffects:
         return self._twin.corrupt(self._since, self._times, seed)[-len(rows) :]
 
     def _rest(self, now: SensorRow) -> None:
-        """Compute readings in advance for a robot that stays as it is ``now``, pushed as it is
-        now."""
+        """Compute readings in advance for a robot that rests as in state ``now``, as does a
+        surface."""
         push = np.zeros(6)
         if self._touching:
             push = now.load - self._plain.load(self._twin.scene(now.q[None], np.zeros(1)))[0]

@@ -266,7 +266,7 @@ class Answer(ABC):
         return max(known.items(), key=lambda kv: kv[1], default=("", 0.0))
 
     def chance_of(self, name: str) -> str:
-        """Text of the probability of ``none`` or ``unknown``."""
+        """Text of the probability of ``name``, which is ``none`` or ``unknown``."""
         return numbers.chance(self.d.probabilities.get(name, 0.0))
 
     def unknown(self, gap: str, hint: str = "") -> str:

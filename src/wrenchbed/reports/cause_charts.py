@@ -103,9 +103,9 @@ def _joint(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart | None:
 def _joint_error(
     e: HeldOutReadings, c: Cause, shift: np.ndarray
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-    """Error of a joint, by least squares, for a cause that shifts joints by (H, J): index of the
-    most shifted joint; rows that show it (R,); errors (R,) [rad or m]; standard uncertainties (R,).
-    """
+    """Error of a joint, by least squares, for a cause that shifts joints by ``shift`` (H, J): index
+    of the most shifted joint; rows that show it (R,); errors (R,) [rad or m]; standard
+    uncertainties (R,)."""
     scene = replace(e.prepared.scene, theta=c.rest.robot_theta)
     slopes = [_slope(e.prepared, scene, c, k) / e.std for k in range(shift.shape[1])]
     sizes = [float(((s * shift[:, [k]]) ** 2).sum()) for k, s in enumerate(slopes)]

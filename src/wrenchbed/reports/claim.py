@@ -139,8 +139,8 @@ def _size(key: str, entry: Mapping[str, Any], *, signed: bool) -> Size:
 
 
 def place(entry: Mapping[str, Any]) -> str:
-    """Text of where a claimed effect acts: ``joint 2``, ``joint 2, 3 or 4``, ``joints 3 and 5``,
-    ``all joints``, ``sensor``."""
+    """Text of where an entry of ``which`` in diagnosis.json acts: ``joint 2``, ``joint 2, 3 or 4``,
+    ``joints 3 and 5``, ``all joints``, ``sensor``."""
     part = str(entry["effect"]).split(".")[0]
     if joint := _one_of_joints(entry):
         return f"{part} {joint}"
@@ -153,8 +153,8 @@ def place(entry: Mapping[str, Any]) -> str:
 
 
 def joints(entry: Mapping[str, Any]) -> list[int]:
-    """Numbers, from 1, of the joints or links of a cause: alternatives if it is one unknown joint,
-    else those whose amplitudes exceed three standard uncertainties."""
+    """Numbers, from 1, of the joints or links of an entry of ``which``: alternatives if it is one
+    unknown joint, else those whose amplitudes exceed three standard uncertainties."""
     if any_of := joints_or(entry):
         return any_of
     clear = (

@@ -59,7 +59,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
 
 
 def _verdict(fit: Fit) -> tuple[str, str]:
-    """Colour and text of the badge of a fit."""
+    """(colour key, text) of a fit's badge."""
     if fit.refuted is not None:
         return "unknown", "✗ refuted"
     if not fit.converged:

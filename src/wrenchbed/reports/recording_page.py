@@ -104,7 +104,8 @@ def report(
 
 
 def recording_page(recording: Recording, files: Sequence[str | Path], command: str) -> ReportPage:
-    """The page that `report` writes; of a robot without a model it shows the readings alone."""
+    """HTML page of a recording and simulators (``files``: fit.json, twin.json); without a model,
+    readings alone."""
     known = simulators(recording, files) if files or modelled(recording) else []
     noise, name = noise_of(recording), PurePath(recording.name).name
     judged = agreements(recording, known, noise)
@@ -177,8 +178,8 @@ class _Over:
 def _charts(
     recording: Recording, known: Sequence[Simulator], noise: np.ndarray, nearest: Agreement | None
 ) -> list[Chart]:
-    """Charts of each channel above its residuals, captions about simulator ``nearest``, and of the
-    joints."""
+    """Charts of each channel above residuals of simulators ``known``, over ``noise`` (6,) of a row
+    [N, N·m], and of the joints; captions compare with ``nearest``."""
     over, measured, charts = _Over.of(recording), recording.wrench, list[Chart]()
     residuals = {s.name: np.asarray((measured - s.reading) / noise) for s in known}
     for k, channel in enumerate(CHANNELS):

@@ -141,8 +141,8 @@ def _scene(
     rms: np.ndarray, arrows: Sequence[Arrows] = (),
 ) -> Scene:  # fmt: skip
     """Drawing of the robot at evenly spread ones of K moments and at that with the largest
-    residual: joint values q (K, J), numbers of observations ``ids`` (K,), moments in words,
-    residual ``rms`` (K,) [noise of a row]."""
+    residual: joint values q (K, J), numbers of observations ``ids`` (K,), ``times`` in words,
+    residual ``rms`` (K,) [noise of a row], ``arrows`` at all K."""
     worst = int(np.argmax(rms))
     rows = np.linspace(0, len(q) - 1, min(len(q), MOST_MOMENTS)).astype(int)
     rows = np.union1d(rows, [worst])

@@ -177,11 +177,11 @@ class Model:
         return self.plain_wrench(q, theta) if compiled is None else compiled
 
     def plain_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """`true_wrench` (…, N, 6) by numpy alone, against which compiled code is tested."""
+        """Load (…, N, 6) [N, N·m] on the sensor by numpy alone: compiled code is tested by it."""
         return self._load(self._seen(q, theta), theta)
 
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:
-        """Gravity in sensor axes (…, N, 3) [m/s²] at q (N, J); of a moving `Jet` the `Motion`."""
+        """Gravity in sensor axes (…, N, 3) [m/s²]; if q is a `Jet`, the sensor's `Motion`."""
         place, gravity = theta[..., : len(self.robot.parameters)], np.asarray(self.gravity)
         if isinstance(q, Jet):
             return motion_of(*self.robot.sensor_pose(q, place), gravity)

@@ -149,8 +149,8 @@ def _tendon(
     stiffness: float,
     lengths: Sequence[float],
 ) -> None:
-    """Add a spring [N/m], a tendon with free ``lengths`` (least, most) [m] and a force sensor, from
-    a world ``anchor`` (3,) (None: a site that exists) to a tool point (3,) [m]."""
+    """Add a tendon from a world ``anchor`` (3,) (None: an existing site) to a tool point (3,) [m]:
+    a spring [N/m] outside of ``lengths`` (low, high) [m]; and a sensor of its force."""
     if anchor is not None:
         spec.worldbody.add_site(name=f"{name}.anchor", pos=[float(x) for x in anchor])
     spec.body("tool").add_site(name=f"{name}.point", pos=[float(x) for x in point])

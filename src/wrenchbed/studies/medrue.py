@@ -146,8 +146,8 @@ def _lead(summary: dict[str, Any]) -> str:
 def column(
     table: pa.Table, name: str, *, quantity: str = "position", place: str = "target", **where: str
 ) -> np.ndarray:
-    """Values (robots,) of column ``name`` in the rows of a ``quantity``, a workspace ``place`` and
-    further labels, by robot."""
+    """Values (robots,) of column ``name``, ordered by robot, in the rows of a ``quantity``
+    (position, force, torque), workspace ``place`` (target, whole) and further labels."""
     labels = {"quantity": quantity, "workspace": place, **where}
     keep = np.logical_and.reduce([table[k].to_numpy() == v for k, v in labels.items()])
     rows = table.filter(pa.array(keep)).sort_by("robot")
@@ -392,7 +392,8 @@ def _p(p: float) -> str:
 
 
 def limit_section(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Section:
-    """Page section on the Cramér–Rao bound at ``chosen`` (by O1), for two noises, and errors."""
+    """Page section on the Cramér–Rao bound at pool indices ``chosen`` (by O1), for two noises,
+    beside the errors in ``table``."""
     rows: list[tuple[object, ...]] = [("published", *published.AFTER.values())]
     means = []
     for noise in (MINI40, PAPER):

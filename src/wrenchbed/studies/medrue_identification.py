@@ -90,7 +90,7 @@ def weighted(
 
 
 def of_table_1(setting: StudySetting, values: Mapping[str, float]) -> np.ndarray:
-    """Robot parameters (P,) in SI, from a column of Table 1 of the paper, `ACTUAL` or `NOISY`."""
+    """Robot parameters (P,) in SI, from ``values`` of Table 1 of the paper, `ACTUAL` or `NOISY`."""
     theta = setting.theta.copy()
     for c, unit in zip(setting.columns, setting.units, strict=True):
         theta[c] = values[setting.model.parameters.names[c]] * unit

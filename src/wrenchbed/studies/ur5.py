@@ -200,7 +200,7 @@ def poses(
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Residual (6,) [N, N·m] of each method at each test pose.
+    """Residual (6,) [N, N·m], reading minus prediction, of each method at each test pose.
 
     Attributes:
         residual: method → residuals (5 · POSITIONS, 6), in the order of the directions.
@@ -239,7 +239,8 @@ def geometric_mean(values: np.ndarray) -> float:
 
 
 def trial(scenario: Scenario, seed: int) -> Trial:
-    """Simulate reference, calibration and test poses in a scenario; fit all methods."""
+    """Simulate reference, calibration and test poses in a scenario, with a seed; fit all
+    methods."""
     scene = StudyScene.of(scenario, seed)
     robot = cast(URArm, scene.model.robot)
     rng = np.random.default_rng([seed, 1])

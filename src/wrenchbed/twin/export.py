@@ -55,7 +55,7 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
 
 
 def exact(xml: str, model: mujoco.MjModel) -> str:
-    """XML of a compiled model with all digits of numbers that wrenches need; MuJoCo writes six."""
+    """Return ``xml`` of a compiled model with all digits of numbers that wrenches need, not six."""
     root = ElementTree.fromstring(xml)
     option = root.find("option")
     option = ElementTree.SubElement(root, "option") if option is None else option

@@ -220,7 +220,7 @@ class Mechanism:
         return give
 
     def load(self, q: Value, give: Value) -> np.ndarray:
-        """Load on the sensor (M, 6) [N, N·m] at q (M, J) and positions of added joints (M, E)."""
+        """Load on the sensor (M, 6) [N, N·m] at q (M, J); added joints at ``give`` (M, E)."""
         rows = _moving(self._place(q, give))
         result = np.empty((len(rows.v), 6))
         for i in range(len(result)):

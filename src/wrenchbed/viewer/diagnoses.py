@@ -18,7 +18,7 @@ from wrenchbed.viewer.stream import ROW, log_words, to_file
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
-    """Write a diagnosis as an ``.rrd`` picture, ``command`` (the line that made it) in its text."""
+    """Write a diagnosis as an ``.rrd`` picture that states ``command``, the line that made it."""
     readings, view, axis = HeldOutReadings(findings), None, None
     scene, shares = wrench_scene(readings), dict[str, float]()
     if scene is not None:

@@ -62,7 +62,8 @@ def plan_view(plan: Plan, path: str | Path) -> None:
 
 
 def _course(robot: SimulatedRobot, plan: Plan) -> tuple[str, np.ndarray, np.ndarray, str]:
-    """Timeline, joint values (K, J), times [s] or rows (K,) of a plan; why it cannot run, or ""."""
+    """Timeline's name, joint values (K, J), times [s] or rows (K,) of a plan; why it cannot run, or
+    ""."""
     if plan.mode == "dynamic":
         assert plan.rate_hz is not None  # `Plan` holds it
         return TIME, plan.q, np.arange(len(plan)) / plan.rate_hz, ""

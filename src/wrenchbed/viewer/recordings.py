@@ -29,12 +29,9 @@ def recording_view(
     recording: Recording, path: str | Path, files: Sequence[str | Path] = ()
 ) -> None:
     """Write a recording as a rerun picture (``.rrd``): its readings, what up to three simulators
-    (``files``: fit.json or twin.json) predict, and the residual of the last simulator.
-
-    Raises:
-        ParameterError: a file is no fit or twin of this robot.
-        MissingExtraError: rerun is not installed.
-    """
+    (``files``: fit.json or twin.json) predict, and the residual of the last simulator. A
+    `ParameterError` if a file is no fit or twin of this robot, a `MissingExtraError` without
+    rerun."""
     if not files and not modelled(recording):
         (at, axis), about = _over(recording), [stream.document("/report", "about")]
         with to_file(

@@ -54,8 +54,8 @@ def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
 
 
 def log_robot(canvas: Canvas, robot: SimulatedRobot, at: np.ndarray, real: BodyMotion) -> None:
-    """Draw the robot in its own colours as its bodies move (``real``), at times or rows ``at``
-    (K,)."""
+    """Draw the robot in its own colours, its bodies moving as ``real`` states, over times [s] or
+    rows ``at`` (K,)."""
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     model = Simulation(robot, robot.parameters.nominal).model
     for name, body in bodies(model).items():

@@ -46,7 +46,8 @@ class Canvas:
 
 @contextmanager
 def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canvas]:
-    """Yield a canvas, then write its picture to ``path``; a `MissingExtraError` without rerun."""
+    """Yield a canvas over timeline ``axis``, then write its picture, laid out by ``blueprint``, to
+    ``path``."""
     stream = rr.RecordingStream(APP, recording_id=uuid.uuid4())
     written = stream.binary_stream()  # rerun itself reports no disk that is full
     try:
@@ -79,8 +80,8 @@ def scene(robot: str, name: str = "robot", places: np.ndarray | None = None) -> 
 
 
 def channels(name: str, window: Window, *, residual: bool = False) -> Any:
-    """Make a view of six wrench channels over ``window``, each above its residual if
-    ``residual``."""
+    """Make a view called ``name`` of six wrench channels, zoomed to ``window`` (timeline, times [s]
+    or rows (N,)), each above its residual if ``residual``."""
     views = []
     for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
         view = curves(f"/wrench/{c}", f"{c} [{u}]", window, legend=k == 0)
@@ -108,7 +109,7 @@ def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> An
 
 
 def document(origin: str, name: str) -> Any:
-    """Make a view that shows the Markdown text at ``origin``."""
+    """Make a view called ``name`` that shows the Markdown text at the entity ``origin``."""
     return rr.blueprint.TextDocumentView(origin=origin, name=name)
 
 
