@@ -1,13 +1,12 @@
 """The command line: every verb is a function of the library with files in and out.
 Free: the inside of each file (tables and their layout); tests/cli speak.
-Others rely on: verbs, options, exit codes and JSON (docs/contracts.md); from docstrings of verbs
-and comments of options `scripts/command_line` writes docs/reference/command-line.md.
+Others rely on: verbs, options, exit codes and JSON: public, change docs/contracts.md with them;
+docstrings of verbs and comments of options: run `scripts/command_line`, which writes
+docs/reference/command-line.md of them; texts of errors: run `scripts/messages`.
 Never: compute; a verb calls the library and prints what it returns, and only this room prints.
 Read first: this file, then `console`; each verb's module is loaded when it is called.
-
 Before libraries are loaded, memory and terminal are checked: libraries of linear algebra hang, or
-end the process, where the address space is too small for them.
-"""
+end the process, where the address space is too small for them."""
 
 import ast
 import io

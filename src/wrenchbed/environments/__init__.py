@@ -1,7 +1,7 @@
 """Gymnasium environments of calibration and contact; importing this room registers them.
 Free: the inside of each file (rendering); tests/environments/test_environments.py speaks.
 Others rely on: ids, observations, actions, rewards: a change makes learnt agents useless, so give a
-new version (``-v1``), and change docs/how-to/environments.md with it, also for other policies.
+new version (``-v1``); docs/how-to/environments.md states them and the policies: change it, too.
 Never: import this room from another one, so that gymnasium stays optional.
 Read first: `calibration`, then `contact`."""
 

@@ -196,11 +196,8 @@ def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> Load
 
 
 def calibrated_twin(path: str | Path) -> Twin:
-    """Make the twin (calibrated simulator) that fit.json or twin.json states.
-
-    Raises:
-        ExportError, TwinError: it is neither, or cannot be trusted; names the file and the field.
-    """
+    """Make the twin (calibrated simulator) that fit.json or twin.json states. An `ExportError` or
+    `TwinError`, which names the file and the field, if it is neither, or cannot be trusted."""
     raw = checked.load(path, ExportError)
     if not isinstance(raw, dict) or "parameters" not in raw:
         return Twin.read(path)

@@ -59,7 +59,8 @@ class Urdf(Export):
         return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
 
     def _load(self, inertial: Element, numbers: LoadNumbers, notes: Sequence[str]) -> None:
-        """Write mass, CoG and inertia to an <inertial> element; an unidentified inertia stays."""
+        """Write mass, CoG and inertia (if identified) to an <inertial> element, ``notes`` as its
+        comments."""
         cog, mass = numbers.cog_sensor.needed(self.name), numbers.mass.needed(self.name)[0]
         inertia = inertial.find("inertia")
         if numbers.inertia_sensor.known:

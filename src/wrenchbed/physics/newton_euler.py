@@ -50,7 +50,8 @@ def twist_of(rotation: Jet, position: Jet) -> np.ndarray:
 
 
 def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
-    """Wrench (…, N, 6) [N, N·m] on the sensor of a body with inertial parameters φ (…, 10)."""
+    """Wrench (…, N, 6) [N, N·m] on a sensor in ``motion``, by a body with inertial parameters φ (…,
+    10)."""
     mass, h, inertia = _split(phi)
     force = [-mass * o for o in motion.origin]
     torque = [-x for x in _cross(h, motion.origin)]

@@ -98,9 +98,8 @@ class O1(Spectral):
 
 
 class Weakest(Spectral):
-    """Criterion σm^a / σ1^b of smallest and largest singular value; (a, b) is (1, 1) for O2, (1, 0)
-    for O3, (2, 1) for O4. Screening weighs other small ones too, as each may become the
-    smallest."""
+    """Criterion σm^a / σ1^b of smallest and largest singular value: (a, b) is (1, 1) in O2, (1, 0)
+    in O3, (2, 1) in O4. Screening weighs other small ones too: each may become smallest."""
 
     smooth = False
 

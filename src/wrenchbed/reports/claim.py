@@ -201,5 +201,5 @@ def capital(text: str) -> str:
 
 
 def listed(names: Sequence[str], last: str = " and ") -> str:
-    """Join names as ``a, b and c``."""
+    """Join names as ``a, b and c``; ``last`` stands between the last two."""
     return last.join([x for x in (", ".join(names[:-1]), names[-1]) if x])

@@ -163,7 +163,8 @@ def identifiable_section(
     ranks: Mapping[str, int],
     designs: Mapping[str, PoseDesign],
 ) -> Section:
-    """Page section on rank, redundant parameters, and the choice of configurations."""
+    """Page section on the rank, redundant parameters, and the choice of configurations
+    (``designs``)."""
     silent = observed.no_effect
     return Section(
         "What the wrench can determine",

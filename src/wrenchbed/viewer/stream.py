@@ -65,7 +65,8 @@ def log_words(canvas: Canvas, path: str, text: str) -> None:
 
 
 def scene(robot: str, name: str = "robot", places: np.ndarray | None = None) -> Any:
-    """Make a 3D view of a robot from a good side, around ``places`` (N, 3) [m] if given."""
+    """Make a 3D view called ``name`` of a robot (its registry name) from a good side, around
+    ``places`` (N, 3) [m] if given."""
     shown = registry.load("robots", robot)
     assert isinstance(shown, SimulatedRobot)  # only such have a scene
     (position, target), up = np.array(shown.eye), (0.0, 0.0, 1.0)
