@@ -265,7 +265,7 @@ def _later(function: Callable[..., Any]) -> Callable[..., Callable[[], Any]]:
 
 @contextmanager
 def _cleaned(arguments: Sequence[str]) -> Iterator[None]:
-    """Escape control characters, as in file names, in what is printed to stderr in the block."""
+    """Escape control characters in what the block prints to stderr, if ``arguments`` hold any."""
     if not any(map(OBEYED.search, arguments)):
         yield
         return

@@ -224,7 +224,8 @@ def _tried(name: str, write: Callable[[], object]) -> None:
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
-    """Measure how often diagnoses are right, on ``count`` simulations of a recording's motion."""
+    """Measure on ``count`` simulated robots that repeat a recording how often diagnoses are
+    right."""
     from wrenchbed.benchmark.scoring.learn_reliability import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 

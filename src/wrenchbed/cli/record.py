@@ -207,8 +207,8 @@ def _version(path: Path) -> tuple[int, int] | None:
 
 
 def _left_behind(new: bool, static: bool, resumed: bool) -> str:
-    """Describe what a stopped recording leaves on disk (``new``: its file was written) and, for a
-    plan of poses (``static``), how to go on, also with a file that the run had ``resumed``."""
+    """Text on what a stopped recording leaves on disk (``new``: this run wrote its file) and, for a
+    plan of poses (``static``), how to go on; ``resumed``: this run itself continued another."""
     what = "; what was recorded is on disk" if new else "; nothing was recorded"
     return f"{what}, and `record … --resume` goes on" if static and (new or resumed) else what
 

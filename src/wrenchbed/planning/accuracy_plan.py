@@ -165,7 +165,7 @@ class _Task:
         return chosen
 
     def exchanged(self, chosen: Chosen) -> Chosen:
-        """Improve chosen measurements in fixed number: poses for poses, touches for touches."""
+        """Improve chosen measurements by swapping poses for poses and touches for touches."""
         for kind in (1, 0) * _TURNS:
             if not chosen[kind]:
                 continue

@@ -93,8 +93,8 @@ class Clearance:
         return [q for q in drawn if not self.hit(q)]
 
     def _touching(self, q: np.ndarray) -> set[tuple[int, int, int, int]]:
-        """Pairs in contact at q (J,), body numbers a < b: (a, b, 0, 0); with surroundings (0, b,
-        geom of these, geom of b)."""
+        """Pairs in contact at q (J,): body numbers a < b (a, b, 0, 0), or, of b with the
+        surroundings, which are body 0, also the numbers of both geoms (0, b, geom, geom)."""
         model, data = self.model, self._data
         data.qpos[:] = self.robot.qpos(q[None], self._theta)[0]
         mujoco.mj_kinematics(model, data)

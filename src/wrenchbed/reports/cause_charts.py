@@ -47,7 +47,8 @@ def own_chart(e: HeldOutReadings, c: Cause, name: str) -> Chart | None:
 
 
 def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
-    """Chart ``name`` of a cause's curve, estimated without a formula, ± std; None without one."""
+    """Chart ``name`` of the curve in an ``entry`` of ``which``, estimated without a formula, ± std,
+    or None."""
     curve = entry.get("curve")
     if not curve:
         return None
@@ -131,8 +132,8 @@ def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
 
 
 def _load(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
-    """Chart of the channel that shows a cause most over its load; of a loop, rising and falling
-    apart."""
+    """Chart of the channel that shows a cause most over its load; for a loop, points of rising
+    loads have another mark than those of falling ones."""
     scene, k = e.prepared.scene, largest(c.effect / e.std)
     channel, unit, at = CHANNELS[k], UNITS[k], np.flatnonzero(scene.held)
     load = scene.load[:, k]
@@ -158,7 +159,8 @@ def _load(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
 
 
 def _matrix(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart:
-    """Matrix (6, 6) of what a claimed effect adds to each channel per unit load in each channel."""
+    """Chart of the matrix (6, 6) of what an effect adds to each channel per unit load in each
+    one."""
     scene, read, p = e.prepared.scene, active.effect.read, active.values
     plain = read(scene, scene.load, p)
     steps = [read(scene, scene.load + d, p) - plain - d for d in np.eye(6)]

@@ -173,7 +173,7 @@ def joints_or(entry: Mapping[str, Any]) -> list[int]:
 
 
 def _one_of_joints(entry: Mapping[str, Any]) -> str:
-    """Text ``2, 3 or 4`` of the joints one of which is the cause; empty for other causes."""
+    """Text ``2, 3 or 4`` of the joints one of which, unknown which, is the cause; else empty."""
     numbered = [str(k) for k in joints_or(entry)]
     return listed(numbered, " or ") if numbered else ""
 

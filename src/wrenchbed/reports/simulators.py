@@ -98,10 +98,8 @@ def joint_axis(joint: Joint, number: int) -> tuple[Axis, float]:
 
 
 def along(p: Prepared) -> tuple[np.ndarray, Axis]:
-    """Values (H,) and axis over which observations are drawn: time [s], or the poses' numbers.
-
-    Poses have the numbers that the recording gives them, as in diagnosis.json.
-    """
+    """Values (H,) and axis over which observations are drawn: time [s], or the poses' numbers,
+    those of the recording, as in diagnosis.json."""
     if p.moving or p.averaged:
         return p.scene.t[p.scene.held], Axis("time", "s")
     return pose_numbers(p), Axis("number of the pose")

@@ -134,8 +134,8 @@ class WrenchAnswer(Answer):
 
     @property
     def _agrees(self) -> bool:
-        """Whether ``where`` does not lead with another variable than the one that explains the
-        residual best."""
+        """False if ``where`` puts another variable first than that which explains the residual
+        best."""
         leading = "" if self._most is None else str(self._most["detail"])
         others = {f.variable for f in self.findings.places} - {self._kernel}
         return leading not in others or self._kernel.startswith(f"{leading} ")

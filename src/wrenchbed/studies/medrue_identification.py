@@ -118,7 +118,7 @@ class PaperRobot:
 
 
 def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: int) -> PaperRobot:
-    """Identify Table 1's robot with each pose design: no noise, the certificate's, and ±1 N."""
+    """Identify Table 1's robot: no noise, the certificate's, and each of ``designs`` at ±1 N."""
     theta = of_table_1(setting, published.ACTUAL)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}
