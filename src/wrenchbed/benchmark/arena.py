@@ -106,8 +106,8 @@ def version() -> str:
 
 
 def answer(one: ArenaSet, data: Path, folder: Path, method: str, limit: float) -> dict[str, Any]:
-    """Run the commands of a set in ``folder``, emptied first, each within ``limit`` [s]; unless
-    empty ``method`` replaces ``diagnose``. Return exit code, last output and the answer's JSON."""
+    """Run a set's commands on files below ``data`` in ``folder``, emptied first, within ``limit``
+    [s] each; ``method`` replaces ``diagnose`` if any. Return exit code, last words, JSON answer."""
     remove(folder)
     for name in one.files:
         link = folder / "files" / name.rpartition(":")[2]

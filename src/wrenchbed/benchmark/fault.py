@@ -320,7 +320,7 @@ class UsualFit:
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """Difference (n, 6) over noise as (6 n,), less its fit by bias … unless ``configured``."""
+        """Difference (n, 6) over noise, as (6 n,), after the fit unless ``configured``."""
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 

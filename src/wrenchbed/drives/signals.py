@@ -137,7 +137,7 @@ def as_torques(
     """Torques (N, J) from currents (N, J) [A] and drive constants (J,) [N·m/A, of slides N/A].
 
     Raises:
-        ParameterError: the efforts are torques, or the constants do not fit.
+        ParameterError: ``prefix`` is not ``i``, or constants of ``name`` are not J numbers > 0.
     """
     known, joints = np.asarray(constants, dtype=float), efforts.shape[1]
     if prefix != "i":

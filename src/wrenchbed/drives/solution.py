@@ -119,7 +119,7 @@ def start(p: Problem) -> np.ndarray:
 
 
 def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normal equations of each block, JᵀWJ (FOLDS, K, K), JᵀWr (FOLDS, K); r: residuals at x."""
+    """Normal equations of each block: JᵀWJ (FOLDS, K, K), JᵀWr (FOLDS, K); W: ``weight`` (J,)."""
     rest, (gain, change, _) = residual(p, x), parts(p, x)
     body = p.nominal + p.loads @ change
     joints, changes, kinds = p.y.shape[1], len(p.changes), len(p.kinds)
@@ -157,7 +157,7 @@ def _scaled(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _shortest(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solution (K,) of normal equations; the shortest in scaled columns where many solve them."""
+    """Solution (K,) of normal equations, ``right`` side (K,): the shortest in scaled columns."""
     scale, value, vector = _scaled(normal)
     inverse = np.divide(1.0, value, out=np.zeros_like(value), where=value > _NULL * value[-1])
     return np.asarray(vector @ (inverse * (vector.T @ (right / scale))) / scale)

@@ -267,7 +267,7 @@ class Effect(ABC):
         return variant.free
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """More variants, whose shape (as a moment) is searched on a residual; by default none."""
+        """More variants, whose shape values (as a jump's time) fit a residual; default none."""
         return ()
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
@@ -349,7 +349,7 @@ class Effect(ABC):
     def edit_spec(  # noqa: B027 - most effects have nothing to write
         self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values
     ) -> None:
-        """Write the effect into a MuJoCo model, in place, if it can be; by default do nothing."""
+        """Write the effect (values p) into a MuJoCo model, if it can be; by default do nothing."""
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
         """Robot's parameters (P,) that alone give the whole effect; None if no parameters can."""

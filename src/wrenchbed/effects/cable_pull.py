@@ -86,9 +86,9 @@ class CablePull(LoadEffect):
         return (taut, *slack)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants with the anchors and lengths whose pull explains a residual best, at any point.
-
-        Force u along the line and torque p × u: linear in k and k p; fits begin with p at the CoG.
+        """Variants with the anchors and lengths whose pull explains a residual best, at any point p
+        of the tool: a force u along the line and a torque p × u, linear in stiffness k and k p; p
+        starts at CoG.
         """
         if not scene.jointed:
             return ()

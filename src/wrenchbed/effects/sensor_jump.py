@@ -123,8 +123,8 @@ class SensorJump(ReadingEffect):
 def _placed(
     value: np.ndarray, fitted: np.ndarray, after: np.ndarray, chosen: Sequence[int]
 ) -> tuple[list[int], float]:
-    """Add one jump to ``chosen`` ones (first rows after them), move each to its best of ``after``
-    (M,) beside the others; return these rows and the squared residual that remains."""
+    """Add one jump to ``chosen`` ones (first rows after) and move each to its best row of
+    ``after``; return rows and squared rest of ``value`` (R, 6) beside ``fitted`` (R, 6, k)."""
     rows, remaining = [*chosen, 0], np.inf
     for k in [len(chosen), *range(len(chosen)), len(chosen)]:
         rest, basis = value, fitted

@@ -134,7 +134,7 @@ class ToolLoose(LoadEffect):
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:
-    """Position (M,) of a loose part, −1 … 1; ``along`` (M,): share of the load along its way."""
+    """Position (M,), −1 … 1, of a part that sticks up to ``grip``; ``along``: share of load."""
     if not grip:
         return np.tanh(along / SOFT)
     return held_on(np.where(np.abs(along) > grip, np.sign(along), 0.0)[:, None])[:, 0]

@@ -114,7 +114,7 @@ def direction(state: State) -> np.ndarray:
 
 
 def since_reversal(speed: np.ndarray, step: float) -> np.ndarray:
-    """Distance (T,) [rad] moved since a joint last turned around, from speeds (T,) [rad/s]."""
+    """Distance (T,) [rad] since a joint last turned around; speed (T,) [rad/s], ``step`` [s]."""
     sign = np.sign(np.where(np.abs(speed) < 1e-4, 0.0, speed))
     way, gone, last = np.empty_like(speed), np.inf, 0.0
     for k, s in enumerate(sign.tolist()):

@@ -280,7 +280,7 @@ def tool_loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def tool_leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """Fault ``size`` × typical: 1.5 % of the mass runs out (Torricelli, power of time) or falls."""
+    """Fault ``size`` × typical: 1.5 % of the mass runs out or in, by Torricelli or another law."""
     progress = elapsed(design.t)
     kind = rng.choice(["tank", "power", "part"], p=[0.4, 0.4, 0.2])
     if kind == "tank":  # its level falls; it is empty at about the end or later

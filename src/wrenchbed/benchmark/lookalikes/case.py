@@ -253,7 +253,7 @@ class _Drawing:
         raise ParameterError(f"{effect or 'no effect'} shows enough in this design")
 
     def pair(self, known: Sequence[str], effect: str | None) -> LookalikeCase:
-        """Draw two causes of different subsystems (first: ``effect``), each large enough."""
+        """Draw two large enough causes (of ``known``, first ``effect``) of different subsystems."""
         around, base = self.around, self.base
         for _ in range(_EFFECT_TRIES):
             first = self.any_of(known, effect)

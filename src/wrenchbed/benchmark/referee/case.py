@@ -100,7 +100,7 @@ def _stream(rng: Rng) -> Rng:
 
 
 def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFault]:
-    """Draw faults of lengths, twists and masses of links, which differ from the drawing."""
+    """Draw faults of lengths, twists, masses of links, ``scale`` × as large as the usual ones."""
     robot = setting.robot
     skip = {*robot.load, *robot.unobservable, *robot.zero_names}
     taken = ("base.", "mount.", "tool.", "sensor.")
@@ -338,8 +338,8 @@ class RefereeCase:
 
 
 def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
-    """Draw a case, which depends on its seed alone; a `ParameterError` if nothing that was drawn is
-    large enough, or the robot exists in no simulator."""
+    """Draw a case of a kind and mode (static, dynamic), by its seed alone; a `ParameterError` if
+    nothing drawn is large enough, or the robot exists in no simulator."""
     rng = np.random.default_rng([*seed, common.KINDS.index(kind)])
     world, minor = robot_with_minor(robot, mode, seed, rng)
     return as_case(kind, world, world.causes(kind, rng), minor, rng)
@@ -348,8 +348,8 @@ def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase
 def robot_with_minor(
     robot: str, mode: str, seed: tuple[int, ...], rng: Rng
 ) -> tuple[FaultyRobot, float]:
-    """Draw a setting and a robot with minor imperfections only; return the robot and their gap. A
-    `ParameterError` if the robot exists in no simulator."""
+    """Draw a setting of a mode (static, dynamic) and a robot with minor imperfections; return the
+    robot and their gap. A `ParameterError` if the robot exists in no simulator."""
     arm = registry.load("robots", robot)
     if not isinstance(arm, SimulatedRobot):
         raise ParameterError(f"robot {robot!r} has no model to make cases with")

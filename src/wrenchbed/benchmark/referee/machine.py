@@ -214,7 +214,7 @@ def _spring(joint: "mujoco.MjsJoint", stiffness: float, step: float) -> None:
 
 
 def _pin(spec: mujoco.MjSpec, name: str, radius: float) -> None:
-    """Give a pin that closes a loop a clearance: a hole larger by ``radius`` [m] on one side."""
+    """Give pin ``name``, which closes a loop, a clearance: a hole wider by ``radius`` [m]."""
     loop = spec.equality(name)
     end = spec.site(loop.name2)
     seat = end.parent.add_body(name=f"hidden_seat_{name}", pos=end.pos)
@@ -231,7 +231,7 @@ def _pin(spec: mujoco.MjSpec, name: str, radius: float) -> None:
 
 def _base(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
     """Add to the base's body a sprung hinge about each of two axes that are compliant
-    (``truth.lean``), turned by ``truth.heading``."""
+    (``truth.lean``), turned by ``truth.heading``; it suits an integration step ``step`` [s]."""
     c, s = np.cos(truth.heading), np.sin(truth.heading)
     for name, axis, compliance in zip("xy", ([c, s, 0.0], [-s, c, 0.0]), truth.lean, strict=True):
         if compliance > _LEAST_COMPLIANCE:
@@ -240,7 +240,7 @@ def _base(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
 
 
 def _tool(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
-    """Hang the load on the sensor's body by compliant hinges (``truth.bend``)."""
+    """Hang the load on the sensor by compliant hinges (``truth.bend``) that suit a ``step`` [s]."""
     tool = spec.body("tool")
     rotation = Rotation.from_quat(tool.quat, scalar_first=True) * Rotation.from_rotvec(truth.mount)
     tool.quat = rotation.as_quat(scalar_first=True)

@@ -71,7 +71,7 @@ class DrivePath:
 def through(
     robot: SimulatedRobot, poses: np.ndarray, samples: int, rate: float, pause: np.ndarray
 ) -> DrivePath:
-    """Path that rests at poses (H, J), ``samples`` rows each, after a pause (H,) [s] each."""
+    """Path that rests at poses (H, J), a pause (H,) [s] and ``samples`` rows at ``rate`` each."""
     parts: list[tuple[np.ndarray, ...]] = []
     rows, hold, placed, now, count = [], [], [0], 0.0, 0
     for k, pose in enumerate(poses):
@@ -98,7 +98,7 @@ def through(
 
 
 def along(motion: CubicSpline, seconds: float, rate: float) -> DrivePath:
-    """Path along a spline q(t), t from 0 to ``seconds``, after a second of rest."""
+    """Path along a spline q(t) for ``seconds``, after a second of rest, rows at ``rate`` [Hz]."""
     every = max(1, round(1.0 / (rate * _INSTANT_S)))
     dt = 1.0 / (rate * every)
     lead = round(1.0 / dt)
@@ -252,8 +252,8 @@ def _coordinates(
 
 
 def draw(robot: SimulatedRobot, mode: str, rng: Rng) -> RefereeSetting:
-    """Draw the stated numbers and the path of a recording; a `ParameterError` if no feasible motion
-    was found."""
+    """Draw the stated numbers and the path of a recording of a mode (static, dynamic); a
+    `ParameterError` if no feasible motion was found."""
     nominal = robot.tool(robot.parameters.nominal)
     mass = float(np.round(nominal.mass * np.exp(rng.uniform(-0.5, 0.4)), 3))
     cog = np.round(nominal.cog * rng.uniform(0.8, 1.25) + rng.normal(0.0, 0.006, 3), 4)

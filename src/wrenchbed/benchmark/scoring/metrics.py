@@ -85,7 +85,7 @@ class Metric:
 
 
 def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
-    """Make a metric: of the cases where ``counts`` is true, the share where ``held`` is too."""
+    """Make a metric, of title and target: of cases that ``counts``, the share that ``held``."""
 
     def parts(truth: Answer, claim: Claim) -> Sequence[float] | None:
         return (held(truth, claim), 1.0) if counts(truth, claim) else None
@@ -187,8 +187,8 @@ def _of_the_joint(truth: Answer, claim: Claim) -> bool:
 
 
 def _visible(truth: Answer, claim: Claim) -> bool:
-    """Whether a perfect detector would see a case's single effect: its signature over the noise,
-    or the rise of variance over its scatter √(2/n), is above `VISIBLE`."""
+    """Whether a perfect detector would see a case's single effect: its signature over the noise, or
+    the rise of variance over its scatter √(2/n), is above `VISIBLE`."""
     sigmas = [
         c.rows * np.sqrt(truth.rows / 2) if c.rows else np.sqrt(6 * truth.rows * c.gap)
         for c in truth.causes
@@ -215,7 +215,8 @@ def _calibration(s: np.ndarray) -> np.ndarray:
 
 
 def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    """Numbers (hit, 1): whether ``claim.where`` is the subsystem of a true effect or its rival."""
+    """Numbers (hit, 1): whether ``claim.where`` is the subsystem of a true effect, or of an effect
+    in one claimed class with it; None if no effect of the library is a cause."""
     if not truth.effects:
         return None
     allowed = {subsystem(t) for t in truth.effects}

@@ -49,8 +49,8 @@ class Oracle:
 
 @dataclass(frozen=True)
 class Answer:
-    """The truth of a case; ``minor`` is the gap of minor imperfections, None of efforts; only the
-    referee's cases have an oracle. Random ``salt`` keeps its hash from being guessed."""
+    """Truth of a case of a kind (of `fault.KINDS`): ``minor`` is minor imperfections' gap, None of
+    efforts; only the referee's have an oracle; random ``salt`` keeps hashes unguessable."""
 
     case: str
     robot: str

@@ -202,7 +202,7 @@ def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
 
 
 def _call(command: str, recording: Path, out: Path, limit: float) -> None:
-    """Run an entrant's program on a recording within a limit [s], in its own process group."""
+    """Run ``COMMAND RECORDING --out OUT`` within a limit [s], in a process group of its own."""
     call = [*shlex.split(command), str(recording.resolve()), "--out", str(out.resolve())]
     with without_orphans(), (out / "output.txt").open("x") as log:
         process = subprocess.Popen(
@@ -228,7 +228,7 @@ def _call(command: str, recording: Path, out: Path, limit: float) -> None:
 
 @contextmanager
 def _at_most(seconds: float) -> Iterator[None]:
-    """Context manager: raise `OverTimeError` in this thread when the block takes too long."""
+    """Context manager: raise `OverTimeError` in this thread if the block takes over ``seconds``."""
 
     def ring(*_: object) -> None:
         raise OverTimeError
