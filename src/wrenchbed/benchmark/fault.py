@@ -1,6 +1,7 @@
 """Faults of all made cases: kinds, the size from which a cause counts, draws of names and sizes.
 
 Look-alikes, referee and efforts build on it, each with physics of its own; this file has none.
+Its numbers and the order of `EFFECTS` make the cases of a seed: see `wrenchbed.benchmark`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -236,7 +237,7 @@ def elapsed(t: np.ndarray) -> np.ndarray:
 
 
 def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
-    """Means (H, …) of rows (N, …) by pose; ``hold`` (N,) numbers the poses, ascending."""
+    """Means (H, …) of rows (N, …) by pose; ``hold`` (N,): number of each row's pose, ascending."""
     count = np.bincount(hold)
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])
     total = np.add.reduceat(np.asarray(rows, dtype=float), starts, axis=0)
@@ -320,7 +321,7 @@ class UsualFit:
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """Difference (n, 6) over noise, as (6 n,), after the fit unless ``configured``."""
+        """Difference (n, 6) over noise, as (6 n,), less its usual fit unless ``configured``."""
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 

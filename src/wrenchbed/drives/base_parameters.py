@@ -57,7 +57,7 @@ def base_parameters(robot: SimulatedRobot, theta: np.ndarray) -> BaseParameters:
 
 
 def _independent(y: np.ndarray, links: Sequence[int]) -> np.ndarray:
-    """Sorted indices of independent columns of y (N, 10 L); earlier ones of ``links`` go first."""
+    """Sorted indices of independent columns of y (N, 10 L), preferring those of first ``links``."""
     chosen: list[int] = []
     basis = np.zeros((len(y), 0))
     for link in links:

@@ -66,7 +66,7 @@ class Piece:
     target: tuple[Callable[[np.ndarray], np.ndarray], ...]
 
     def noise(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw noise (N, J) [rad or m] as strong as the encoders' noise, by joint values, is."""
+        """Draw noise (N, J) [rad or m] as strong as encoder noise that the joint values show."""
         std = [encoder_noise(x, self.signals.rate) for x in self.signals.effort.T]
         return rng.normal(size=self.signals.effort.shape) * std
 

@@ -141,8 +141,8 @@ class CablePull(LoadEffect):
 
 
 def _gains(pulls: np.ndarray, residual: Residual) -> tuple[np.ndarray, np.ndarray]:
-    """Share (…) of a residual that forces (…, R, 3) along a cable explain, and the tool point (…,
-    3) [m] that fits best: with readings free of their means, linear in k and k p."""
+    """Share (…) of a residual that forces (…, R, 3) along a cable explain, at the tool point p (…,
+    3) [m] that fits best: with readings free of means, linear in stiffness k and k p."""
     away = pulls - pulls.mean(axis=-2, keepdims=True)
     square = np.swapaxes(away, -1, -2) @ away  # (…, 3, 3)
     along = np.swapaxes(away, -1, -2) @ (residual.value / residual.noise)  # (…, 3, 6)

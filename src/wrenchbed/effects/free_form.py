@@ -79,6 +79,6 @@ def channel_curves(
 def share_curve(
     variant: Variant, x: np.ndarray, basis: Callable[[str, np.ndarray], np.ndarray], x_unit: str
 ) -> tuple[Curve, ...]:
-    """Curve over x (P,) that adds one share of the load to all channels; basis(name, x) is (P,)."""
+    """Curve over x (P,) of a variant's share of the load, in all channels; basis(name, x): (P,)."""
     columns = np.stack([basis(n, x) for n in variant.free], axis=1)
     return (Curve("", variant.free, x, columns, x_unit, "1"),)

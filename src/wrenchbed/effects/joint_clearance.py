@@ -136,7 +136,7 @@ def _push(scene: Scene, link: str) -> np.ndarray:
 
 
 def _rates(points: list[np.ndarray]) -> np.ndarray:
-    """Columns (M, 2, 2): planar velocity of a point per unit speed of a five-bar's two joints."""
+    """Columns (M, 2, 2): a point's planar velocity per joint speed; ``points``: complex steps."""
     return np.stack([p.imag / STEP for p in points], axis=-1)
 
 

@@ -205,7 +205,7 @@ def link_spring(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def _tool(setting: EffortSetting, theta: np.ndarray, mass: float, cog: np.ndarray) -> np.ndarray:
-    """Parameters (P,) with a tool heavier by ``mass`` [kg] and its CoG shifted by (3,) [m]."""
+    """Parameters ``theta`` (P,) with a tool heavier by ``mass`` [kg], its CoG moved (3,) [m]."""
     tool = setting.robot.tool(theta)
     changed = np.asarray(tool.cog, dtype=float) + cog
     return setting.robot.theta_of_tool(theta, float(tool.mass) + mass, [float(c) for c in changed])

@@ -392,7 +392,7 @@ def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
 def misshapen(
     setting: RefereeSetting, true: dict[str, float], errors: dict[str, float]
 ) -> RefereeFault:
-    """Make a fault of geometry or load from errors of robot parameters, and its true numbers."""
+    """Fault by ``errors`` of robot parameters (geometry, load), by name, and ``true`` numbers."""
     shift = np.zeros(len(setting.theta))
     for name, value in errors.items():
         shift[setting.robot.parameters.index(name)] = value
@@ -400,7 +400,7 @@ def misshapen(
 
 
 def not_as_drawn(setting: RefereeSetting, errors: dict[str, float]) -> RefereeFault:
-    """Fault of links whose parameters are off by name; no diagnosis publishes such numbers."""
+    """Fault of links by ``errors`` of parameters by name; no diagnosis publishes such numbers."""
     return misshapen(setting, {f"length.{k}": v for k, v in errors.items()}, errors)
 
 

@@ -64,8 +64,8 @@ class ScoredMetric:
 @dataclass(frozen=True)
 class Metric:
     """Definition of a figure by sums over cases: ``parts`` gives the k numbers that a case adds,
-    None where it does not count, ``combine`` the figure from sums (…, k); ``ours``: only the
-    diagnosis has it. ``target`` is a text as ``≥ 95 %``, empty where nobody stated one."""
+    None where it does not count, ``combine`` the figure from sums (…, k). ``ours``: only the
+    diagnosis has it; ``percent``: shown in %; ``target``: text as ``≥ 95 %``, empty if none."""
 
     title: str
     target: str
@@ -85,7 +85,8 @@ class Metric:
 
 
 def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
-    """Make a metric, of title and target: of cases that ``counts``, the share that ``held``."""
+    """Make a metric: of the cases for which ``counts`` is true, the share for which ``held`` is
+    too; ``target`` and ``ours`` are as of `Metric`."""
 
     def parts(truth: Answer, claim: Claim) -> Sequence[float] | None:
         return (held(truth, claim), 1.0) if counts(truth, claim) else None

@@ -1,6 +1,5 @@
-"""The score as a page: Markdown and one HTML file.
-
-It says how good an entrant is, how far its probabilities hold, and how small an effect it finds.
+"""The score as a page, in Markdown and HTML: how good an entrant is, how far its probabilities
+hold, and how small an effect it finds.
 """
 
 import re

@@ -84,7 +84,7 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> Claim:
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names of effects in an entry of ``which``, those of drives and links with their joints."""
+    """Names of effects in an entry of diagnosis.json's ``which``; of drives, links with joints."""
     joint = dict(_items(entry.get("parameters"))).get("joint")
     joints = [""]
     if joint is not None:

@@ -5,7 +5,7 @@ from wrenchbed.effects.drives.wave import FASTEST, GEAR_MOST, Wave, first_of, st
 
 
 class DriveCogging(Wave):
-    """τ → τ + Σ_k a_k sin(k n q) + b_k cos(k n q), n (many) periods in a turn of the joint, q.
+    """τ → τ + Σ_k a_k sin(k n q) + b_k cos(k n q), n (many) periods per turn of joint angle q.
 
     Seen in: slow motion over a wide range.
     """

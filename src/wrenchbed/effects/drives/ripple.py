@@ -5,7 +5,7 @@ from wrenchbed.effects.drives.wave import GEAR_MOST, SLOWEST, Wave, first_of, fi
 
 
 class DriveRipple(Wave):
-    """τ → τ + Σ_k a_k sin(k n q) + b_k cos(k n q), n (few) periods in a turn of the joint, q.
+    """τ → τ + Σ_k a_k sin(k n q) + b_k cos(k n q), n (few) periods per turn of joint angle q.
 
     A slow period looks like other causes: it is searched beside what every fit leaves free.
 
