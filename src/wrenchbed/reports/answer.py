@@ -270,8 +270,7 @@ class Answer(ABC):
         return numbers.chance(self.d.probabilities.get(name, 0.0))
 
     def unknown(self, gap: str, hint: str = "") -> str:
-        """Sentence that no known effect explains ``gap`` (a phrase), then ``hint``, then the
-        nearest."""
+        """Sentences: no known effect explains ``gap`` (a phrase), ``hint``, the nearest effect."""
         nearest, p = self.nearest
         text = f"No known effect explains {gap}. Probability that it is something unknown: "
         text += f"{self.chance_of(UNKNOWN)}.{hint}"
