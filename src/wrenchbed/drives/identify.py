@@ -240,7 +240,7 @@ def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarra
 
 
 def check_moves(name: str, problem: Problem) -> None:
-    """Raise CalibrationError if few rows are left or a joint never moves; name: recording's."""
+    """Raise CalibrationError on recording ``name`` if few rows remain or a joint never moves."""
     use = problem.use
     rows = len(use)
     if rows < 2 * FOLDS or not use.any(axis=0).all():

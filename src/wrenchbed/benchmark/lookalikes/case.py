@@ -253,7 +253,7 @@ class _Drawing:
         raise ParameterError(f"{effect or 'no effect'} shows enough in this design")
 
     def pair(self, known: Sequence[str], effect: str | None) -> LookalikeCase:
-        """Draw two large enough causes (of ``known``, first ``effect``) of different subsystems."""
+        """Draw a case of two large enough causes of ``known`` (one is ``effect``, if given)."""
         around, base = self.around, self.base
         for _ in range(_EFFECT_TRIES):
             first = self.any_of(known, effect)
@@ -268,7 +268,7 @@ class _Drawing:
         raise ParameterError("no two causes show together in this design")
 
     def outside(self, family: str | None) -> LookalikeCase:
-        """Draw a case of a fault that no effect describes (``family`` or any), of random gap."""
+        """Draw a case of a fault that no effect describes (``family``, or any), of random gap."""
         known = families(self.design)
         if family is not None and family not in known:
             raise ParameterError(f"there is no family {family!r}. Known: {', '.join(known)}")

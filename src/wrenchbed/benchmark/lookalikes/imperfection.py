@@ -135,13 +135,13 @@ def heavier(error: float) -> Imperfection:
 
 
 def off(error: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
-    """Fault of a tool whose CoG is off by (3,) or (N, 3) [m]; ``true``: ``cog.x`` … if None."""
+    """Fault of a tool's CoG off by (3,) or (N, 3) [m]; ``true`` numbers, else ``cog.x`` …."""
     known = by_axis(error, "cog.") if true is None else true
     return Imperfection(known, tool=lambda load, _: replace(load, cog=load.cog + error))
 
 
 def biased(shift: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
-    """Fault of a zero off by (6,) or (N, 6) [N, N·m]; ``true``: ``bias.fx`` … if None."""
+    """Fault of a zero off by (6,) or (N, 6) [N, N·m]; ``true`` numbers, else ``bias.fx`` …."""
     known = by_channel(shift, "bias.") if true is None else true
     return Imperfection(known, sensor=lambda y: y + shift)
 
