@@ -13,9 +13,9 @@ from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.metrics import METRICS, figure, probability, right
 from wrenchbed.benchmark.scoring.truth_and_claims import OURS, Answer, CaseRow, Claim, Fact, Oracle
 from wrenchbed.benchmark.sealed.run import BASELINES
-from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import ActiveEffect, effects, respond
+from wrenchbed.planning.choose import poses
 
 NONE = Claim("none", (), {"none": 0.9, "base.tilt": 0.1})
 UNKNOWN = Claim("unknown", (), {"unknown": 0.8, "none": 0.2})
@@ -140,8 +140,7 @@ def test_tables_say_what_was_scored():
 def test_true_parameters_have_the_published_names_and_signs(effect):
     """The library's effect at the true parameters reads as the look-alike does."""
     robot = registry.load("robots", "ur5")
-    q = robot.sample(30, np.random.default_rng(3))
-    design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=20)
+    design = ExperimentDesign.of_plan(poses(robot, 30, 3), robot, samples=20)
     case = draw(design, 5, "single", effect, 2.0)
     true = case.true_parameters(effect)
     own = effects()[effect]
@@ -157,8 +156,7 @@ def test_true_parameters_have_the_published_names_and_signs(effect):
 @pytest.fixture(scope="module")
 def tilted():
     robot = registry.load("robots", "ur5")
-    q = robot.sample(60, np.random.default_rng(2))
-    design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=30)
+    design = ExperimentDesign.of_plan(poses(robot, 60, 2), robot, samples=30)
     return recording(design, draw(design, 1, "single", "base.tilt", 4.0))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+import wrenchbed as wb
 from altered import at_point, with_added, with_columns, with_rows, with_wrench, without_noise_stated
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
@@ -51,8 +52,7 @@ def row_effects(rows):
 
 
 def static(robot=ROBOT, poses=80, seed=3):
-    plan = Plan.of(robot.name, robot.sample(poses, np.random.default_rng(seed)))
-    return ExperimentDesign.of_plan(plan, robot, samples=60)
+    return ExperimentDesign.of_plan(wb.poses(robot, poses, seed), robot, samples=60)
 
 
 def dynamic():

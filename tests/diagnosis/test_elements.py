@@ -10,9 +10,7 @@ from scipy.spatial.transform import Rotation
 import wrenchbed as wb
 from altered import turned, with_added, with_columns, with_wrench
 from simulated import driven
-from wrenchbed import registry
 from wrenchbed.calibration.observations import observe
-from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.beside_claims import minor
 from wrenchbed.diagnosis.decision.decide import withdrawn
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
@@ -34,8 +32,7 @@ def simulated(path, effect, plan, seed=1, samples=30):
 
 
 def poses(n=40, seed=1):
-    robot = registry.load("robots", "ur5")
-    return Plan.of("ur5", robot.sample(n, np.random.default_rng(seed)))
+    return wb.poses(wb.load("robots", "ur5"), n, seed)
 
 
 @pytest.mark.sampled
@@ -242,7 +239,7 @@ def test_the_noise_of_means_is_not_that_of_a_count(spring):
     assert np.diagonal(observe(means).row_covariance) == pytest.approx(
         np.square(means.metadata.sensor.noise_std)
     )
-    step = registry.load("sensors", spring.metadata.sensor.model).calibration().resolution
+    step = wb.load("sensors", spring.metadata.sensor.model).calibration().resolution
     columns = {c: np.round(means.columns[c] / u) * u for c, u in zip(CHANNELS, step, strict=True)}
     coarse = observe(replace(means, columns=means.columns | columns)).row_covariance
     assert np.diagonal(coarse) == pytest.approx(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import wrenchbed as wb
 from sound import arm_of_file
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes.case import LookalikeCase, background, recording
@@ -150,7 +151,7 @@ def test_the_unknown_is_asked_for_its_variable(wide, kernel, word):
 
 def test_plans_for_a_closed_chain_stay_inside():
     medrue = registry.load("robots", "medrue")
-    prepared = of_plan(Plan.of("medrue", medrue.sample(24, np.random.default_rng(1))))
+    prepared = of_plan(wb.poses(medrue, 24, 1))
     found = list(actions(prepared))
     assert len(found) >= 7
     for action in found:
@@ -167,14 +168,9 @@ FAULTS = ("joint.offset", "mount.rotation", "base.tilt", "sensor.gain")
 """Effects whose numbers mean the same in the look-alikes' physics."""
 
 
-def plan(n, seed=1):
-    robot = registry.load("robots", "ur5")
-    return Plan.of("ur5", robot.sample(n, np.random.default_rng(seed)))
-
-
 @pytest.fixture(scope="module")
 def design():
-    prepared = of_plan(plan(30), samples=20)
+    prepared = of_plan(wb.poses(UR5, 30, 1), samples=20)
     d = build(prepared, prepared.configuration.robot_theta, tolerances(prepared))
     return Design(Searcher(d), RUNG)
 
@@ -209,7 +205,7 @@ def test_a_fault_of_that_size_is_reported_in_95_of_100_draws(design, effect, lab
 
 
 def test_a_plan_of_fewer_rows_is_blind_to_more():
-    few, many = (dry_run(plan(20), samples=n).blind for n in (2, 60))
+    few, many = (dry_run(wb.poses(UR5, 20, 1), samples=n).blind for n in (2, 60))
     sizes = [{(b.effect, b.element): b.smallest for b in blind} for blind in (few, many)]
     assert len(few) >= len(many)
     assert ("joint.offset", "joint 1") in sizes[1] and ("joint.offset", "joint 2") not in sizes[1]
@@ -224,12 +220,19 @@ def test_sentences_group_elements():
         BlindSpot("link.length", "a2", None, ""),
         BlindSpot("timing.delay", "", None, "", NOT_HERE),
         BlindSpot("sensor.saturation", "fx", 1.14, "1"),
+        BlindSpot("sensor.drift", "tx", 0.0034, "N·m"),
+        BlindSpot("sensor.drift", "tz", 0.014, "N·m"),
+        BlindSpot("sensor.crosstalk", "fz", 0.4, "1/m"),
+        BlindSpot("joint.compliance", "joint 2", 2.4e-5, "rad/(N·m)"),
         BlindSpot("timing.skew", "", None, "", NOT_HERE),
     ]
     assert sentences(spots) == (
         "link.length of a2: no effect on these readings",
         "link.length of alpha2 and alpha3: seen from 0.11° to 0.17°",
         "sensor.saturation of fx: seen from 110 %",
+        "sensor.drift of tx and tz: seen from 3.4 mN·m to 14 mN·m",
+        "sensor.crosstalk into fz: seen from 0.4 N/(N·m)",
+        "joint.compliance of joint 2: seen from 24 µrad/(N·m)",
         "timing.delay and timing.skew: cannot show in such a recording",
     )
 

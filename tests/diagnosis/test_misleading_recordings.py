@@ -98,7 +98,9 @@ def test_a_wrong_mass_on_a_tilted_base_is_no_cable(seed):
     read, rng = Model.of(arm).read(load, theta), np.random.default_rng(seed)
     rec = recording("ur5", q, read, 30, WHITE, 0.0, rng)
     told = answer(stated(rec))
-    assert {w["effect"] for w in told.which} == {"tool.mass", "base.tilt"}
+    numbers = {w["effect"]: w["parameters"] for w in told.which}
+    assert numbers.keys() == {"tool.mass", "base.tilt"}
+    assert numbers["tool.mass"]["mass"]["stated"] == pytest.approx(stated(rec).metadata.tool.mass)
 
 
 @pytest.mark.slow
@@ -124,12 +126,15 @@ def test_a_healthy_robot_whose_tool_is_stated_in_round_numbers_is_none():
 
 def test_rivals_without_a_stated_tool_have_a_next_experiment():
     rec = static("ur5", LOAD, poses=40, samples=30, noise=WHITE, seed=2)
-    drift = 8.0 * WHITE * [1, 1, 1, 0, 0, 0] * (rec.t / rec.t[-1])[:, None]
+    drift = -8.0 * WHITE * [1, 1, 1, 0, 0, 0] * (rec.t / rec.t[-1])[:, None]
     told = answer(with_metadata(with_added(rec, drift), tool=ToolInfo()))
     assert told.verdict in ("identified", "ambiguous")
     if told.verdict == "ambiguous":
         assert told.next
-    assert "sensor.drift" in {n for w in told.which for n in named_by(w)}
+    (cause,) = (w for w in told.which if "sensor.drift" in named_by(w))
+    sizes = {**cause["size"], **cause["parameters"]}.values()
+    assert all(x["value"] < 0.0 < x["over"] <= rec.t[-1] for x in sizes if "over" in x)
+    assert any("over" in x for x in sizes)
 
 
 def recorded(name, mass):

@@ -11,8 +11,6 @@ import wrenchbed as wb
 from altered import with_metadata
 from linear_case import dictionary, named, noise, refitter
 from simulated import driven
-from wrenchbed import registry
-from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.explain.refit import together
 from wrenchbed.diagnosis.explain.shared_numbers import Structure
@@ -21,8 +19,7 @@ from wrenchbed.errors import DiagnosisError
 
 
 def recorded(tmp_path, *effects, n=40, seed=1):
-    robot = registry.load("robots", "ur5")
-    plan = Plan.of("ur5", robot.sample(n, np.random.default_rng(seed)))
+    plan = wb.poses(wb.load("robots", "ur5"), n, seed)
     return driven(plan, tmp_path / "rec.parquet", 30, noise="white", seed=seed, effects=effects)
 
 

@@ -52,9 +52,7 @@ def without_scripts(html: str) -> str:
 
 def recorded(folder, samples=10, effects=()):
     """A recording of 24 poses."""
-    robot = registry.load("robots", "ur5")
-    plan = wb.Plan.of("ur5", robot.sample(24, np.random.default_rng(1)))
-    path = folder / "rec.parquet"
+    plan, path = wb.poses(wb.load("robots", "ur5"), 24, 1), folder / "rec.parquet"
     return driven(plan, path, samples, noise="white", seed=1, effects=effects)
 
 
@@ -163,10 +161,16 @@ def test_a_claim_names_its_elements_and_no_other(springy):
     size = {"value": -9e-4, "std": 1e-4, "unit": "m"}
     longer, gain, three = size | {"value": 9e-4}, size | {"unit": "1"}, "joint 2, 3 or 4"
     joint = {"joint": {"value": 2, "rivals": [3, 4]}}
+    leak = {"x.fz.ty": size | {"unit": "1/m"}, "channel": {"value": "fz"}, "of": {"value": "ty"}}
+    course = {"size.fx": {"value": -1.8, "std": 0.1, "unit": "N", "over": 412.3}}
+    heavy = {"mass": {"value": 2.34, "std": 0.02, "unit": "kg", "stated": 2.24}}
     for effect, elements, sizes, sentence, place in (
         ("link.length", ["L21"], {"length.L21": size}, "length L21 −0.90 ± 0.10 mm", "link L21"),
         ("link.length", ["a3"], {"length.a3": longer}, ": length a3 +0.90 ± 0.10 mm", "link 3"),
         ("sensor.gain", ["fx", "fy"], {"gain.fx": gain}, ": fx or fy, gain fx", "the sensor"),
+        ("sensor.crosstalk", ["fz"], leak, "ty into fz (−9.0 ± 1.0)·10⁻⁴ N/(N·m)", "the sensor"),
+        ("sensor.drift", ["fx"], course, "fx −1.80 ± 0.10 N over 412 s", "the sensor"),
+        ("tool.mass", ["mass"], heavy, "(stated 2.24 kg, found 4.580 ± 0.020 kg).", "the tool"),
         ("joint.compliance", ["joint 2", "joint 3", "joint 4"], joint, three[1:], three),
     ):
         sizes |= {"parameter": {"value": elements[0]}, "form": {"value": "free"}}

@@ -3,7 +3,17 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
+import rerun as rr
 from rerun.chunk import RrdReader
+
+
+@pytest.fixture(scope="module", autouse=True)
+def strict():
+    """Let rerun raise where it would only warn, in modules that import this."""
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
 
 
 class Rrd:

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rerun as rr
 
 import wrenchbed as wb
-from rrd_file import Rrd
+from rrd_file import Rrd, strict  # noqa: F401
 from wrenchbed.campaigns.moves import itinerary
 from wrenchbed.cli import main
 from wrenchbed.errors import DriverError, ParameterError
@@ -21,13 +20,6 @@ from wrenchbed.viewer import rerun_window
 from wrenchbed.viewer.plans import STAY_S, along, plan_view
 
 UR5 = wb.load("robots", "ur5")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _strict():
-    rr.set_strict_mode(True)
-    yield
-    rr.set_strict_mode(False)
 
 
 def words(rrd: Rrd) -> str:

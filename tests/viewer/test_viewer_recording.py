@@ -8,12 +8,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
 
 import wrenchbed as wb
-from rrd_file import Rrd
+from rrd_file import Rrd, strict  # noqa: F401
 from simulated import driven
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.pages.scene import heat
@@ -34,13 +33,6 @@ SHOWS = {
 }  # fmt: skip
 """Parts that named geoms show."""
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _strict():
-    rr.set_strict_mode(True)
-    yield
-    rr.set_strict_mode(False)
 
 
 @pytest.fixture(scope="module", params=ROBOTS)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.diagnosis.between_rows.row_effects import quantity
 from wrenchbed.diagnosis.decision.decide import MOST_RIVALS
 from wrenchbed.diagnosis.decision.options import weights
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
@@ -108,7 +109,7 @@ def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[di
     """Entries of ``fitted`` of diagnosis.json: bias, mass, CoG beside causes; std × ``spread``."""
     d, configuration = a.dictionary, a.prepared.configuration
     estimate = stated(a.refitter, verdict.explanation.finalist)
-    size = d.size[d.stated]
+    wrong, std = (x * d.size[d.stated] for x in (estimate.mean, spread * estimate.std))
     tool = a.prepared.recording.metadata.tool
     start = np.concatenate([np.zeros(6), [configuration.mass], configuration.cog])
     known = [True] * 6 + [tool.mass is not None] + [tool.cog is not None] * 3
@@ -116,13 +117,9 @@ def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[di
     order = np.concatenate([np.flatnonzero(d.of_stated(effect)) for effect in STATED])
     every = list(zip((*BIAS, *LOAD), start, known, units, strict=True))
     return [
-        {
-            "name": name,
-            "value": float(value + estimate.mean[k] * size[k]),
-            "std": float(estimate.std[k] * size[k]) * spread,
-            "unit": unit,
-            "stated": float(value) if is_stated else None,
-        }
+        {"name": name}
+        | quantity(float(value + wrong[k]), float(std[k]), unit)
+        | {"stated": float(value) if is_stated else None}
         for k, (name, value, is_stated, unit) in zip(
             order, every[len(every) - len(order) :], strict=True
         )

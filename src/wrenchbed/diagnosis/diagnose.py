@@ -211,7 +211,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     mode = prepared.scene.mode
     here = known.believed_at(weighed.p_value, mode)
     spread, surest = here.spread, here.of((1.0,) * len(NAMES))
-    learnt = _learnt(known, weighed.p_value, mode)
+    unlike = UNLIKE if known.unlike(weighed.p_value, mode) else ""
+    learnt = f"the probabilities were learnt on {known.source}{unlike}"
     which = json_entries.causes(analysis, verdict, gap, spread, between)
     diagnosis = Diagnosis(
         recording=prepared.recording.name,
@@ -377,12 +378,6 @@ def _without_outliers(
         if outliers_.comes_again(outliers, made, p.leading.sigma):
             weighed = _refuted(weighed, AGAIN, seed)
     return weighed, outliers
-
-
-def _learnt(known: Reliability, p_value: float, mode: str) -> str:
-    """Sentence on the learning cases of ``mode`` and how like them a recording of a p-value is."""
-    unlike = UNLIKE if known.unlike(p_value, mode) else ""
-    return f"the probabilities were learnt on {known.source}{unlike}"
 
 
 def _designs(a: Analysis) -> list[Design]:

@@ -18,9 +18,11 @@ from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.diagnosis.result import Diagnosis, Scale, cause, families, named_by, rival
+from wrenchbed.effects import sensor_drift
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
 
+DRIFT = sensor_drift.EFFECT.name
 Place = tuple[str, str, float, float]
 """Effect, detail, share (0…1) and p-value of an entry of ``where`` of diagnosis.json."""
 _HALVINGS = 5
@@ -87,6 +89,8 @@ def _of_elements(entry: Mapping[str, Any]) -> str:
     if not names or effect in STATED:
         return effect
     text = listed(names, "and")
+    if len(names) == 1 and "of" in entry["parameters"]:
+        text += f" from {entry['parameters']['of']['value']}"
     if all(n.startswith("about ") for n in names):
         return f"{effect} {text}"
     return f"{effect} of {text}" if names[0].split()[0] in NAMING else f"{effect} ({text})"
@@ -184,7 +188,8 @@ def _size(
     for name, (size, unit) in part.effect.size(scene, part.variant, values).items():
         slope = np.array([m.get(name, (size, unit))[0] - size for m in moved]) / steps
         std = float(np.hypot(np.sqrt(slope @ covariance @ slope), part.effect.size_error * size))
-        result[name] = quantity(size, std, unit)
+        over = {"over": scene.span} if part.effect.name == DRIFT else {}
+        result[name] = quantity(size, std, unit) | over
     return result
 
 
@@ -209,10 +214,9 @@ def _free_curve(
     sizes: dict[str, dict[str, Any]] = {}
     best: tuple[float, Mapping[str, Any]] = (-1.0, {})
     for curve in effect.curves(scene, variant):
-        y, std, size, size_std = _along(curve, variant, values, covariance)
-        name = f"size.{curve.channel}" if curve.channel else "size"
-        sizes[name] = {"value": size, "std": size_std, "unit": curve.y_unit}
-        clear = size / max(size_std, 1e-300)
+        y, std, size = _along(curve, variant, values, covariance)
+        sizes[f"size.{curve.channel}" if curve.channel else "size"] = size
+        clear = abs(size["value"]) / max(size["std"], 1e-300)
         if clear > best[0]:
             lists = {"x": curve.x.tolist(), "y": y.tolist(), "std": std.tolist()}
             best = clear, lists | {"x_unit": curve.x_unit, "y_unit": curve.y_unit}
@@ -222,8 +226,9 @@ def _free_curve(
 
 def _along(
     curve: Curve, variant: Variant, values: Values, covariance: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Curve at P points (P,), its standard uncertainty (P,), and peak-to-peak size with its own."""
+) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """Curve at P points (P,), its standard uncertainty (P,), and entry of its peak-to-peak size; of
+    a course in time with sign, from the earlier peak to the later, and the time ``over`` [s]."""
     at = [variant.free.index(n) for n in curve.names]
     block = covariance[np.ix_(at, at)]
     y = curve.columns @ np.array([values[n] for n in curve.names])
@@ -231,9 +236,13 @@ def _along(
     def std(columns: np.ndarray) -> np.ndarray:
         return np.sqrt(np.maximum(((columns @ block) * columns).sum(axis=1), 0.0))
 
-    low, high = int(y.argmin()), int(y.argmax())
-    across = curve.columns[[high]] - curve.columns[[low]]
-    return y, std(curve.columns), float(y[high] - y[low]), float(std(across)[0])
+    begin, end = int(y.argmin()), int(y.argmax())
+    if curve.x_unit == "s":
+        begin, end = sorted((begin, end))
+    across = std(curve.columns[[end]] - curve.columns[[begin]])
+    size = quantity(float(y[end] - y[begin]), float(across[0]), curve.y_unit)
+    over = {"over": float(curve.x[end] - curve.x[begin])} if curve.x_unit == "s" else {}
+    return y, std(curve.columns), size | over
 
 
 def _uncertainty(a: Analysis, f: Finalist, part: int, covariance: np.ndarray) -> dict[str, float]:
@@ -278,11 +287,14 @@ def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[s
     d, estimate = a.dictionary, stated(a.refitter, f)
     hypothesis = next(h for h in d.hypotheses if h.name == name)
     unit = {p.name: p.unit for p in hypothesis.effect.parameters(a.prepared.robot)}
+    tool = a.prepared.configuration
+    load = dict(zip(("mass", "cog.x", "cog.y", "cog.z"), (tool.mass, *tool.cog), strict=True))
     result = {}
     for i in np.flatnonzero(d.of_stated(name)):
         parameter, size = d.label[d.stated[i]][1], float(d.size[d.stated[i]])
         value, std = float(estimate.mean[i]) * size, float(estimate.std[i]) * size * factor
-        result[parameter] = quantity(value, std, unit[parameter])
+        given = {"stated": float(load[parameter])} if parameter in load else {}
+        result[parameter] = quantity(value, std, unit[parameter]) | given
     return result
 
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.calibration.fit import IdentifiedValue, WrittenFit, entries, head
-from wrenchbed.pages.numbers import percent
 
 EFFORT_FIT, COMMAND_FIT = "effort", "command"
 """What was fitted: joint efforts, or tracking errors of servos."""
@@ -124,14 +123,14 @@ class DriveFit(WrittenFit):
         if self.rest is not None:
             low, high = min(self.rest.noise), max(self.rest.noise)
             return (
-                f"on poses that no fit saw it explains {percent(self.explained)} % of the efforts; "
-                f"friction of unknown sign at rest and noise are {low:.2g} to {high:.2g} "
+                f"on poses that no fit saw it explains {100 * self.explained:.2f} % of the "
+                f"efforts; friction of unknown sign at rest and noise are {low:.2g} to {high:.2g} "
                 f"{self.unit} a pose; uncertainties also hold what ordinary errors of "
                 f"{', '.join(self.rest.ordinary)} would move: diagnosed beside a recording without "
                 f"the load, those of links drop out{untold_text}"
             )
         text = (
-            f"on rows that no fit saw it explains {percent(worst.explained)} % or more of each "
+            f"on rows that no fit saw it explains {100 * worst.explained:.2f} % or more of each "
             f"joint's {self.word}, least of joint {worst.joint}"
         )
         if self.channels == COMMAND_FIT:

@@ -1,7 +1,7 @@
 """Numbers as people read them: as many digits as are known, with their unit.
 
-One rule for units on pages, in the terminal and in rerun: those of `HUMAN`, times below 0.1 s in
-ms, masses below 0.1 kg in g, shares in %; every other unit is SI. Files hold SI alone.
+One rule for units on pages, in the terminal and in rerun: those of `HUMAN`, small values in those
+of `_SMALL`, shares in %; every other unit is SI. Files hold SI alone.
 """
 
 import math
@@ -20,10 +20,11 @@ HUMAN: Mapping[str, tuple[str, float]] = {
     "rad/(N·m)": ("µrad/(N·m)", 1e6), "m/N": ("µm/N", 1e6),
 }  # fmt: skip
 """Units that people read instead of SI units, and the factor to them."""
-_SMALL = {"s": ("ms", 1e3), "kg": ("g", 1e3)}
-"""Units of times and masses below `_LEAST`, and the factor to them."""
-_LEAST = 0.1
-_SHARES = ("gain", "share", "span", "warm", "x", "relax", "even", "odd", "size")
+_SMALL = {"s": ("ms", 0.1), "kg": ("g", 0.1), "N": ("mN", 0.01), "N·m": ("mN·m", 0.01)}
+"""Thousandths of SI units, and the value below which people read them."""
+_CROSSTALK = {"1": ("%", 1e2), "1/m": ("N/(N·m)", 1.0), "m": ("mN·m/N", 1e3)}
+"""Units of ``x.fz.ty``: what channel fz shows of the load on ty."""
+_SHARES = ("gain", "share", "span", "warm", "relax", "even", "odd", "size")
 """Starts of the names of parameters without unit that people read in percent."""
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 """Digits as exponents."""
@@ -71,10 +72,9 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
     return _with(shown, unit)
 
 
-def rough(name: str, value: float, unit: str) -> str:
-    """Text of parameter ``name``'s SI ``value`` in two significant figures and the unit for
-    people."""
-    factor, shown = human(name, value, unit)
+def rough(name: str, value: float, unit: str, like: float | None = None) -> str:
+    """Text of a parameter's size with two significant figures, in the unit of the size ``like``."""
+    factor, shown = human(name, value if like is None else like, unit)
     return minus(_with(f"{float(f'{factor * value:.2g}'):g}", shown))
 
 
@@ -86,14 +86,14 @@ def measured(value: float, std: float | None, *, signed: bool = False) -> str:
     plus = "+" if signed and value > 0 else ""
     known = std is not None and math.isfinite(std) and std > 0
     power = _power(max(abs(value), std or 0.0) if known else abs(value))
-    value = value / 10.0**power
+    value, times = value / 10.0**power, f"·10{str(power).translate(POWERS)}" if power else ""
     if not known or std is None:
-        return minus(f"{plus}{value:.4g}{_times(power)}")
+        return minus(f"{plus}{value:.4g}{times}")
     std = std / 10.0**power
     lead = math.floor(math.log10(std))  # two figures if it begins with 1 or 2, else one
     digits = min(6, max(0, -lead + (std / 10.0**lead < 2.95)))
     both = minus(f"{plus}{value:.{digits}f} ± {max(std, 10.0**-digits):.{digits}f}")
-    return f"({both}){_times(power)}" if power else both
+    return f"({both}){times}" if power else both
 
 
 def decimals(std: float) -> int:
@@ -117,10 +117,12 @@ def human(name: str, value: float, unit: str) -> tuple[float, str]:
     in %."""
     if unit == "1" and name == "skew":
         return 1e6, "ppm"
-    if unit == "1":
+    if unit == "1" and not name.startswith("x."):
         return (100.0, "%") if name.split(".")[0] in _SHARES else (1.0, "")
-    units = _SMALL if abs(value) < _LEAST and unit in _SMALL else HUMAN
-    shown, factor = units.get(unit, (unit, 1.0))
+    small, most = _SMALL.get(unit, (unit, 0.0))
+    if abs(value) < most:
+        return 1e3, small
+    shown, factor = (_CROSSTALK if name.startswith("x.") else HUMAN).get(unit, (unit, 1.0))
     return factor, shown
 
 
@@ -132,10 +134,6 @@ def _with(number: str, unit: str) -> str:
 def _power(size: float) -> int:
     """Power of ten to write as a factor beside a number; 0 where a plain number reads well."""
     return 0 if size == 0.0 or 1e-2 <= size < 1e4 else math.floor(math.log10(size))
-
-
-def _times(power: int) -> str:
-    return f"·10{str(power).translate(POWERS)}" if power else ""
 
 
 def _is_number(x: object) -> bool:

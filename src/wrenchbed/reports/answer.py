@@ -8,7 +8,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.next.blind import sentences
 from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.pages import numbers
-from wrenchbed.reports.claim import MOST_SIZES, Claim, listed
+from wrenchbed.reports.claim import MOST_SIZES, Claim, claim, listed
 
 BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 """Symbol by verdict, shown beside its colour."""
@@ -71,9 +71,9 @@ class Answer(ABC):
         """Where in the robot the cause lies, in a few words."""
 
     @property
-    @abstractmethod
     def where(self) -> Sequence[str]:
         """Sentences on where in the robot the gap lies, the most important first."""
+        return [str(w["sentence"]) for w in self.d.where]
 
     @property
     @abstractmethod
@@ -151,10 +151,9 @@ class Answer(ABC):
         """Sentences on effects that the recording could not have shown."""
         return sentences(self.d.blind)
 
-    @abstractmethod
     def claim_of(self, entry: Mapping[str, Any]) -> Claim:
-        """Put an entry of ``minor`` of diagnosis.json into words: an effect that was detected and
-        is too small to count as a cause."""
+        """Put an entry of ``which`` or ``minor`` of diagnosis.json into words."""
+        return claim(entry)
 
     @property
     def minor(self) -> list[str]:

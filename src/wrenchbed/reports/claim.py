@@ -21,7 +21,8 @@ _STANDS_OUT = 3.0
 """A joint's amplitude beyond so many standard uncertainties counts as different from 0."""
 _NUMBERED = re.compile(r"\.[a-z]*(1?\d)$")
 """Number at the end of ``offset.q3`` or ``twist.2``, up to 19 joints; not of the length ``d41``."""
-_DIFFERENCES = (*STATED, "joint.offset", "link.length")
+_SPACES = str.maketrans("._", "  ")
+_DIFFERENCES = (*STATED, "joint.offset", "link.length", "sensor.crosstalk", "sensor.drift")
 """Effects whose sizes are differences from what is stated or nominal, so that they have a sign."""
 
 
@@ -32,11 +33,13 @@ class Size:
     Attributes:
         key: its name in diagnosis.json.
         name: its name in words.
-        value: text of value ± standard uncertainty with unit.
+        brief: text of value ± standard uncertainty with unit.
+        value: the same, of a wrong number also what is stated, and what it is instead.
     """
 
     key: str
     name: str
+    brief: str
     value: str
 
 
@@ -80,9 +83,10 @@ class Claim:
         return self.sentence_with(MOST_SIZES)
 
     def sentence_with(self, most: int) -> str:
-        """The claim as one sentence, with its first ``most`` quantities."""
+        """The claim as one sentence with its first ``most`` figures; one of one is brief."""
         words = [self.choice] if self.choice else []
-        words += [f"{size.name} {size.value}" for size in self.figures[:most]]
+        alone = len(self.figures) == 1 < most
+        words += [f"{x.name} {x.value if alone else x.brief}" for x in self.figures[:most]]
         values = f": {', '.join(words)}" if words else ""
         others = "".join(f"; or {title}" for _, title in self.rivals)
         return f"{capital(self.title)}{values}{others}."
@@ -109,11 +113,11 @@ def claim(
     choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
                for n, v in values.items() if "unit" not in v}  # fmt: skip
     said = {"form", "joint"} if wording or of_joint else {"form"}
-    said |= {n for n in choices if any(q.endswith(f".{values[n]['value']}") for q in quantities)}
+    said |= {n for n in choices if any(f".{values[n]['value']}." in f"{q}." for q in quantities)}
     choice = ", ".join(text for n, text in choices.items() if n not in said)
     several = list(entry.get("elements", ()))
     if len(several) > 1 and not (joint or wording or name in STATED or effect(name).between_rows):
-        choice = listed(several, " or ")
+        choice = f"{'into ' if 'of' in values else ''}{listed(several, ' or ')}"
     closed = entry.get("closed_share")
     return Claim(
         name=name,
@@ -131,11 +135,17 @@ def claim(
 
 
 def _size(key: str, entry: Mapping[str, Any], *, signed: bool) -> Size:
-    """A quantity in words, with a plus if ``signed``; where metadata state one, "instead of" it."""
-    value = numbers.quantity(key, entry, signed=signed)
-    if stated := entry.get("stated"):
-        value += f" instead of {numbers.rough(key, stated, entry['unit'])}"
-    return Size(key, "together" if key == "sum" else parameter(key), value)
+    """A quantity in words; a change in time with its duration, beside a stated value that value."""
+    text, beside = numbers.quantity(key, entry, signed=signed), ""
+    if over := entry.get("over"):
+        text += f" over {over:,.{0 if over >= 10 else 1}f} s"
+    if (stated := entry.get("stated")) and signed:
+        found = numbers.quantity(key, {**entry, "value": stated + entry["value"]})
+        beside = f" (stated {numbers.quantity(key, {**entry, 'value': stated, 'std': None})}"
+        beside += f", found {found})"
+    elif stated:
+        text += f" instead of {numbers.rough(key, stated, entry['unit'], entry['value'])}"
+    return Size(key, "together" if key == "sum" else parameter(key), text, text + beside)
 
 
 def place(entry: Mapping[str, Any]) -> str:
@@ -179,8 +189,9 @@ def _one_of_joints(entry: Mapping[str, Any]) -> str:
 
 
 def parameter(name: str) -> str:
-    """Name of a parameter in words: ``offset q2`` for ``offset.q2``."""
-    return name.replace(".", " ").replace("_", " ")
+    """Name of a parameter in words: ``offset q2``, of crosstalk ``x.fz.ty`` ``ty into fz``."""
+    shows, _, of = name.removeprefix("x.").partition(".")
+    return f"{of} into {shows}" if name.startswith("x.") else name.translate(_SPACES)
 
 
 def effect(name: str) -> Effect:

@@ -100,10 +100,6 @@ class EffortAnswer(Answer):
         return "No joint has more than noise and ordinary imperfections"
 
     @property
-    def where(self) -> Sequence[str]:
-        return [str(w["sentence"]) for w in self.d.where]
-
-    @property
     def far(self) -> tuple[str, str]:
         g = self.d.gap
         if g.with_effects is None:
@@ -121,13 +117,9 @@ class EffortAnswer(Answer):
             return f"State tool and drives: what is fitted makes up a gap of {gap} and is no cause."
         if self.d.verdict == NONE:
             return "Nothing: the stated robot predicts these efforts as well as noise allows."
-        if self.d.verdict == "identified":
-            places = dict.fromkeys(str(w["detail"]) for w in self.d.where)
-            phrases = [p if p[-1].isdigit() else f"the {p}" for p in places]
-            return f"drives.json contains the corrected values; look at {' and '.join(phrases)}."
-        if any(w["share"] == 0.0 for w in self.d.where):  # a sign of trouble at one time
-            return "Repeat this motion: what does not return there came from outside the arm."
-        return "Record a longer motion of all joints, at several speeds in both directions."
+        places = dict.fromkeys(str(w["detail"]) for w in self.d.where)
+        phrases = [p if p[-1].isdigit() else f"the {p}" for p in places]
+        return f"drives.json contains the corrected values; look at {' and '.join(phrases)}."
 
 
 def effort_charts(findings: EffortFindings) -> list[Chart]:

@@ -12,7 +12,7 @@ from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import MOST_HEADLINE, Answer
-from wrenchbed.reports.claim import Claim, capital, claim, listed
+from wrenchbed.reports.claim import Claim, capital, listed
 from wrenchbed.reports.claim import place as place_of
 
 LEAST_SHARE = 0.006
@@ -63,10 +63,7 @@ class WrenchAnswer(Answer):
 
     @cached_property
     def causes(self) -> Sequence[Claim]:
-        return [claim(w) for w in self.d.which]
-
-    def claim_of(self, entry: Mapping[str, Any]) -> Claim:
-        return claim(entry)
+        return [self.claim_of(w) for w in self.d.which]
 
     @property
     def only_rows(self) -> bool:

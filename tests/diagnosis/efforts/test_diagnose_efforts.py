@@ -120,6 +120,8 @@ def test_a_limited_torque_is_unknown():
     found = diagnose_efforts(case(Gap("clipped", 2, 0.8), seed=32))
     consistent(found)
     assert found.diagnosis.verdict == "unknown" and "limited" in found.outside
+    (step,) = found.diagnosis.next
+    assert EffortAnswer(found).steps == [step["sentence"]] and step["plan"] is None
 
 
 @pytest.mark.slow
@@ -315,6 +317,7 @@ def test_a_payload_that_torques_alone_do_not_tell_is_named_and_weighed():
     (only,) = found.diagnosis.which
     assert only["probability"] > 0.9
     mass = only["parameters"]["mass"]
+    assert mass["stated"] == pytest.approx(MASS)
     assert mass["value"] == pytest.approx(light, abs=max(0.005, 3.0 * mass["std"]))
     channels = found.diagnosis.gap.per_channel
     assert list(channels)[6:] == list(CHANNELS)

@@ -22,12 +22,16 @@ from wrenchbed.diagnosis.json_entries import notes as of_gap
 from wrenchbed.diagnosis.json_entries import with_rivals
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 from wrenchbed.diagnosis.result import Scale, cause, families, rival
+from wrenchbed.drives.identify import FRICTION
 
 _OF_COMMANDS = (
     "efforts are tracking errors times stiffness; drive.constant is the servo's stiffness (a gain "
     "above 0: less of it), drive.delay how late it acts on its command, by a delay or a filter"
 )
 """Note of a diagnosis of commands: what names of drive effects mean there."""
+_REPEAT = "repeat this motion: what does not return there came from outside the arm"
+_LONGER = "record a longer motion of all joints, at several speeds in both directions"
+"""Next steps where no cause is settled: after a sign of trouble at one time, and without one."""
 
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
@@ -47,13 +51,23 @@ def _entry(s: Simulators, c: Cause, claimed: Sequence[Cause]) -> dict[str, Any]:
     for effect, keys in by_effect.items():
         block = next(k for k, b in enumerate(s.d.blocks) if b.key == next(iter(keys)))
         block = c.part.index if effect == c.part.name and c.part.index is not None else block
-        numbers = {"elements": [place(key) for key in keys]}
-        of[effect] = numbers | {"parameters": parameters(s.of((*beside, block)), block)}
+        sizes = parameters(s.of((*beside, block)), block)
+        sizes[all_effects()[effect].size.name] |= _stated(s.d, s.d.blocks[block].key)
+        of[effect] = {"elements": [place(key) for key in keys], "parameters": sizes}
     first = of.pop(c.part.name)
     sizes = with_rivals(first["parameters"], first["elements"])
     shares = {name: c.probability * sum(by_effect[name].values()) for name in of}
     rivals = [rival(name, shares[name], of[name]) for name in of]
     return cause(c.part.name, c.probability, sizes, rivals, 0.0, first["elements"])
+
+
+def _stated(d: Dictionary, key: Key) -> dict[str, float]:
+    """Key ``stated`` with the stated number that a cause changes, SI; empty if none is stated."""
+    effect, joint = key
+    if effect == "tool.mass":
+        return {"stated": float(d.scene.tool.mass)}
+    stated = d.scene.drives.of(effect)[joint - 1] if joint and effect in FRICTION else 0.0
+    return {"stated": float(stated)} if stated else {}
 
 
 def minor(
@@ -94,15 +108,21 @@ def where(
     return of_channels(gap, channels)
 
 
-def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
-    """Entries of ``next`` of diagnosis.json: actions that would separate causes from rivals."""
-    steps: dict[str, dict[str, Any]] = {}
-    for c in (c for c in v.causes if c.keys[1:]):
-        text = all_effects()[c.part.name].remedy
-        both = list(dict.fromkeys((c.part.name, c.keys[1][0])))
-        sentence = f"{text[:1].upper()}{text[1:]}."
-        steps[text] = {"action": text, "separates": both, "gain": 0.0, "sentence": sentence}
-    return [step for text, step in steps.items() if text]
+def next_steps(v: Verdict[Structure], seen: Sequence[Sign] = ()) -> list[dict[str, Any]]:
+    """Entries of ``next`` of diagnosis.json: actions that would separate causes from rivals, or
+    show more of what no cause explains; ``seen``: signs of trouble."""
+    steps = {
+        all_effects()[c.part.name].remedy: list(dict.fromkeys((c.part.name, c.keys[1][0])))
+        for c in v.causes
+        if c.keys[1:] and all_effects()[c.part.name].remedy
+    }
+    if not steps and v.word not in (NONE, "identified"):
+        steps[_REPEAT if seen and not v.causes else _LONGER] = []
+    return [
+        {"action": text, "separates": both, "gain": 0.0, "minutes": None, "plan": None,
+         "sentence": f"{text[:1].upper()}{text[1:]}."}
+        for text, both in steps.items()
+    ]  # fmt: skip
 
 
 def notes(

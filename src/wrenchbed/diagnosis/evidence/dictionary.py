@@ -93,7 +93,8 @@ def variables(prepared: Prepared) -> dict[str, np.ndarray]:
         warm = scene.warmth[held] / np.abs(scene.warmth).max()
         result["temperature"] = np.stack([warm, warm**2], axis=1)
     if isinstance(scene.q, Jet):
-        result["speed"] = _scaled(np.concatenate([scene.q.d, scene.q.dd], axis=1))
+        speed = np.concatenate([scene.q.d, scene.q.dd], axis=1)
+        result["speed"] = speed / np.maximum(speed.std(axis=0), 1e-9)
     return {k: v for k, v in result.items() if v.shape[1]}
 
 
@@ -121,10 +122,6 @@ def _of_joint(q: np.ndarray, turns: bool) -> np.ndarray:
         return np.stack([f(k * q) for k in (1, 2, 3) for f in (np.sin, np.cos)], axis=1)
     x = (q - q.mean()) / max(float(q.std()), 1e-3)
     return np.stack([x, x**2, x**3], axis=1)
-
-
-def _scaled(x: np.ndarray) -> np.ndarray:
-    return np.asarray(x / np.maximum(x.std(axis=0), 1e-9))
 
 
 def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:

@@ -247,7 +247,8 @@ class ReadingsModel:
         where the causes add f (C R,). Amplitudes of different channels are changed at once.
         """
         v, groups = Variables.of(parts), dict[tuple[int, str], list[int]]()
-        apart = all(_channel_by_channel(h.effect) for h in parts if not h.effect.stated)
+        causes = (h.effect for h in parts if not h.effect.stated)
+        apart = all(e.channelwise or not e.in_sensor for e in causes)
         for place, i in enumerate(which):
             stem, _, end = v.name[i].rpartition(".")
             channelwise = apart and parts[v.part[i]].effect.channelwise
@@ -266,11 +267,6 @@ class ReadingsModel:
                     only = slice(channel, None, self.d.channels)
                 result[only, k] = change[only] / step[i]
         return result
-
-
-def _channel_by_channel(effect: Effect) -> bool:
-    """Whether an effect changes each channel by that channel's reading alone."""
-    return effect.channelwise or not effect.in_sensor
 
 
 @cache

@@ -4,7 +4,7 @@
 effects, extends the best of these, and replaces each cause of the best explanation by its rivals.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,8 +61,8 @@ def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarra
     """Errors (C R,) of predicting each block b of readings y from all others, P_bb⁻¹ (P y)_b with
     their precision P; ``block_rows`` (R,): number of each row's block."""
     half, w = _weighed(level, f)
-    result = np.empty_like(w)
-    for rows in _of_blocks(block_rows, len(w)):
+    result, block = np.empty_like(w), np.repeat(block_rows, len(w) // len(block_rows))
+    for rows in (np.flatnonzero(block == b) for b in np.unique(block)):
         precision = level.precision(rows) - half[:, rows].T @ half[:, rows]
         result[rows] = np.linalg.solve(precision, w[rows])
     return result
@@ -75,13 +75,6 @@ def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarra
     normal = f.design.T @ solved[:, :k] + np.diag(1.0 / f.spread**2)
     half = np.linalg.solve(np.linalg.cholesky(normal), solved[:, :k].T)
     return half, solved[:, k] - half.T @ (half @ f.y)
-
-
-def _of_blocks(block_rows: np.ndarray, values: int) -> Iterator[np.ndarray]:
-    """Indices of each block's values among all C R ``values``; ``block_rows`` (R,): row's block."""
-    block = np.repeat(block_rows, values // len(block_rows))
-    for b in np.unique(block):
-        yield np.flatnonzero(block == b)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ ordinary ones of the effect itself among them, the fitted square follows a nonce
 degrees and s² tr P. At s95 its 5 % quantile is the larger one of both thresholds.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -24,8 +24,10 @@ from wrenchbed.diagnosis.evidence.likelihood import MOST, log_sum
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher, batches
 from wrenchbed.diagnosis.explain.elements import element, listed, of_element
 from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.effects import sensor_crosstalk
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import effects
+from wrenchbed.pages.numbers import rough
 
 DETECTED = 0.9
 """Probability by evidence from which an effect counts as there (docs/contracts.md, `minor`); how
@@ -49,6 +51,7 @@ SQUARES = (1e-2, 1e6)
 searched: beyond it a fault makes a gap of hundreds."""
 HALVINGS = 40
 """Bisections of the logarithm of `SQUARES`: to a part in 10⁹."""
+CROSSTALK = sensor_crosstalk.EFFECT.name
 FIRST = ("joint.offset", "link.length")
 """Effects that are named first among those that a recording cannot show."""
 MOST_NAMED = 4
@@ -81,10 +84,15 @@ class BlindSpot:
     @property
     def sentence(self) -> str:
         """Sentence such as ``joint.offset of joint 1: no effect on these readings``."""
-        of = f" of {self.element}" if self.element else ""
+        of = _of(self.effect, [self.element])
         if self.smallest is None:
             return f"{self.effect}{of}: {self.why}"
-        return f"{self.effect}{of}: seen from {_quantity(self.smallest, self.unit)}"
+        return f"{self.effect}{of}: seen from {self.size(self.smallest)}"
+
+    def size(self, like: float) -> str:
+        """Text of the smallest size, in the unit of the size ``like`` (both SI)."""
+        name = "x." if self.effect == CROSSTALK else "size"
+        return rough(name, self.smallest or 0.0, self.unit, like)
 
     def to_json(self) -> dict[str, Any]:
         """Entry of ``blind`` in ``diagnosis.json``."""
@@ -248,13 +256,9 @@ def blind_spots(designs: Sequence[Design]) -> tuple[BlindSpot, ...]:
     for key, spot in first.items():
         same = [spot, *(other[key] for other in others if key in other)]
         if len(same) == len(designs):
-            sizes = [s.smallest for s in same if s.smallest is not None]
-            result.append(spot if not sizes else _best(same, min(sizes)))
+            sized = [s for s in same if s.smallest is not None]
+            result.append(min(sized, key=lambda s: s.smallest or 0.0, default=spot))
     return tuple(result)
-
-
-def _best(spots: Iterable[BlindSpot], smallest: float) -> BlindSpot:
-    return next(s for s in spots if s.smallest == smallest)
 
 
 def _of_design(design: Design) -> dict[tuple[str, str], BlindSpot]:
@@ -329,20 +333,6 @@ def _element_of(parameter: str) -> str:
     return parameter if end.isdigit() else end
 
 
-def _quantity(value: float, unit: str) -> str:
-    """A size with its unit in words: degrees, per cent, mm."""
-    scale, words = 1.0, f" {unit}"
-    if unit.startswith("rad"):
-        scale, words = 180.0 / np.pi, unit.replace("rad", "°", 1)
-    elif unit == "m" or unit.startswith("m/"):
-        scale, words = 1e3, f" m{unit}"
-    elif unit == "kg·m²":
-        scale, words = 1e3, " g·m²"
-    elif unit == "1":
-        scale, words = 100.0, " %"
-    return f"{float(f'{scale * value:.2g}'):g}{words}"
-
-
 def unseen(spots: Sequence[BlindSpot], most: int) -> str:
     """Words, at most ``most`` characters if possible, for effects that change no reading: first
     those that are often wrong in simulators, the rest as a number; empty if there is none."""
@@ -376,8 +366,7 @@ def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:
         some = [s for s in of if s.smallest is not None]
         for why in dict.fromkeys(s.why for s in none):
             names = [s.element for s in none if s.why == why]
-            elements = f" of {listed(names, 'and')}" if all(names) else ""
-            result.append(f"{name}{elements}: {why}")
+            result.append(f"{name}{_of(name, names)}: {why}")
         for unit in dict.fromkeys(s.unit for s in some):
             result.append(_together([s for s in some if s.unit == unit]))
     if foreign:
@@ -389,7 +378,14 @@ def _together(spots: Sequence[BlindSpot]) -> str:
     """Sentence on elements of an effect whose smallest sizes have one unit."""
     if len(spots) == 1:
         return spots[0].sentence
-    sizes = sorted(s.smallest for s in spots if s.smallest is not None)
-    low, high = (_quantity(x, spots[0].unit) for x in (sizes[0], sizes[-1]))
+    ranked = sorted(spots, key=lambda s: s.smallest or 0.0)
+    low, high = (s.size(ranked[0].smallest or 0.0) for s in (ranked[0], ranked[-1]))
     reach = low if low == high else f"{low} to {high}"
-    return f"{spots[0].effect} of {listed((s.element for s in spots), 'and')}: seen from {reach}"
+    of = _of(spots[0].effect, [s.element for s in spots])
+    return f"{spots[0].effect}{of}: seen from {reach}"
+
+
+def _of(effect: str, elements: Sequence[str]) -> str:
+    """Words for an effect's elements: `` of joints 2 and 3``; of crosstalk `` into fz``."""
+    into = "into" if effect == CROSSTALK else "of"
+    return f" {into} {listed(elements, 'and')}" if all(elements) else ""

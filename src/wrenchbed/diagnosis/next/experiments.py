@@ -133,7 +133,9 @@ class Comparison:
         columns, at = self.columns(session), _with_payload(session)
         free, more = nuisance(session.prepared), list[np.ndarray]()
         if not session.again:
-            free = np.concatenate([free, _zeros(at, len(columns))], axis=1)
+            zeros = np.eye(len(at.variance))  # of each measured column
+            zeros = np.tile(zeros, (len(columns) // len(zeros), 1))
+            free = np.concatenate([free, zeros], axis=1)
             more = self._only_there(at)
         wide = [np.full(free.shape[1], LARGE), *(np.ones(x.shape[1]) for x in more)]
         noise = np.sqrt(row_variance(at, ROWS * GAP))[:, None]
@@ -349,9 +351,3 @@ def _proposed(action: Action, separates: tuple[str, ...], gain: float, shows: st
     text = f"{action.text[0].upper()}{action.text[1:]}"
     sentence = f"{text} ({action.minutes:.1f} min): {shows}."
     return Experiment(action.text, separates, gain, action.minutes, action.plan, sentence)
-
-
-def _zeros(prepared: Prepared, values: int) -> np.ndarray:
-    """Columns (C R, C) of each measured column's zero, for C R values."""
-    count = len(prepared.variance)
-    return np.tile(np.eye(count), (values // count, 1))

@@ -105,7 +105,8 @@ def averaged(
         )
     means = averages(recording)
     t = means.of(recording.t[:, None])[:, 0]
-    q = _orientations(means.of(_continuous(recording.q)))
+    q = means.of(_continuous(recording.q))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
     y = means.of(recording.wrench)
     covariance, count = data.row_covariance, np.full(len(t), means.stride)
     checks.enough(recording, replace(data, q=q, wrench=y, count=count, t=t), configuration)
@@ -188,7 +189,3 @@ def _continuous(q: np.ndarray) -> np.ndarray:
     """Quaternions (N, 4) with signs that make them continuous."""
     flips = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     return np.asarray(q * np.concatenate([[1.0], np.cumprod(flips)])[:, None])
-
-
-def _orientations(q: np.ndarray) -> np.ndarray:
-    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
