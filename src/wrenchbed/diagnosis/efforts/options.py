@@ -77,7 +77,7 @@ def facts_of(
 ) -> Facts[Structure]:
     """Facts for a decision on joint efforts, from probable sets of causes, best first; see `Facts`.
 
-    Causes must add a gap of ``least``; sets in which unnamed causes add much count as unknown.
+    Causes add ``least`` gap; sets with large unnamed causes are unknown. ``seed``: of bootstrap.
     """
     some, unknown = list[Option[Structure]](), 0.0
     for o in every:

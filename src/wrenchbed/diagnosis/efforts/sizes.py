@@ -124,8 +124,8 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
 
 
 def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
-    """Effects, by joint or link, that these efforts would show at no plausible size, or only above
-    a plausible one or one that adds a gap of 1."""
+    """Effects, by joint or link, that these efforts would show at no plausible size, or only at a
+    size above the plausible one or above that which adds a gap of 1."""
     d, spots, every = evidence.d, list[BlindSpot](), shown_from(evidence)
     keys = {b.key for b in d.blocks if not b.outside}
     for effect, number in sorted(keys, key=lambda key: (key[0], key[1] or 0)):

@@ -197,7 +197,7 @@ class BackgroundLevel(OfProducts):
         return white.products(white)
 
     def precision(self, rows: np.ndarray) -> np.ndarray:
-        """Block (k, k), at k values of indices ``rows``, of K₀⁻¹ (noise and background)."""
+        """Block (k, k), at values of k indices ``rows``, of the precision K₀⁻¹ of the readings."""
         if not self.tall:
             return np.asarray(self._inverse[np.ix_(rows, rows)])
         root = np.sqrt(self.v0[rows])

@@ -235,7 +235,8 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
 
 
 def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
-    """Biases (S,) among stated numbers as large as a signal's range ``extent`` (C,), else 0."""
+    """For each stated number (S,): of a bias the size that moves its channel by a signal's range
+    ``extent`` (C,), in typical sizes; 0 of mass and CoG."""
     result = np.zeros(len(d.stated))
     for i in np.flatnonzero(d.of_stated(STATED[0])):
         column = np.abs(d.E[:, d.stated[i]].reshape(-1, d.channels)).max(axis=0)

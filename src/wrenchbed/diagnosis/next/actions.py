@@ -46,8 +46,8 @@ class ExperimentRun:
 
 
 def loaded(prepared: Prepared, payload: tuple[float, np.ndarray], **change: float) -> np.ndarray:
-    """Parameters (P,) with a known load added to the tool; ``change`` is added to the tool's own
-    mass or CoG first (``mass``, ``cog.x`` …)."""
+    """Parameters (P,) with a known ``payload``, mass [kg] and CoG (3,) [m], added to the tool;
+    ``change`` is added to the tool's own mass or CoG first (``mass``, ``cog.x`` …)."""
     bare = Configuration(prepared.model, np.array(prepared.scene.theta))
     mass = bare.mass + change.get("mass", 0.0)
     cog = bare.cog + [change.get(f"cog.{a}", 0.0) for a in "xyz"]
