@@ -111,8 +111,8 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
 
 
 def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
-    """Sentence on the likeliest faults ``names``. If that is a zero of the sensor, its values are
-    ``size`` (6,) times `CONSTANT`; else the clause ``moves`` says what they shift."""
+    """Sentence on the likeliest faults ``names``. If the first is a zero of the sensor, its values
+    are ``size`` (6,) times `CONSTANT`; else the clause ``moves`` says what the fault shifts."""
     if names[0] == "a zero of the sensor":
         values = ", ".join(f"{v:.3g}" for v in size * CONSTANT)
         return (

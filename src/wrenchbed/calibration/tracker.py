@@ -70,7 +70,7 @@ class Sight:
         read: measured positions (H, 3) in the tracker's axes [m].
         columns: indices of the free geometric parameters.
         joints: indices from 0 of the joints with a free compliance.
-        turn: rotation (3, 3) from world to tracker, on which its fitted rotation vector acts.
+        turn: rough rotation (3, 3) from world to tracker; a fitted rotation vector refines it.
     """
 
     model: Model

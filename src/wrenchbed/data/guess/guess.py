@@ -319,8 +319,8 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
 
 
 def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """Map entries ax, ay, az of accelerometer columns, turned to sensor axes, and of their clock t
-    if it is late; empty where they do not follow the forces."""
+    """Map entries ax, ay, az of the accelerometer columns along the sensor's axes, and of their
+    clock if it is late; empty where they do not follow the forces."""
     names, load, at = [sheet.roles[a] for a in ACCELERATION], c.load, rows_at(c.load, sheet)
     force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
     if at is None:
