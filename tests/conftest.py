@@ -74,3 +74,12 @@ def made(tmp_path_factory) -> Path:
     assert main(run) == 0
     assert main(["calibrate", rec, "--out", fit]) == 0
     return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """The working folder, with a plan and a recording."""
+    monkeypatch.chdir(tmp_path)
+    for name, short in (("plan", "p"), ("rec", "r")):
+        shutil.copy(made / f"{name}.parquet", f"{short}.parquet")
+    return tmp_path

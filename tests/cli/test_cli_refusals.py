@@ -5,7 +5,6 @@ import json
 import os
 import re
 import resource
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -168,14 +167,6 @@ def test_what_is_no_shortage_is_none():
 
 NTNU = Path(__file__).resolve().parents[1] / "data" / "ntnu_kuka_ati_gamma"
 RECORD = ["record", "--robot", "ur5", "--plan", "p.parquet", "--samples", "6", "--out"]
-
-
-@pytest.fixture
-def folder(made, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for name, short in (("plan", "p"), ("rec", "r")):
-        shutil.copy(made / f"{name}.parquet", f"{short}.parquet")
-    return tmp_path
 
 
 def refused(line, told, capsys):

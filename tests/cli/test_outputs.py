@@ -3,7 +3,6 @@
 import fcntl
 import json
 import os
-import shutil
 import subprocess
 import sys
 
@@ -23,11 +22,8 @@ from wrenchbed.physics.wrench import CHANNELS
 
 
 @pytest.fixture
-def folder(made, tmp_path, monkeypatch):
-    """A folder with a plan, a recording and files of somebody else."""
-    monkeypatch.chdir(tmp_path)
-    for name, short in (("plan", "p"), ("rec", "r")):
-        shutil.copy(made / f"{name}.parquet", f"{short}.parquet")
+def folder(folder, tmp_path):
+    """With files of somebody else."""
     (tmp_path / "mine.txt").write_text("mine")
     (tmp_path / "mine.json").write_text('{"mine": 1}')
     (tmp_path / "mine.html").write_text("<!doctype html><p>mine")

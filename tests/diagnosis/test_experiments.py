@@ -223,7 +223,6 @@ def test_sentences_group_elements():
         BlindSpot("sensor.drift", "tx", 0.0034, "N·m"),
         BlindSpot("sensor.drift", "tz", 0.014, "N·m"),
         BlindSpot("sensor.crosstalk", "fz", 0.4, "1/m"),
-        BlindSpot("joint.compliance", "joint 2", 2.4e-5, "rad/(N·m)"),
         BlindSpot("timing.skew", "", None, "", NOT_HERE),
     ]
     assert sentences(spots) == (
@@ -232,7 +231,6 @@ def test_sentences_group_elements():
         "sensor.saturation of fx: seen from 110 %",
         "sensor.drift of tx and tz: seen from 3.4 mN·m to 14 mN·m",
         "sensor.crosstalk into fz: seen from 0.4 N/(N·m)",
-        "joint.compliance of joint 2: seen from 24 µrad/(N·m)",
         "timing.delay and timing.skew: cannot show in such a recording",
     )
 

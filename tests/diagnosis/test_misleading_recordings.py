@@ -132,9 +132,8 @@ def test_rivals_without_a_stated_tool_have_a_next_experiment():
     if told.verdict == "ambiguous":
         assert told.next
     (cause,) = (w for w in told.which if "sensor.drift" in named_by(w))
-    sizes = {**cause["size"], **cause["parameters"]}.values()
-    assert all(x["value"] < 0.0 < x["over"] <= rec.t[-1] for x in sizes if "over" in x)
-    assert any("over" in x for x in sizes)
+    sizes = [x for x in {**cause["size"], **cause["parameters"]}.values() if "over" in x]
+    assert sizes and all(x["value"] < 0.0 < x["over"] <= rec.t[-1] for x in sizes)
 
 
 def recorded(name, mass):

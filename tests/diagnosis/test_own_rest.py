@@ -85,7 +85,7 @@ def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
     }
     assert told.causes[0].shares == pytest.approx((0.5, 0.5))
     many = widened(verdict, [(n, None) for n in "abcde"])
-    assert (many.word, many.causes) == ("unknown", ())
+    assert (many.word, many.causes) == ("unknown", ()) and len(many.alike) == 6
     assert dict(many.probabilities) == {"sensor.jump": 0.3, "unknown": pytest.approx(0.7)}
 
 

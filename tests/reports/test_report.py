@@ -231,13 +231,13 @@ def test_two_causes_are_counted(springy):
     assert "the same effect" in WrenchAnswer(changed(both, verdict="identified")).headline
 
 
-CROWD = "base.tilt|cable.pull|link.length|joint.offset|mount.rotation|sensor.gain"
 VERDICTS = {
     "unknown": ({}, "page: No known effect explains the gap; where: the residual follows; "
                 "which: Probability that it is something unknown: > 0.99; far: It stays on 24"),
     "unknown, many alike": (
-        {"probabilities": {CROWD: 0.9, "none": 0.0, "unknown": 0.1}, "floor": 0.98},
-        "page: Too many effects explain the gap equally; which: base.tilt, cable; far: 0.98 of it"),
+        {"cannot_tell": ["One, two and six explain the gap equally well"], "floor": 0.98},
+        "page: More than five effects explain the gap alike; which: One, two and six explain the "
+        "gap equally well: no choice; far: 0.98 of it"),
     "none": ({}, "page: No cause found: the residual is within normal imperfections; "
              "which: No cause is named.; far: there is nothing to close"),
     "none beside a gap": ({"calibrated": Interval(1.64, 0.71, 2.6)},
@@ -257,6 +257,8 @@ VERDICTS = {
 @pytest.mark.parametrize("case", VERDICTS)
 def test_each_verdict_has_its_sentences(case, springy, healthy):
     of = {"unknown": without_cause(springy), "none": healthy, "springy": springy}
+    if "alike" in case:
+        of["unknown"] = replace(of["unknown"], verdict=replace(springy.verdict, alike=(("", 1),)))
     found, (change, texts) = of[case.split()[0].strip(",")], VERDICTS[case]
     gap = {k: v for k, v in change.items() if isinstance(v, Interval | float)}
     rest = {k: v for k, v in change.items() if k not in gap}
@@ -271,6 +273,7 @@ def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     noisy = found(tmp_path, "sensor.noise:" + ",".join(f"std.f{a}=0.2" for a in "xyz"))
     assert [w["effect"] for w in noisy.diagnosis.which] == ["sensor.noise"]
     page = shown(noisy)
+    assert noisy.diagnosis.which[0]["probability"] == noisy.diagnosis.probabilities["sensor.noise"]
     std = noisy.diagnosis.which[0]["parameters"]["std.fx"]
     assert std["value"] == pytest.approx(0.2, abs=4 * std["std"])
     row = noisy.diagnosis.which[0]["size"]["row_noise.fx"]

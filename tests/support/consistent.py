@@ -51,7 +51,7 @@ _NEVER = re.compile(
     r"|\d\)?(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? (?:rad|m|mrad|kg·m²)(?![\w·/²³])"
 )
 """What no text may hold; the last: metres, radians, kilogram square metres, which nobody reads."""
-_NO_CAUSE = re.compile("No known|No cause found|Too many effects")
+_NO_CAUSE = re.compile("No known|No cause found|More than five effects")
 
 
 class Answer:

@@ -222,7 +222,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         where=lying or hints,
         which=which if verdict.word in ("identified", "ambiguous", PARTIAL) else [],
         probabilities=verdict.probabilities,
-        cannot_tell=json_entries.cannot_tell(which),
+        cannot_tell=json_entries.cannot_tell(which, verdict.alike),
         blind=blind_spots(_designs(analysis)),
         next=proposed,
         twin=twin,

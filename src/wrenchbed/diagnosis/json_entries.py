@@ -12,7 +12,7 @@ from wrenchbed.diagnosis.explain.claims import Explanation, stated
 from wrenchbed.diagnosis.explain.elements import NAMING, combination, element, elements, listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import INSEPARABLE, Cause, Elements, Verdict
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE, Cause, Elements, Key, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.contact import CONTACT
@@ -50,8 +50,10 @@ def causes(
         name, rivals = c.names[0], _rivals(a, verdict, c, spread)
         entry = cause(name, c.probability, {}, rivals, gap.shares.get(name))
         result.append(entry | {"channels": families(gap)} | _numbers(a, verdict, c, spread))
+    most = {} if verdict.causes else verdict.probabilities  # of one that leads: as there
     return result + [
-        cause(r.effect, r.probability, r.parameters, elements=r.channels) | {"size": r.size}
+        cause(r.effect, most.get(r.effect, r.probability), r.parameters, elements=r.channels)
+        | {"size": r.size}
         for r in between
     ]
 
@@ -65,9 +67,10 @@ def elements_of(a: Analysis, verdict: Verdict[Explanation]) -> list[Mapping[str,
     ]
 
 
-def cannot_tell(which: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Sentences on elements and effects of ``which`` that this recording does not separate."""
-    result = []
+def cannot_tell(which: Iterable[Mapping[str, Any]], alike: Sequence[Key] = ()) -> list[str]:
+    """Sentences on what this recording does not separate: of ``which``, and of `Verdict.alike`."""
+    names = (n if k is None else f"{n} of joint {k}" for n, k in alike)
+    result = [f"{listed(names, 'and')} explain the gap equally well"] if alike else []
     for entry in which:
         several, total = entry["elements"], entry["combination"]
         if total is not None and str(total["text"]).startswith("sum of "):

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.verdict import Key
 from wrenchbed.diagnosis.next.blind import sentences
 from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.pages import numbers
@@ -26,6 +27,7 @@ _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", 
 _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
 
 
+TOO_MANY = "More than five effects explain the gap alike; these data cannot tell them apart."
 LOUD, MOST_LOUD = 2.0 / 3.0, 3
 """Channels are named that hold this share of the gap together, if they are at most so many."""
 
@@ -37,12 +39,13 @@ class Answer(ABC):
         d: the diagnosis.
         fitted: phrase on the parameters that were fitted in the calibrated simulator.
         notes: further sentences for the reader.
+        alike: causes that explain the gap equally well, where they are too many for a claim.
     """
 
     fitted: str
 
-    def __init__(self, d: Diagnosis) -> None:
-        self.d = d
+    def __init__(self, d: Diagnosis, alike: Sequence[Key]) -> None:
+        self.d, self.alike = d, alike if d.verdict == UNKNOWN else ()
         self.notes: Sequence[str] = d.notes
 
     @property

@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
-from wrenchbed.reports.answer import Answer
+from wrenchbed.reports.answer import TOO_MANY, Answer
 from wrenchbed.reports.claim import Claim, claim
 
 _SHOWN_S = 15.0
@@ -36,7 +36,7 @@ class EffortAnswer(Answer):
     observations = "blocks of time"
 
     def __init__(self, findings: EffortFindings) -> None:
-        super().__init__(findings.diagnosis)
+        super().__init__(findings.diagnosis, findings.verdict.alike)
         self.findings = findings
         self.notes = [*self.notes, *self.fitted_load]
         alone = findings.d.scene.wrench is None
@@ -62,7 +62,7 @@ class EffortAnswer(Answer):
     @property
     def no_claim(self) -> str:
         if self.d.verdict != NONE:
-            return f"No known effect explains the gap{self.loudest}."
+            return TOO_MANY if self.alike else f"No known effect explains the gap{self.loudest}."
         if self.unstated:
             return f"No cause found beside what nobody states and was fitted: {self.unstated}."
         return "No cause found: the residual is within normal imperfections."
@@ -86,6 +86,8 @@ class EffortAnswer(Answer):
     def no_cause(self) -> str:
         if self.d.verdict == NONE:
             return f"With probability {self.chance_of(NONE)} nothing counts as a cause."
+        if self.alike:
+            return f"{self.d.cannot_tell[0]}: no choice is made."
         outside = self.findings.outside
         return self.unknown("the gap", f" It looks most like: {outside}." if outside else "")
 

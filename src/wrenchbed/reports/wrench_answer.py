@@ -11,7 +11,7 @@ from wrenchbed.diagnosis.next.blind import unseen
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.pages import numbers
-from wrenchbed.reports.answer import MOST_HEADLINE, Answer
+from wrenchbed.reports.answer import MOST_HEADLINE, TOO_MANY, Answer
 from wrenchbed.reports.claim import Claim, capital, listed
 from wrenchbed.reports.claim import place as place_of
 
@@ -40,7 +40,7 @@ class WrenchAnswer(Answer):
     """
 
     def __init__(self, findings: Findings) -> None:
-        super().__init__(findings.diagnosis)
+        super().__init__(findings.diagnosis, findings.verdict.alike)
         self.findings = findings
         usual = findings.analysis.prepared.channels[0].usual
         self.fitted = f"{usual} fitted, as every user does"
@@ -78,8 +78,8 @@ class WrenchAnswer(Answer):
             text += f"; detected, but below what counts: {small}" if small else ""
             names = unseen(self.d.blind, MOST_HEADLINE - len(text) - len(_BLIND))
             return f"{text}{_BLIND}{names}." if names else f"{text}."
-        if self._crowd:
-            return "Too many effects explain the gap equally well."
+        if self.alike:
+            return TOO_MANY
         follows = self._unexplained == _GAP and self._follows and self._agrees
         varies = f": it varies with {self.variable}" if follows else ""
         within = self.loudest if self._unexplained == _GAP else ""
@@ -92,9 +92,8 @@ class WrenchAnswer(Answer):
                 f"With probability {self.chance_of(NONE)} nothing counts as a cause: many small "
                 "imperfections together are normal, and a cause adds a gap of at least 1."
             )
-        if self._crowd:
-            names = ", ".join(self.nearest[0].split("|"))
-            return f"These explain it equally well, and no choice is made: {names}."
+        if self.alike:
+            return f"{self.d.cannot_tell[0]}: no choice is made."
         return self.unknown(self._unexplained)
 
     @property
@@ -232,12 +231,6 @@ class WrenchAnswer(Answer):
             if self.findings.analysis.prepared.touch is not None:
                 return "what comes while something touches the tool"
         return _GAP
-
-    @property
-    def _crowd(self) -> bool:
-        """Whether the verdict is unknown only because too many effects fit equally well."""
-        best, p = self.nearest
-        return self.d.verdict == UNKNOWN and "|" in best and p > self.d.probabilities[UNKNOWN]
 
 
 def _the(place: str) -> str:

@@ -92,9 +92,9 @@ def test_an_arm_whose_friction_falls_by_a_tenth_is_healthy():
 
 
 @pytest.mark.slow
-def test_hysteresis_is_one_cause_with_the_friction_that_it_adds(tmp_path):
+def test_hysteresis_is_one_cause_and_none_beside_five_alike(tmp_path, monkeypatch):
     size = 6.0
-    found = diagnose_efforts(case(Gap("gear hysteresis", 2, size), seed=22))
+    found = diagnose_efforts(recording := case(Gap("gear hysteresis", 2, size), seed=22))
     consistent(found)
     (only,) = found.diagnosis.which
     assert only["effect"] == "drive.hysteresis" and not only["rivals"]
@@ -104,6 +104,11 @@ def test_hysteresis_is_one_cause_with_the_friction_that_it_adds(tmp_path):
     found.write(tmp_path)
     drives = json.loads((tmp_path / "drives.json").read_text())["configured"]
     assert drives["drive.coulomb.2"] == pytest.approx(COULOMB[1], rel=0.15)
+    alike = [(f"drive.{name}", 2) for name in ("coulomb", "offset", "load", "cogging", "stribeck")]
+    monkeypatch.setattr("wrenchbed.diagnosis.efforts.diagnose_efforts.as_good", lambda *_: alike)
+    words = EffortAnswer(diagnose_efforts(recording))
+    assert words.headline.startswith("More than five effects explain the gap alike")
+    assert words.d.cannot_tell[0] in words.no_cause and "drive.cogging of joint" in words.no_cause
 
 
 @pytest.mark.slow

@@ -90,7 +90,8 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
     if others[NONE] >= max(others[UNKNOWN], lead):
         return Verdict(NONE, (), facts.options[0].explanation, probability)
     if others[UNKNOWN] >= lead or len(names) > 1 + MOST_RIVALS:
-        return Verdict(UNKNOWN, (), claim.explanation, probability)
+        alike = main.keys if others[UNKNOWN] < lead else ()
+        return Verdict(UNKNOWN, (), claim.explanation, probability, alike)
     return Verdict(_word(causes), causes, claim.explanation, probability)
 
 
@@ -383,7 +384,7 @@ def widened(verdict: Verdict[S], rivals: Sequence[Key]) -> Verdict[S]:
     probability[key] += sum(probability.pop(n, 0.0) for n in more)
     if len(keys) > 1 + MOST_RIVALS:
         probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + probability.pop(key)
-        return replace(verdict, word=UNKNOWN, causes=(), probabilities=probability)
+        return replace(verdict, word=UNKNOWN, causes=(), probabilities=probability, alike=keys)
     shares = lead.shares or (1.0,) * len(lead.keys)
     each = np.array([*shares, *(min(shares) for _ in new)])
     wider = replace(

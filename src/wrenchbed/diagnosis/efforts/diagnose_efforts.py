@@ -138,7 +138,7 @@ def diagnose_efforts(
     diagnosis = Diagnosis(
         recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
         json_entries.where(d, final, gap, seen), which, dict(final.probabilities),
-        cannot_tell(which), json_entries.next_steps(final, seen), twin,
+        cannot_tell(which, final.alike), json_entries.next_steps(final, seen), twin,
         time.perf_counter() - begun,
         (*notes(given, recording, recording), *json_entries.notes(d, final, gap, seen, unnamed)),
         set90=set90(final, UNLEARNT),

@@ -131,9 +131,11 @@ class Verdict(Generic[S]):
         causes: claimed causes, largest first; empty for none and unknown.
         explanation: set of causes behind the claims, also behind an unknown.
         probabilities: ``none``, ``unknown`` and each leading cause (names joined by ``|``): sum 1.
+        alike: causes that explain the recording equally well and are too many for a claim.
     """
 
     word: str
     causes: tuple[Cause, ...]
     explanation: S
     probabilities: Mapping[str, float]
+    alike: tuple[Key, ...] = ()

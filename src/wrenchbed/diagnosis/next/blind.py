@@ -381,8 +381,7 @@ def _together(spots: Sequence[BlindSpot]) -> str:
     ranked = sorted(spots, key=lambda s: s.smallest or 0.0)
     low, high = (s.size(ranked[0].smallest or 0.0) for s in (ranked[0], ranked[-1]))
     reach = low if low == high else f"{low} to {high}"
-    of = _of(spots[0].effect, [s.element for s in spots])
-    return f"{spots[0].effect}{of}: seen from {reach}"
+    return f"{spots[0].effect}{_of(spots[0].effect, [s.element for s in spots])}: seen from {reach}"
 
 
 def _of(effect: str, elements: Sequence[str]) -> str:
