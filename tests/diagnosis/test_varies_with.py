@@ -167,11 +167,13 @@ def test_hints_are_one_a_subsystem_and_causes_entries_in_their_order():
     assert entries([], [Finding("time", 0.0, 0.5, "Not seen.")]) == []
     both = [Finding(v, 0.2, 1e-9, f"{v} is seen.") for v in ("time", "load")]
     assert ["only a hint" in e["sentence"] for e in entries([], both)] == [True, False]
-    causes = [("joint.compliance", "joint 2|3|4", 0.7, 0.0), ("base.tilt", "", 0.2, 1e-4)]
+    causes = [("joint.compliance", "joint 2|3|4", 0.7, 0.0),
+              ("base.tilt", "", 0.2, 1e-4, ("cable.pull",), "configured")]  # fmt: skip
     first, second = entries(causes, [Finding("time", 0.9, 0.005, "…")])
     assert (first["subsystem"], first["detail"], first["share"]) == ("joint", "joint 2|3|4", 0.7)
     assert 0.0 < first["p_value"] < 1e-100 and "joint 2|3|4" in first["sentence"]
-    assert second["subsystem"] == "base"
+    said = "20 % of the configured gap lies in the base or the cable: base.tilt or cable.pull."
+    assert (second["subsystem"], second["sentence"]) == ("base", said)
 
 
 ROWS, JOINTS = 600, 4

@@ -156,7 +156,6 @@ def test_people_read_millimetres_and_degrees_and_files_hold_si(si, unit, text):
     assert numbers.quantity("joint", {"value": 2, "rivals": [3]}) == "2 (or 3)"
     gain = {"value": -0.05, "std": 0.01, "unit": "1"}
     assert numbers.quantity("gain.fx", gain) == "−5.0 ± 1.0 %"
-    assert numbers.quantity("x.fz.ty", {"value": 0.5, "unit": "1/m"}) == "0.5 N/(N·m)"
 
 
 def test_certainty_is_never_claimed():

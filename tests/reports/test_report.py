@@ -249,7 +249,7 @@ VERDICTS = {
         "far: 30.0 % closed; far: 20.0 … 40.0 %; which: joint.compliance"),
     "springy and worse": (
         {"with_effects": Interval(90.0, 80.0, 99.0), "closed": Interval(-2.5, -3.0, -2.0)},
-        "far: Not closed; far: make the gap larger"),
+        "far: Not closed; far: make the calibrated gap larger"),
 }  # fmt: skip
 """Changes of a diagnosis, and texts of its page by their section."""
 

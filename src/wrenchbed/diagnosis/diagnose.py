@@ -21,6 +21,7 @@ from wrenchbed.diagnosis.decision.decide import (
     beside_contact,
     beside_own_rest,
     conclude,
+    confirmed,
     decide,
     withdrawn,
 )
@@ -200,7 +201,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     unknown = verdict.word == UNKNOWN
     lying = varies_with.entries(
         json_entries.places(analysis, verdict, gap), places if unknown else (),
-        [json_entries.row_place(r) for r in between],
+        [(r.effect, ", ".join(r.channels), r.rise / (1.0 + r.rise), 1.0 - r.probability)
+         for r in between],
     )  # fmt: skip
     sensors = [("sensor", channel) for channel in gap.per_channel]
     hints = varies_with.of_channels(gap, sensors) if unknown else []
@@ -214,6 +216,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     unlike = UNLIKE if known.unlike(weighed.p_value, mode) else ""
     learnt = f"the probabilities were learnt on {known.source}{unlike}"
     which = json_entries.causes(analysis, verdict, gap, spread, between)
+    others = " and ".join(c.name for c in prepared.channels[1:])
+    held = [c.part.name for c in verdict.causes if confirmed(c, gap)]
     diagnosis = Diagnosis(
         recording=prepared.recording.name,
         robot=prepared.recording.metadata.robot,
@@ -240,7 +244,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
             *json_entries.of_data(analysis, gap.folds),
             learnt,
             *json_entries.notes(gap, between, unknown=verdict.word == UNKNOWN),
-            *json_entries.confirmations(prepared, verdict, gap),
+            *(f"{name} is upheld by the {others} alone, on rows that no fit saw" for name in held),
         ),
     )
     if touch is not None:

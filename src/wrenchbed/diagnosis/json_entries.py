@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, quantity
-from wrenchbed.diagnosis.decision.decide import confirmed
 from wrenchbed.diagnosis.explain.claims import Explanation, stated
 from wrenchbed.diagnosis.explain.elements import NAMING, combination, element, elements, listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
@@ -23,8 +22,6 @@ from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
 
 DRIFT = sensor_drift.EFFECT.name
-Place = tuple[str, str, float, float]
-"""Effect, detail, share (0…1) and p-value of an entry of ``where`` of diagnosis.json."""
 _HALVINGS = 5
 """Bisections for the edge of a variable's range within which no reading changes."""
 _FINEST = 2.0**-14
@@ -301,7 +298,7 @@ def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[s
     return result
 
 
-def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[Place]:
+def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[tuple[Any, ...]]:
     """Effect, detail, share of the gap and p-value of each claimed cause, for key ``where``."""
     result, best = [], verdict.explanation.log_posterior
     for c in verdict.causes:
@@ -310,13 +307,9 @@ def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[Pla
         # a Bayes factor is an e-value, and 1/e a p-value: Vovk & Wang 2021, 10.1214/20-AOS2020
         p_value = float(np.exp(-max(gain, 0.0)))
         closed = gap.shares.get(c.names[0], 0.0)
-        result.append((c.names[0], _detail(verdict, c), closed, p_value))
+        of, rivals = _detail(verdict, c), c.names[1:]
+        result.append((c.names[0], of, closed, p_value, rivals, gap.closed_from))
     return result
-
-
-def row_place(r: RowFinding) -> Place:
-    """Effect, channels, variance share and p-value of an effect that only row scatter shows."""
-    return r.effect, ", ".join(r.channels), r.rise / (1.0 + r.rise), 1.0 - r.probability
 
 
 def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
@@ -369,15 +362,6 @@ def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tupl
             + ", ".join(f"{r.effect} (probability {r.probability:.2g})" for r in between)
         )
     return (*result, *(r.sentence for r in between))
-
-
-def confirmations(
-    prepared: Prepared, verdict: Verdict[Explanation], gap: Closure
-) -> tuple[str, ...]:
-    """Notes on causes that channels other than the wrench confirm without it."""
-    names = " and ".join(c.name for c in prepared.channels[1:])
-    held = [c.part.name for c in verdict.causes if confirmed(c, gap)]
-    return tuple(f"{name} is upheld by the {names} alone, on rows that no fit saw" for name in held)
 
 
 def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> Diagnosis:

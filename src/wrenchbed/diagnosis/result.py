@@ -151,6 +151,7 @@ class Diagnosis:
                     "floor": g.floor,
                     "closed": _value(g.closed),
                     "closed_ci95": _ends(g.closed),
+                    "closed_from": g.closed_from,
                     "closed_by_black_box": g.black_box,
                     "held_out_rows": g.rows,
                     "per_channel": {c: dict(v) for c, v in g.per_channel.items()},

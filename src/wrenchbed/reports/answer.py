@@ -206,16 +206,17 @@ class Answer(ABC):
         """(number as text, sentences) on the share of the gap that the claimed causes close."""
         g = self.d.gap
         assert g.with_effects is not None
+        start = f"The {g.closed_from} gap"
         both = f"from {numbers.gap(g.start)} to {numbers.gap(g.with_effects.value)}"
         if g.closed is None:
-            return "", f"The gap goes {both} {self.on}; both are within the noise."
+            return "", f"{start} goes {both} {self.on}; both are within the noise."
         if g.closed.value <= 0:
-            text = f"The named effects make the gap larger, {both}, {self.on}"
+            text = f"The named effects make the {g.closed_from} gap larger, {both}, {self.on}"
             return "Not closed", f"{text}: do not use this twin."
         closed, low, high = (
             numbers.percent(min(x, 1.0)) for x in (g.closed.value, g.closed.low, g.closed.high)
         )
-        text = f"The gap shrinks {both} {self.on}."
+        text = f"{start} shrinks {both} {self.on}."
         text += f" 95 % interval of the share closed: {low} … {high} %."
         text += " Much of it is left: do not trust this twin." if self.distrusted else ""
         return f"{closed} % closed", text

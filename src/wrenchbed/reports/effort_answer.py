@@ -95,8 +95,10 @@ class EffortAnswer(Answer):
     def place(self) -> str:
         names = list(dict.fromkeys(str(w["detail"]) for w in self.d.where))
         if self.d.which:
-            partial = self.d.verdict == "partial"
-            return f"{'Mostly not in' if partial else 'In'} {', '.join(names)}"
+            keys = (c.keys for c in self.findings.verdict.causes)
+            each = (" or ".join(dict.fromkeys(map(place_of, of_one))) for of_one in keys)
+            mostly = "Mostly not in" if self.d.verdict == "partial" else "In"
+            return f"{mostly} {', '.join(dict.fromkeys(each))}"
         if names:
             return f"Only a hint: {names[0]}"
         return "No joint has more than noise and ordinary imperfections"

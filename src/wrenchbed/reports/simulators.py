@@ -54,11 +54,11 @@ class HeldOutReadings:
         self.ids = np.arange(len(p.y)) if p.moving or p.averaged else pose_numbers(p)
         self.names, self.units = tuple(p.units), tuple(p.units.values())
         self.std = p.row_sigma
-        wrong_only = gap.with_effects is not None and not self.twin.active
-        self.first = "as configured" if wrong_only else "calibrated"
-        self.start = Twin(p.model, p.theta) if wrong_only else calibrated(a)
+        stated = gap.closed_from == "configured"
+        self.first = "as configured" if stated else "calibrated"
+        self.start = Twin(p.model, p.theta) if stated else calibrated(a)
         readings = {k: v[p.scene.held] for k, v in gap.readings.items()}
-        self.before = self.of(self.start) if wrong_only else readings["calibrated"]
+        self.before = self.of(self.start) if stated else readings["calibrated"]
         self.after = readings.get("with_effects")
 
     @property

@@ -184,7 +184,7 @@ class WrenchAnswer(Answer):
             return "No experiment of the kinds considered would show more within minutes."
         if self.distrusted or not closed:
             return "Do not use twin.json yet: record more poses, and diagnose both together."
-        places = listed(list(dict.fromkeys(_the(place_of(w)) for w in self.d.which)))
+        places = self.place.removeprefix("In ").replace(" in ", " ")
         twin = (
             "holds the corrected simulator"
             if self.causes[0].name != CONTACT
@@ -198,11 +198,10 @@ class WrenchAnswer(Answer):
         if share is None or self.d.gap.calibrated.value < 1.0:
             return ""
         if share <= 0.0:
-            return "A black-box model closes nothing of it."
-        many = numbers.percent(share)
-        if share >= 0.5:
-            return f"A black-box model closes {many} % of it, so it repeats with what was recorded."
-        return f"A black-box model closes only {many} % of it."
+            return "A black-box model closes nothing of the calibrated gap."
+        many = f"{'' if share >= 0.5 else 'only '}{numbers.percent(share)} % of the calibrated gap"
+        text = f"A black-box model closes {many}"
+        return f"{text}, so it repeats with what was recorded." if share >= 0.5 else f"{text}."
 
     @property
     def observations(self) -> str:

@@ -98,8 +98,11 @@ def where(
     if v.word == NONE:
         return []
     if v.causes:
-        each = ((c, gap.shares[c.part.label]) for c in v.causes)
-        return entries([(c.part.name, place(c.part.key), s, 1.0 - c.probability) for c, s in each])
+        return entries([
+            (c.part.name, place(c.part.key), gap.shares[c.part.label], 1.0 - c.probability,
+             [f"{key[0]} ({place(key)})" for key in c.keys[1:]], gap.closed_from)
+            for c in v.causes
+        ])  # fmt: skip
     channels = [("drive" if j < d.scene.joints else "sensor", n)
                 for j, (n, *_) in enumerate(d.scene.channels)]  # fmt: skip
     hints = [(channels[s.joint - 1], f"{s.text[:1].upper()}{s.text[1:]}") for s in seen[:2]]

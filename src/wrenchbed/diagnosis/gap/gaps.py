@@ -39,6 +39,7 @@ class Closure:
         in_all: share of the gap of all channels together that the effects close.
         further: gap of channels but the first that each cause closes, by `Part.label`.
         start: gap of which ``closed`` is a share.
+        closed_from: which gap that is, ``calibrated`` or ``configured``.
     """
 
     configured: float
@@ -55,6 +56,7 @@ class Closure:
     in_all: Interval | None = None
     further: Mapping[str, Interval] = field(default_factory=dict)
     start: float = 0.0
+    closed_from: str = "calibrated"
 
     @property
     def closed_least(self) -> float:
@@ -179,6 +181,7 @@ def closure(
         in_all=in_all,
         further=further,
         start=drawn.average(gaps["configured"] if stated else fitted),
+        closed_from="configured" if stated else "calibrated",
     )
 
 

@@ -78,15 +78,15 @@ def locate(
 
 
 def entries(
-    causes: Sequence[tuple[str, str, float, float]],
+    causes: Sequence[tuple[str, str, float, float, Sequence[str], str]],
     findings: Sequence[Finding] = (),
     rows: Sequence[tuple[str, str, float, float]] = (),
 ) -> list[dict[str, Any]]:
     """Entries of ``where`` of diagnosis.json: causes, or hints by share, then effects on rows.
 
     Args:
-        causes: (effect, detail, share of the gap 0 … 1, p-value) of each claimed effect. Without
-            any, significant findings become hints.
+        causes: (effect, detail, share of the gap 0 … 1, p-value, rivals, the gap's name) of each
+            claimed effect. Without any, significant findings become hints.
         findings: what the residual varies with, as `locate` returns it.
         rows: (effect, channels, share of a row's variance 0 … 1, p-value) of each effect between
             rows; its share is given only if there is no other entry.
@@ -138,12 +138,15 @@ def _sentence(name: str, share: float, p_value: float) -> str:
     return f"The residual {varies}: {100 * share:.0f} % of it."
 
 
-def _of_cause(effect: str, detail: str, share: float, p_value: float) -> dict[str, Any]:
-    subsystem = effect.split(".")[0]
-    place = f" ({detail})" if detail else ""
+def _of_cause(
+    effect: str, detail: str, share: float, p_value: float, rivals: Sequence[str] = (),
+    gap: str = "calibrated",
+) -> dict[str, Any]:  # fmt: skip
+    every = (f"{effect} ({detail})" if detail else effect, *rivals)
+    parts = list(dict.fromkeys(name.split(".")[0] for name in every))
     much = "Less than 1 %" if share < 0.005 else f"{100 * share:.0f} %"
-    text = f"{much} of the gap lies in the {subsystem}: {effect}{place}."
-    return located(subsystem, detail, share, p_value, text)
+    text = f"{much} of the {gap} gap lies in the {' or the '.join(parts)}: {' or '.join(every)}."
+    return located(parts[0], detail, share, p_value, text)
 
 
 def _of_rows(
