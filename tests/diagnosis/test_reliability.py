@@ -17,6 +17,7 @@ from wrenchbed.diagnosis.explain.reliability import (
     NAMES,
     RIGHT_ELSEWHERE,
     SPREAD_ELSEWHERE,
+    UNLEARNT,
     Lesson,
     conformal,
     credible,
@@ -96,6 +97,7 @@ def test_recordings_that_taught_are_familiar_and_others_are_not():
     count = len(model.designs["dynamic"])  # too few for a p-value of 0.01: less like than each
     assert count < 1.0 / LEAST_P
     moving, likely = (model.believed_at(k / (count + 1), "dynamic") for k in (1, 2))
+    assert UNLEARNT.believed_at(1.0, "dynamic") is UNLEARNT  # lessons are made with it
     assert model.believed_at(1.0, "other").spread == moving.spread == SPREAD_ELSEWHERE
     assert strange.spread == SPREAD_ELSEWHERE > usual.spread == likely.spread
     usual = np.median(model.designs["static"], axis=0)

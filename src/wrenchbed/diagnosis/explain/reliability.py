@@ -121,9 +121,11 @@ class Reliability:
 
     def unlike(self, p_value: float, mode: str) -> bool:
         """Whether a p-value is of a recording unlike the learning cases of a mode, ``static`` or
-        ``dynamic``: less typical than 99 % of them or, where these are fewer than 100, than all."""
+        ``dynamic``: less typical than 99 % of them or, where these are fewer than 100, than all.
+        A model that learnt from nothing (`UNLEARNT`) calls none unlike."""
         count = len(self.designs.get(mode, ()))
-        return p_value < familiarity.LEAST_P or p_value * max(count, 1) <= 1.0
+        few = bool(self.designs) and p_value * max(count, 1) <= 1.0
+        return few or p_value < familiarity.LEAST_P
 
     def believed_at(self, p_value: float, mode: str) -> "Reliability":
         """Model for a recording with a p-value: less sure if it is unlike the cases of its mode."""
