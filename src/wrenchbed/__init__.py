@@ -86,9 +86,15 @@ if TYPE_CHECKING:
     from wrenchbed.viewer.rerun_window import view as view
 
     Options = _Options
-    blind_make, blind_run, blind_score = _blind_make, _blind_run, _blind_score
-    read_map, guess_map, read_points = _read_map, _guess_map, _read_points
-    check_plan, describe_robot, study = _check_plan, _describe_robot, _study
+    blind_make = _blind_make
+    blind_run = _blind_run
+    blind_score = _blind_score
+    read_map = _read_map
+    guess_map = _guess_map
+    read_points = _read_points
+    check_plan = _check_plan
+    describe_robot = _describe_robot
+    study = _study
     __version__: str
 
 
