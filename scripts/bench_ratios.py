@@ -25,7 +25,7 @@ import wrenchbed as wb
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.files import write_json, write_text
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.planning.criteria import INDICES
 from wrenchbed.planning.exchange import Pool, exchange
 

@@ -21,28 +21,28 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.fit import Fit as Fit
     from wrenchbed.calibration.learn_sensor import LearnedSensor as LearnedSensor
     from wrenchbed.calibration.learn_sensor import learn_sensor as learn_sensor
-    from wrenchbed.calibration.touches import Touches as Touches
+    from wrenchbed.calibration.touch_points import Touches as Touches
     from wrenchbed.calibration.tracker import calibrate_tracker as calibrate_tracker
     from wrenchbed.calibration.tracker_result import TrackerFit as TrackerFit
+    from wrenchbed.campaigns.monte_carlo import Fleet as Fleet
+    from wrenchbed.campaigns.monte_carlo import campaign as campaign
     from wrenchbed.campaigns.run import record as record
-    from wrenchbed.campaigns.simulated_robots import Fleet as Fleet
-    from wrenchbed.campaigns.simulated_robots import campaign as campaign
     from wrenchbed.data.column_map import read as _read_map
     from wrenchbed.data.guess.guess import guess as _guess_map
-    from wrenchbed.data.guess.stated import Stated as Stated
+    from wrenchbed.data.guess.user_facts import Stated as Stated
     from wrenchbed.data.import_files import import_files as import_files
     from wrenchbed.data.lerobot import import_lerobot as import_lerobot
     from wrenchbed.data.lerobot import is_lerobot as is_lerobot
-    from wrenchbed.data.logs import write_mcap as write_mcap
     from wrenchbed.data.plan import Plan as Plan
     from wrenchbed.data.plan import read as _read_points
     from wrenchbed.data.recording import Recording as Recording
+    from wrenchbed.data.rosbag_and_mcap import write_mcap as write_mcap
     from wrenchbed.diagnosis.diagnose import Findings as Findings
     from wrenchbed.diagnosis.diagnose import diagnose as diagnose
     from wrenchbed.diagnosis.next.dry_run import dry_run as dry_run
-    from wrenchbed.diagnosis.next.excitation import excite as excite
+    from wrenchbed.diagnosis.next.excitation_trajectory import excite as excite
     from wrenchbed.diagnosis.several import diagnose_several as diagnose_several
-    from wrenchbed.drives.fit import DriveFit as DriveFit
+    from wrenchbed.drives.effort_fit import DriveFit as DriveFit
     from wrenchbed.drives.identify import calibrate_efforts as calibrate_efforts
     from wrenchbed.drives.servo import calibrate_servos as calibrate_servos
     from wrenchbed.errors import WrenchbedError as WrenchbedError
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from wrenchbed.robots.base import Robot as Robot
     from wrenchbed.robots.described import describe as _describe_robot
     from wrenchbed.simulation.closed_form import Model as Model
-    from wrenchbed.simulation.simulation import Simulation as Simulation
+    from wrenchbed.simulation.mujoco_wrench import Simulation as Simulation
     from wrenchbed.studies import run as _study
     from wrenchbed.twin.export import export as export
     from wrenchbed.twin.replay import simulate as simulate

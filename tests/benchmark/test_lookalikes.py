@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.benchmark.fault import between
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, effects, families, recording
-from wrenchbed.benchmark.lookalikes.mechanics import in_motion
+from wrenchbed.benchmark.lookalikes.dynamic_loads import in_motion
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.planning.choose import multisine, poses
 from wrenchbed.robots.oriented import ROBOT as ORIENTED

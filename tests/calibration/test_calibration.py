@@ -14,7 +14,7 @@ from sound import good
 from wrenchbed.calibration.calibrate import CalibrationOptions, _status, calibrate, check_mass
 from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.observations import window_of
-from wrenchbed.calibration.touches import Agreement, Touches
+from wrenchbed.calibration.touch_points import Agreement, Touches
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.recording import POINT, Recording
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError

@@ -12,7 +12,7 @@ from sound import BASES, good
 from subtle import SUBTLE
 from wrenchbed.calibration.checks.finding import REASONS
 from wrenchbed.calibration.checks.rows import contradicted
-from wrenchbed.calibration.trust import check
+from wrenchbed.calibration.checks_before_fit import check
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import CalibrationError, WrenchbedError

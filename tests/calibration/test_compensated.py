@@ -10,7 +10,7 @@ import wrenchbed as wb
 from altered import with_metadata, with_wrench
 from robot_emulators.ur.arm import Payload, WrenchEstimate
 from simulated import WHITE, as_driven, static
-from wrenchbed.calibration.compensated import restored
+from wrenchbed.calibration.subtracted_payload import restored
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import CalibrationError
 from wrenchbed.hardware.drivers.rtde import own_wrench

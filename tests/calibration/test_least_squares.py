@@ -12,9 +12,9 @@ from wrenchbed.calibration.fit_problem import Problem, _robust_weight
 from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve
 from wrenchbed.calibration.observability import analyse, null_space
 from wrenchbed.calibration.observations import Observations
-from wrenchbed.calibration.touches import Agreement, Touches
+from wrenchbed.calibration.touch_points import Agreement, Touches
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 
 
 def test_a_step_has_least_norm_in_units_of_tolerances():

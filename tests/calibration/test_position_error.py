@@ -9,7 +9,7 @@ from simulated import as_driven, driven, static
 from wrenchbed.calibration.position_error import Goal, statistics, tip_jacobian
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError, DriverError, NotFoundError, PlanError, WrenchbedError
-from wrenchbed.robots.medrue import workspace
+from wrenchbed.robots.medrue import inverse_kinematics
 
 MEDRUE = wb.load("robots", "medrue")
 MODEL = wb.Model.of(MEDRUE)
@@ -62,7 +62,7 @@ def test_what_no_tip_plan_or_touch_can_reach_is_said(tmp_path):
     with pytest.raises(PlanError, match="must be above 0"):
         wb.reach(MEDRUE, 0.0)
     with pytest.raises(WrenchbedError, match="none of the 1 points to touch is in reach"):
-        workspace.touch_poses(MEDRUE, np.array([[5.0, 0.0, 0.0]]), seed=0)
+        inverse_kinematics.touch_poses(MEDRUE, np.array([[5.0, 0.0, 0.0]]), seed=0)
     plan = wb.Plan.of("medrue", MEDRUE.home[None], points=np.array([[3.0, 0.0, 0.0]]))
     with (
         wb.SimDriver(wb.SimOptions("medrue")) as driver,
@@ -78,7 +78,7 @@ def test_what_no_tip_plan_or_touch_can_reach_is_said(tmp_path):
 
 
 def test_the_papers_workspaces():
-    pool = workspace.pool(MEDRUE, 600, seed=1, orientations=50)
+    pool = inverse_kinematics.pool(MEDRUE, 600, seed=1, orientations=50)
     assert pool.shape == (600, 6)
     assert not MEDRUE.infeasible(pool, MEDRUE.parameters.nominal)
     rotation, tip = MEDRUE.tool_pose(pool, MEDRUE.parameters.nominal)
@@ -87,10 +87,10 @@ def test_the_papers_workspaces():
     assert len(np.unique(np.round(tip, 6), axis=0)) == 12
     down = -rotation[:, 2, 2]
     assert down.min() > np.cos(np.deg2rad(60 + 30)) - 1e-9
-    target = workspace.target(MEDRUE)
+    target = inverse_kinematics.target(MEDRUE)
     assert target.shape == (336, 6)
     _, points = MEDRUE.tool_pose(target, MEDRUE.parameters.nominal)
-    assert points == pytest.approx(workspace.target_points(), abs=1e-12)
+    assert points == pytest.approx(inverse_kinematics.target_points(), abs=1e-12)
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def touched(tmp_path_factory):
 
 def rms_error(fit, truth) -> float:
     """Of the tool's position over the target workspace, by MuJoCo [m]."""
-    target = workspace.target(MEDRUE)
+    target = inverse_kinematics.target(MEDRUE)
     true, found = (MODEL.parameters.vector(dict(x))[:OWN] for x in (truth, fit.theta))
     error = MEDRUE.tool_pose(target, found)[1] - wb.Simulation(MEDRUE, true).tip(target)
     return float(np.sqrt((error**2).sum(axis=1).mean()))

@@ -26,7 +26,7 @@ from altered import (
 from corrupted import CORRUPTIONS
 from plain_ur5 import COG, GRAVITY, MASS, NOISE, PlainUr5, flange, turned
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
-from wrenchbed.calibration.trust import check
+from wrenchbed.calibration.checks_before_fit import check
 from wrenchbed.data.column_map import from_fields
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.metadata import Metadata, ToolInfo

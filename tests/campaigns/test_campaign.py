@@ -9,7 +9,7 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed.campaigns import summary
-from wrenchbed.campaigns.simulated_robots import (
+from wrenchbed.campaigns.monte_carlo import (
     SECONDS,
     SETTING,
     Fleet,

@@ -18,9 +18,9 @@ from wrenchbed.errors import (
     StoppedError,
     WrenchbedWarning,
 )
-from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.device_lifecycle import Health
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
-from wrenchbed.hardware.drivers.live import LiveDriver
+from wrenchbed.hardware.drivers.live_base import LiveDriver
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.robots.motion_limits import Limits
 

@@ -10,7 +10,7 @@ import wrenchbed.channels
 from plain_ur5 import PlainUr5, poses
 from wrenchbed import registry
 from wrenchbed.channels.base import PLACING
-from wrenchbed.channels.response import Response, readings, slices
+from wrenchbed.channels.readings_with_effects import Response, readings, slices
 from wrenchbed.data.column_map import UNITS
 from wrenchbed.effects.base import STAGES
 from wrenchbed.effects.chain import ActiveEffect, effects

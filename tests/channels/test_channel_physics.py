@@ -10,13 +10,13 @@ from plain_ur5 import GRAVITY, flange, poses, turned
 from wrenchbed import registry
 from wrenchbed.channels.holding_torques import held_wrench, twists
 from wrenchbed.channels.own_noise import own_noise
-from wrenchbed.channels.response import readings
+from wrenchbed.channels.readings_with_effects import readings
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.hardware.drivers.sim import Beside, SimOptions
-from wrenchbed.physics.time_derivatives import Jet, value
+from wrenchbed.physics.taylor_jets import Jet, value
 from wrenchbed.twin.twin import nominal
 
 UR5 = registry.load("robots", "ur5")

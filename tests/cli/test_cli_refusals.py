@@ -27,7 +27,7 @@ from wrenchbed.errors import ShortageError, shortage
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.recording_page import recording_page
-from wrenchbed.twin.predictions import simulators
+from wrenchbed.twin.simulator_predictions import simulators
 
 BAD_RECORDINGS = {
     "wrong robot": ({}, {"robot": "medrue"}, "robot 'medrue': row 0"),

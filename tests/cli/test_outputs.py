@@ -13,7 +13,7 @@ import pytest
 from recorded import METADATA, columns
 from wrenchbed.cli import console, main
 from wrenchbed.data import parquet
-from wrenchbed.data.outputs import Kind, check, kind_of
+from wrenchbed.data.overwrite_rules import Kind, check, kind_of
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, RecordingError, one_line, printable
 from wrenchbed.pages.document import Document, Section

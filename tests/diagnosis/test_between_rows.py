@@ -14,8 +14,8 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.between_rows import row_effects as module
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
-from wrenchbed.diagnosis.prepare.configuration import configured
-from wrenchbed.diagnosis.prepare.repeats_and_counts import Repeats, Step, at_limits, step
+from wrenchbed.diagnosis.prepare.configured_simulator import configured
+from wrenchbed.diagnosis.prepare.quantisation_and_repeats import Repeats, Step, at_limits, step
 from wrenchbed.diagnosis.result import cause
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.claim import claim

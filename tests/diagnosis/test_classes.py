@@ -9,7 +9,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.benchmark.fault import log_uniform
 from wrenchbed.benchmark.lookalikes.case import LookalikeCase, background, recording
-from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
+from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan

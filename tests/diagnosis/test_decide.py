@@ -20,11 +20,11 @@ from wrenchbed.diagnosis.decision.decide import (
     small,
     surely,
 )
-from wrenchbed.diagnosis.decision.options import facts_of
+from wrenchbed.diagnosis.decision.weighed_explanations import facts_of
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
 from wrenchbed.diagnosis.explain.structures import Ranking
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
-from wrenchbed.diagnosis.gap.gaps import Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Interval
 
 TILT, PULL, GAIN, OFFSET = "base.tilt", "cable.pull", "sensor.gain", "joint.offset"
 

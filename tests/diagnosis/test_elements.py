@@ -11,11 +11,11 @@ import wrenchbed as wb
 from altered import turned, with_added, with_columns, with_wrench
 from simulated import driven
 from wrenchbed.calibration.observations import observe
-from wrenchbed.diagnosis.beside_claims import minor
 from wrenchbed.diagnosis.decision.decide import withdrawn
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain.elements import _sum, element, listed
-from wrenchbed.diagnosis.prepare.baseline import tolerances
+from wrenchbed.diagnosis.minor_effects import minor
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.diagnosis.result import named_by

@@ -7,7 +7,7 @@ import wrenchbed as wb
 from sound import arm_of_file
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes.case import LookalikeCase, background, recording
-from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
+from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -28,7 +28,7 @@ from wrenchbed.diagnosis.next.blind import (
 )
 from wrenchbed.diagnosis.next.dry_run import RUNG, dry_run, of_plan
 from wrenchbed.diagnosis.next.experiments import Comparison, explore, jensen_shannon, separate
-from wrenchbed.diagnosis.prepare.baseline import calibrate, tolerances
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import calibrate, tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.errors import DiagnosisError

@@ -15,10 +15,10 @@ from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis, readings_from_baseline
 from wrenchbed.diagnosis.explain.structures import build as build_dictionary
 from wrenchbed.diagnosis.gap.closure import Claimed, calibrated, twin_of
-from wrenchbed.diagnosis.gap.gaps import Bootstrap, Closure, Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Bootstrap, Closure, Interval
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut, restored
-from wrenchbed.diagnosis.prepare.baseline import calibrate
-from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import calibrate
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import ActiveEffect, effects, respond
 from wrenchbed.simulation.closed_form import Model

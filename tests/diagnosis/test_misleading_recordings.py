@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.result import named_by
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning import choose
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 
 LOAD = {"tool.mass": 1.374, "tool.cog.x": 0.0031, "tool.cog.y": -0.0042, "tool.cog.z": 0.0712}
 POSES, ROWS = 60, 20

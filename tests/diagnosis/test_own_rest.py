@@ -14,12 +14,12 @@ from wrenchbed.diagnosis.decision.rivals import not_apart
 from wrenchbed.diagnosis.diagnose import diagnose, settle
 from wrenchbed.diagnosis.explain.claims import complete
 from wrenchbed.diagnosis.explain.familiarity import LEAST_P
-from wrenchbed.diagnosis.explain.own_rest import is_left, rest_variance, weighed_again
 from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE, shipped
 from wrenchbed.diagnosis.explain.structures import analyse
+from wrenchbed.diagnosis.explain.unexplained_residual import is_left, rest_variance, weighed_again
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
-from wrenchbed.diagnosis.gap.constancy import CHANGES, changing, grown
-from wrenchbed.diagnosis.gap.gaps import Bootstrap
+from wrenchbed.diagnosis.gap.gap_bootstrap import Bootstrap
+from wrenchbed.diagnosis.gap.size_constancy import CHANGES, changing, grown
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.result import named_by
 

@@ -15,12 +15,12 @@ from wrenchbed.calibration.observations import Observations, observe, scatter
 from wrenchbed.data.holds import gather, parts
 from wrenchbed.diagnosis.prepare import prepare_recording as module
 from wrenchbed.diagnosis.prepare import scenes
-from wrenchbed.diagnosis.prepare.configuration import configured
+from wrenchbed.diagnosis.prepare.configured_simulator import configured
 from wrenchbed.diagnosis.prepare.noise import correlation_time
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared, inner_stride, split
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS
 
 

@@ -14,10 +14,10 @@ from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain import structures
 from wrenchbed.diagnosis.explain.finalist import Variables
 from wrenchbed.diagnosis.explain.refit import Refitter
-from wrenchbed.diagnosis.prepare.baseline import calibrate
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import calibrate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.base import Variant
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.planning.choose import poses
 
 NAME = "sensor.temperature"

@@ -8,7 +8,7 @@ import pytest
 from rest_torques import REAL, TOOL, by_file, empty_and_loaded, recording, ur5
 
 from wrenchbed.channels.effort import CHANNEL
-from wrenchbed.channels.response import readings
+from wrenchbed.channels.readings_with_effects import readings
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.several import diagnose_several

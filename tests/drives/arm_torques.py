@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from wrenchbed import registry
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 
 UR5 = registry.load("robots", "ur5")
 NOISE = np.array([0.6, 0.9, 0.5, 0.12, 0.1, 0.08])

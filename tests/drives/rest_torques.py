@@ -11,7 +11,7 @@ import wrenchbed as wb
 from arm_files import CASES
 from wrenchbed import registry
 from wrenchbed.data.metadata import parse
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 
 TOOL = (0.8, (0.0, 0.0, 0.05))
 """What is stated of the tool [kg, m]."""

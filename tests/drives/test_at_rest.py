@@ -7,8 +7,8 @@ import pytest
 from rest_torques import REAL, Imperfections, by_file, empty_and_loaded, random_load, recording, ur5
 
 from wrenchbed.cli import main
-from wrenchbed.drives.at_rest import added_load
 from wrenchbed.drives.identify import calibrate_efforts
+from wrenchbed.drives.identify_at_rest import added_load
 from wrenchbed.errors import CalibrationError, ParameterError
 
 CLEAN = Imperfections(*[0.0] * 7)

@@ -11,13 +11,13 @@ from arm_torques import COULOMB, MASS, UR5, VISCOUS, coloured, fourier, torques
 
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.efforts.configured import stated_drives
+from wrenchbed.diagnosis.efforts.stated_drives import stated_drives
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.identify import calibrate_efforts
+from wrenchbed.drives.joint_least_squares import FOLDS, Problem, parts, solve
 from wrenchbed.drives.signals import cutoff_of
-from wrenchbed.drives.solution import FOLDS, Problem, parts, solve
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 CONSTANT = np.array([13.0, 13.0, 12.0, 9.0, 9.0, 9.0])

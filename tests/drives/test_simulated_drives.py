@@ -11,8 +11,8 @@ from simulated import driven
 from wrenchbed import multisine, registry
 from wrenchbed.cli import main
 from wrenchbed.errors import NotFoundError, ParameterError
-from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.plant.body import Body, BodyOptions
+from wrenchbed.physics.taylor_jets import Jet
+from wrenchbed.plant.realtime_robot import Body, BodyOptions
 from wrenchbed.simulation.drives.drive_train import DriveTrain
 from wrenchbed.simulation.drives.faults import FAULTS, Rows, active_fault
 

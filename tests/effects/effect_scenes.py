@@ -7,7 +7,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 
 NAMES = [n for n in registry.names("effects") if registry.load("effects", n).stage != "effort"]
 """Those that the wrench may show."""

@@ -9,13 +9,13 @@ from effect_scenes import added, at, change, displacement, motion, scene_of
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.benchmark.lookalikes.mechanics import link_forces
+from wrenchbed.benchmark.lookalikes.dynamic_loads import link_forces
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.medrue import kinematics
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 
 G = 9.80665
 TOOL, COG = 1.35, np.array([0.004, -0.006, 0.071])

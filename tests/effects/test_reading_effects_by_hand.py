@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from wrenchbed import registry
 from wrenchbed.effects.drives.operators import play
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS
 
 

@@ -7,13 +7,13 @@ import pytest
 from effect_scenes import NAMES, SCENES, columns, motion, plain, scene_of
 
 from wrenchbed import registry
-from wrenchbed.channels.response import Response, Responses
+from wrenchbed.channels.readings_with_effects import Response, Responses
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect, EffectChain, active_effect, effects, respond
 from wrenchbed.effects.scene import Scene, examples, held_on
 from wrenchbed.errors import NotFoundError, ParameterError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS
 
 UR5 = registry.load("robots", "ur5")

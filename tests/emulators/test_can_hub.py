@@ -11,8 +11,8 @@ import pytest
 
 from medrue_bench import until
 from robot_emulators import can_bus as text
-from robot_emulators.base.arguments import read
 from robot_emulators.base.faults import TimedFault
+from robot_emulators.base.named_values import read
 from robot_emulators.can_bus import Frame, Hub
 from robot_emulators.errors import SettingError
 from robot_emulators.medrue.server import BusSettings

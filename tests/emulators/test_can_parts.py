@@ -8,8 +8,8 @@ import weakref
 import numpy as np
 import pytest
 
-from robot_emulators.medrue import axis as served
-from robot_emulators.medrue.drive import DriveEmulator, rated
+from robot_emulators.medrue import cia402_axis as served
+from robot_emulators.medrue.cia402_node import DriveEmulator, rated
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.can import CanOptions, options
 from wrenchbed.hardware.drivers.can.cia402 import (

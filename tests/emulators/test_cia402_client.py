@@ -12,7 +12,7 @@ from canopen.profiles.p402 import BaseNode402
 
 from can_drives import NODE, RATINGS, SimulatedBus
 from robot_emulators.can_bus import Frame
-from robot_emulators.medrue.drive import DriveEmulator
+from robot_emulators.medrue.cia402_node import DriveEmulator
 
 EDS = resources.files("robot_emulators.medrue") / "cia402.eds"
 

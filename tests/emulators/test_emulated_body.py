@@ -9,12 +9,12 @@ from unstarted import emulated
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.hardware.drivers.rtde import own_wrench
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
-from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.plant.body import Body, BodyOptions
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.plant.contact_surface import Plate
+from wrenchbed.plant.realtime_robot import Body, BodyOptions
 from wrenchbed.plant.serving import EmulatorOptions
 from wrenchbed.robots.ur5 import ur_arm
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 
 CYCLE = 0.008
 

@@ -18,8 +18,8 @@ import pytest
 from emulator_process import running
 from robot_emulators import Arm, Efforts, Options, serve, ur5
 from robot_emulators import __main__ as alone
-from robot_emulators.base import arguments as asks
 from robot_emulators.base import faults as timed
+from robot_emulators.base import named_values as asks
 from robot_emulators.base.emulator import Emulator
 from robot_emulators.base.faults import Faults, TimedFault
 from robot_emulators.errors import EmulatorError, FaultError, SettingError

@@ -11,13 +11,13 @@ from can_drives import NODE, SimulatedBus
 from medrue_bench import away, until
 from robot_emulators.can_bus import Frame
 from robot_emulators.canopen.dictionary import Abort
-from robot_emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR
-from robot_emulators.medrue.drive import rated
+from robot_emulators.medrue.cia402_axis import RPDO_TIMEOUT, SYNC_ERROR
+from robot_emulators.medrue.cia402_node import rated
 from robot_emulators.medrue.server import CYCLE_S
 from unstarted import emulated
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
-from wrenchbed.plant.body import Body, BodyOptions
+from wrenchbed.plant.realtime_robot import Body, BodyOptions
 from wrenchbed.plant.serving import EmulatorOptions
 
 T = 0.004

@@ -18,7 +18,7 @@ from robot_emulators.ur.dashboard import Dashboard
 from robot_emulators.ur.messages import FAULT
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.outputs import Outputs
-from robot_emulators.ur.packets import Recipe
+from robot_emulators.ur.rtde_packets import Recipe
 from robot_emulators.ur.settings import MODELS
 from robot_emulators.ur.urscript.tokens import Collector
 from unstarted import emulated

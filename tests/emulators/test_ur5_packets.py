@@ -5,9 +5,9 @@ import struct
 import pytest
 
 from robot_emulators.errors import EmulatorError
-from robot_emulators.ur import packets as wire
-from robot_emulators.ur.packets import inputs, outputs
+from robot_emulators.ur import rtde_packets as wire
 from robot_emulators.ur.rtde import Inputs, Offer, RtdeSession
+from robot_emulators.ur.rtde_packets import inputs, outputs
 
 CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)
 

@@ -11,10 +11,10 @@ import pytest
 
 from robot_emulators.kinematic_plant import kinematic_plant
 from robot_emulators.plant import PlantRequest
-from robot_emulators.ur import messages, programs
+from robot_emulators.ur import messages, program_files
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.modes import Runtime
-from robot_emulators.ur.programs import ProgramFileError
+from robot_emulators.ur.program_files import ProgramFileError
 from robot_emulators.ur.urscript.tokens import Collector, is_secondary
 from ur5_bench import CYCLE, Bench
 
@@ -360,7 +360,7 @@ def test_a_tree_with_variables_loops_and_conditions_becomes_a_program(tmp_path):
 
 def test_a_tree_of_nodes_becomes_a_program_if_it_is_in_the_folder(tmp_path):
     (tmp_path / "inside").mkdir()
-    assert programs.load(tmp_path / "inside", "../made.urp") is None
+    assert program_files.load(tmp_path / "inside", "../made.urp") is None
     shown = node("Script", '<cachedContents>textmsg("3")</cachedContents>', type="File")
     wait = node("Wait", "<waitTime>0.5</waitTime>", type="Sleep")
     (tmp_path / "made.urp").write_bytes(gzip.compress(urp(node("Comment"), shown, wait)))
@@ -386,4 +386,4 @@ def test_a_tree_of_nodes_becomes_a_program_if_it_is_in_the_folder(tmp_path):
 def test_files_that_are_no_programs_are_refused(tmp_path, name, data, why):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(ProgramFileError, match=why):
-        programs.load(tmp_path, name)
+        program_files.load(tmp_path, name)

@@ -9,8 +9,15 @@ import pytest
 from can_servos import BEAT, GUARDS, Bus, Sensor, Servo, T
 from medrue_bench import until
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware import device
-from wrenchbed.hardware.drivers.can import CanDriver, CanOptions, cycle, driver, network, options
+from wrenchbed.hardware import device_lifecycle
+from wrenchbed.hardware.drivers.can import (
+    CanDriver,
+    CanOptions,
+    cycle,
+    drive_configuration,
+    driver,
+    options,
+)
 from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S
 
 pytestmark = pytest.mark.wire
@@ -33,9 +40,9 @@ def arm(monkeypatch):
         return one.buses[-1]
 
     monkeypatch.setattr(driver, "open_bus", opened)
-    for module in (cycle, driver, device):  # other processes may keep this machine busy
+    for module in (cycle, driver, device_lifecycle):  # other processes may keep this machine busy
         monkeypatch.setattr(module, "STALE_S", 0.3)
-    monkeypatch.setattr(network, "ANSWER_S", 0.02)
+    monkeypatch.setattr(drive_configuration, "ANSWER_S", 0.02)
     yield one
     one.close()
 

@@ -20,7 +20,7 @@ from wrenchbed.errors import (
 )
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.planning import choose
 from wrenchbed.sensors.base import STATUS_SATURATED

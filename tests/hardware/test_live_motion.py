@@ -7,11 +7,11 @@ import pytest
 from test_run_live import UR5, Arm
 
 from wrenchbed.errors import DriverError, LimitError, LinkError
-from wrenchbed.hardware.device import ClockFit, Health
-from wrenchbed.hardware.drivers import live
+from wrenchbed.hardware.device_lifecycle import ClockFit, Health
+from wrenchbed.hardware.drivers import live_base
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
-from wrenchbed.hardware.drivers.live import pace, settled
-from wrenchbed.hardware.drivers.timing import Resampler, hermite
+from wrenchbed.hardware.drivers.live_base import pace, settled
+from wrenchbed.hardware.drivers.row_times import Resampler, hermite
 from wrenchbed.hardware.transducers.base import Past
 
 STANDING = np.repeat(UR5.home[None], 400, axis=0)
@@ -70,11 +70,11 @@ def test_no_state_of_a_fast_robot_is_lost_however_late_the_loop_is(monkeypatch):
             ticks = np.arange(*ends)
             return [ArmSample(t, None, 0.0, self.q, np.zeros(6)) for t in ticks / 500.0]
 
-    taken, add = [], live.Resampler.add
+    taken, add = [], live_base.Resampler.add
     monkeypatch.setattr(
-        live.Resampler, "add", lambda even, arm: (taken.append(arm.t), add(even, arm))
+        live_base.Resampler, "add", lambda even, arm: (taken.append(arm.t), add(even, arm))
     )
-    monkeypatch.setattr(live, "_POLL_S", 0.008)
+    monkeypatch.setattr(live_base, "_POLL_S", 0.008)
     with Fast() as arm:
         assert len(columns(arm.track(STANDING[:60], 125.0))["t"]) == 60
     assert np.diff(taken) == pytest.approx(0.002, abs=1e-6)

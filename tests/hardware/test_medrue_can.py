@@ -10,7 +10,7 @@ import pytest
 from can_witness import Witness, quick_stopped
 from medrue_bench import HOST, away, options, until
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
-from wrenchbed.hardware.drivers.can import CanDriver, board, network
+from wrenchbed.hardware.drivers.can import CanDriver, ati_gauge_board, drive_configuration
 from wrenchbed.robots.motion_limits import Limits
 
 pytestmark = pytest.mark.wire
@@ -107,8 +107,8 @@ def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, medrue):
     ],
 )
 def test_what_is_not_on_the_bus_is_named(free, monkeypatch, words, error, named):
-    monkeypatch.setattr(board, "ANSWER_S", 0.1)
-    monkeypatch.setattr(network, "ANSWER_S", 0.1)
+    monkeypatch.setattr(ati_gauge_board, "ANSWER_S", 0.1)
+    monkeypatch.setattr(drive_configuration, "ANSWER_S", 0.1)
     driver = CanDriver(options(**words))
     with pytest.raises(error, match=named):
         driver.connect()

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_emulators.can_bus import Frame
-from robot_emulators.medrue.board import BoardEmulator
+from robot_emulators.medrue.gauge_board import BoardEmulator
 from wrenchbed import registry
 from wrenchbed.errors import DriverError
-from wrenchbed.hardware.drivers.can import board as reader
-from wrenchbed.hardware.drivers.can.board import in_si
-from wrenchbed.hardware.drivers.can.frames import PATIENCE_S, Pairs, Reply, faults, parse
+from wrenchbed.hardware.drivers.can import ati_gauge_board as reader
+from wrenchbed.hardware.drivers.can.ati_gauge_board import in_si
+from wrenchbed.hardware.drivers.can.netcanoem_frames import PATIENCE_S, Pairs, Reply, faults, parse
 
 EVEN = Reply(0, (0, 1, 3, 5))
 ODD = Reply(1, (2, 4, 6))

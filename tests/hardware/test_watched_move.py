@@ -13,10 +13,10 @@ from wrenchbed.errors import (
     PlanError,
     StoppedError,
 )
-from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers import live
+from wrenchbed.hardware.device_lifecycle import Health
+from wrenchbed.hardware.drivers import live_base
 from wrenchbed.hardware.drivers.base import ArmSample, block_of
-from wrenchbed.hardware.drivers.live import WatchedMove, check_ready
+from wrenchbed.hardware.drivers.live_base import WatchedMove, check_ready
 from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk, straight
 
 
@@ -26,8 +26,8 @@ class Robot:
     def __init__(self, monkeypatch):
         self.now, self.q, self.qd, self.state = 100.0, 1.0, 0.0, "ok"
         self.stops, self.push, self.mute = [], False, False
-        monkeypatch.setattr(live.time, "monotonic", lambda: self.now)
-        monkeypatch.setattr(live.time, "sleep", self.later)
+        monkeypatch.setattr(live_base.time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(live_base.time, "sleep", self.later)
 
     def later(self, seconds):
         self.now += seconds
@@ -169,7 +169,7 @@ def test_an_interrupt_stops_the_robot(robot, monkeypatch):
     def interrupted(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(live.time, "sleep", interrupted)
+    monkeypatch.setattr(live_base.time, "sleep", interrupted)
     motion = move(robot)
     with pytest.raises(KeyboardInterrupt):
         motion.wait()

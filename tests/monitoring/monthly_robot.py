@@ -15,7 +15,7 @@ import wrenchbed as wb
 from wrenchbed.benchmark.fault import log_uniform
 from wrenchbed.benchmark.lookalikes.case import DRAWS as FAULTS
 from wrenchbed.benchmark.lookalikes.case import LARGEST, background
-from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
+from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.data.metadata import Metadata, SensorInfo
 from wrenchbed.physics.noise import NoiseStream

@@ -16,14 +16,14 @@ from wrenchbed.cli import main
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import DriverError, ParameterError, TwinError
-from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.device_lifecycle import Health
 from wrenchbed.hardware.drivers.base import ArmSample
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import BAND, Compensator
 from wrenchbed.monitoring.live import Datagrams, live
 from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.twin.twin import Twin
 
 ROBOT = registry.load("robots", "ur5")

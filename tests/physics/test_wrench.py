@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 import wrenchbed as wb
 from wrenchbed.calibration.calibrate import identify_from_gravity
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics import time_derivatives as td
-from wrenchbed.physics.newton_euler import Motion, load, motion_of, regressor
+from wrenchbed.physics import taylor_jets as td
+from wrenchbed.physics.rigid_load_regressor import Motion, load, motion_of, regressor
 from wrenchbed.physics.rotations import (
     euler,
     euler_rates,
@@ -18,7 +18,7 @@ from wrenchbed.physics.rotations import (
     matrix,
     quaternion,
 )
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import Tool, physical_inertia, wrench
 
 G = np.array([0.0, 0.0, -9.80665])

@@ -23,7 +23,7 @@ from robot_emulators.netft_box.pages import Pages
 from robot_emulators.netft_box.rdt import Pace
 from robot_emulators.netft_box.sensing import BoxSettings
 from robot_emulators.plant import PlantRequest
-from robot_emulators.ur import packets
+from robot_emulators.ur import rtde_packets
 from robot_emulators.ur.controller import Controller, functions
 from robot_emulators.ur.dashboard import GREETING, Dashboard
 from robot_emulators.ur.rtde import Inputs, Offer, RtdeSession
@@ -56,9 +56,9 @@ def joined(*pieces: bytes) -> bytes:
 def rtde() -> tuple[Target, list[bytes]]:
     """An RTDE client's packets on their way to the UR5 emulator."""
     version = (5, 11, 0, 1)
-    outputs = packets.outputs(version)
-    values = {name: packets.zero(kind) for name, kind in outputs.items()}
-    inputs = Inputs(packets.inputs(version), lambda written: None)
+    outputs = rtde_packets.outputs(version)
+    values = {name: rtde_packets.zero(kind) for name, kind in outputs.items()}
+    inputs = Inputs(rtde_packets.inputs(version), lambda written: None)
     offer = Offer(version, 500.0, outputs, inputs)
 
     def run(data: bytes) -> None:
@@ -77,14 +77,27 @@ def rtde() -> tuple[Target, list[bytes]]:
         assert not inputs._owners
 
     names = b"timestamp,actual_q,actual_TCP_force,robot_mode"
-    opening = packets.packet(packets.VERSION, b"\0\2") + packets.packet(packets.CONTROLLER)
-    recipe = packets.packet(packets.OUTPUTS, struct.pack(">d", 125.0) + names)
-    written = packets.packet(packets.INPUTS, b"input_int_register_0,input_double_register_1")
-    value = packets.packet(packets.DATA, b"\1" + struct.pack(">id", 5, 0.5))
+    opening = rtde_packets.packet(rtde_packets.VERSION, b"\0\2") + rtde_packets.packet(
+        rtde_packets.CONTROLLER
+    )
+    recipe = rtde_packets.packet(rtde_packets.OUTPUTS, struct.pack(">d", 125.0) + names)
+    written = rtde_packets.packet(
+        rtde_packets.INPUTS, b"input_int_register_0,input_double_register_1"
+    )
+    value = rtde_packets.packet(rtde_packets.DATA, b"\1" + struct.pack(">id", 5, 0.5))
     return run, [
-        joined(opening, recipe, packets.packet(packets.START), packets.packet(packets.PAUSE)),
+        joined(
+            opening,
+            recipe,
+            rtde_packets.packet(rtde_packets.START),
+            rtde_packets.packet(rtde_packets.PAUSE),
+        ),
         joined(opening, written, value, value),
-        joined(packets.packet(packets.OUTPUTS, names), packets.packet(packets.START), b"\0\2"),
+        joined(
+            rtde_packets.packet(rtde_packets.OUTPUTS, names),
+            rtde_packets.packet(rtde_packets.START),
+            b"\0\2",
+        ),
     ]
 
 

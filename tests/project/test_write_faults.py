@@ -36,7 +36,7 @@ from wrenchbed.benchmark.sealed import run as answering
 from wrenchbed.cli import blind, main
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.jobs.parts import Parts, write_table
+from wrenchbed.jobs.finished_parts import Parts, write_table
 from wrenchbed.pages.chart import Axis, Chart, Panel
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.draw import Drawn

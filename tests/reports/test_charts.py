@@ -24,8 +24,8 @@ from wrenchbed.pages.chart import (
 )
 from wrenchbed.pages.draw import svg
 from wrenchbed.reports.cause_charts import everywhere
+from wrenchbed.reports.compared_readings import HeldOutReadings
 from wrenchbed.reports.diagnosis_page import _of_causes, diagnosis_page
-from wrenchbed.reports.simulators import HeldOutReadings
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 STIFFNESS = 9000.0

@@ -17,11 +17,11 @@ from chromium import BINARY, tab
 from pictures import unless
 from wrenchbed.benchmark.referee.case import make
 from wrenchbed.campaigns import summary
-from wrenchbed.campaigns.simulated_robots import Fleet, schema
+from wrenchbed.campaigns.monte_carlo import Fleet, schema
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages.document import Document, Figure, Section, Table, provenance
 from wrenchbed.pages.draw import Drawn
-from wrenchbed.pages.plots import components, histograms
+from wrenchbed.pages.study_charts import components, histograms
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.fit_page import fit_page
 from wrenchbed.reports.recording_page import recording_page

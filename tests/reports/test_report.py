@@ -16,7 +16,7 @@ from rrd_file import Rrd
 from simulated import driven
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.diagnosis.gap.gaps import Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Interval
 from wrenchbed.diagnosis.gap.varies_with import Finding
 from wrenchbed.diagnosis.next.blind import BlindSpot, unseen
 from wrenchbed.effects.scene import examples
@@ -25,9 +25,9 @@ from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.claim import claim
+from wrenchbed.reports.compared_readings import HeldOutReadings, along
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.robot_scene import blame, wrench_scene
-from wrenchbed.reports.simulators import HeldOutReadings, along
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.viewer.diagnoses import diagnosis_view
 

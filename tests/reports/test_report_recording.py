@@ -24,7 +24,7 @@ from wrenchbed.pages.document import Document, Section
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.recording_page import agreements, recording_page
-from wrenchbed.twin.predictions import noise_of, simulators
+from wrenchbed.twin.simulator_predictions import noise_of, simulators
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.robots.base import models
 from wrenchbed.robots.described import describe, read, rebuilt
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.twin.twin import nominal
 
 _STRIDE = 0.02

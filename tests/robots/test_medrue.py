@@ -11,11 +11,11 @@ import wrenchbed as wb
 from wrenchbed.calibration.observability import analyse
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.wrench import wrench
-from wrenchbed.robots.medrue import kinematics, workspace
+from wrenchbed.robots.medrue import inverse_kinematics, kinematics
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER
 from wrenchbed.robots.motion_limits import minimum_jerk
+from wrenchbed.simulation.mujoco_wrench import Simulation, loop_sites
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot
-from wrenchbed.simulation.simulation import Simulation, loop_sites
 
 DATA = Path(__file__).parents[1] / "data"
 GOLDEN = json.loads((DATA / "medrue_golden.json").read_text())
@@ -43,7 +43,9 @@ def test_the_49_parameters_are_the_papers_and_joints_come_back():
     for case, which in CASES:
         theta, q = theta_of(which), joints_of(case["psi_mm_deg"])
         assert (
-            np.abs(workspace.joints(ROBOT.values(theta), *ROBOT.tool_pose(q, theta)) - q).max()
+            np.abs(
+                inverse_kinematics.joints(ROBOT.values(theta), *ROBOT.tool_pose(q, theta)) - q
+            ).max()
             < 1e-12
         )
 
@@ -85,8 +87,8 @@ def test_rows_of_the_golden_infeasible_configuration_are_counted_with_their_reas
 
 def test_the_papers_workspace_is_reached_and_link_lengths_hold():
     p = ROBOT.values(ROBOT.parameters.nominal)
-    rotation, position = workspace.random_poses(40_000, np.random.default_rng(0))
-    q = workspace.joints(p, rotation, position)
+    rotation, position = inverse_kinematics.random_poses(40_000, np.random.default_rng(0))
+    q = inverse_kinematics.joints(p, rotation, position)
     reached = np.isfinite(q).all(axis=1)
     assert reached.mean() > 0.998
     q = q[reached]

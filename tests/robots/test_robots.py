@@ -7,11 +7,11 @@ import pytest
 import wrenchbed as wb
 from iiwa import IIWA
 from wrenchbed.errors import NotFoundError, ParameterError, PlanError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.serial_arm import SerialArm
-from wrenchbed.simulation.simulation import Simulation, loop_sites
+from wrenchbed.simulation.mujoco_wrench import Simulation, loop_sites
 
 ROBOTS = [
     wb.load("robots", name)

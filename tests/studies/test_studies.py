@@ -13,7 +13,7 @@ from wrenchbed.pages.chart import Axis, Chart, Panel
 from wrenchbed.pages.document import Document, Figure, Section, Table, render
 from wrenchbed.planning.criteria import INDICES
 from wrenchbed.planning.exchange import Pool, exchange
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.studies import medrue
 from wrenchbed.studies import medrue_identification as identification
 from wrenchbed.studies import medrue_setting as published

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.data.recording import Recording
-from wrenchbed.physics.time_derivatives import value
+from wrenchbed.physics.taylor_jets import value
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.simulation.closed_form import robot_of
 

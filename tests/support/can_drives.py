@@ -4,7 +4,7 @@ import struct
 import threading
 
 from robot_emulators.can_bus import Frame
-from robot_emulators.medrue.drive import DriveEmulator, rated
+from robot_emulators.medrue.cia402_node import DriveEmulator, rated
 
 NODE = 3
 RATINGS = rated(-1_000_000, 1_000_000, 20_000, 4e6, 4e5, 8e5, 2.0)

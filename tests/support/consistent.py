@@ -18,7 +18,7 @@ from rich.console import Console
 
 from wrenchbed.cli.diagnose import answer_display
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
-from wrenchbed.diagnosis.gap.gaps import Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Interval
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
 from wrenchbed.pages import numbers

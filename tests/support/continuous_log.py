@@ -9,7 +9,7 @@ import wrenchbed as wb
 from simulated import UR5_TRUTH, WHITE
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS
 
 TRUTH = {k: v for k, v in UR5_TRUTH.items() if not k.startswith("mount")}

@@ -366,7 +366,7 @@ def fit_json() -> FileTarget:
     """Fits, which `view` and `report` hold against a recording."""
     from wrenchbed import registry
     from wrenchbed.simulation.closed_form import Model
-    from wrenchbed.twin.predictions import _read
+    from wrenchbed.twin.simulator_predictions import _read
 
     robot = registry.load("robots", "ur5")
     model = Model(robot, tuple(robot.gravity))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass
+from wrenchbed.physics.gravity_torques import BodyMass
 from wrenchbed.robots.serial_arm import ArmData, Link, SerialArm
 
 # KUKA LBR iiwa 14 R820: lengths 360, 420, 400 and 126 mm, limits and speeds of KUKA's data sheet;

@@ -12,7 +12,7 @@ from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import ActiveEffect, active_effect, effects, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError, ParameterError, TwinError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.twin.export import export
 from wrenchbed.twin.twin import Twin, nominal
 

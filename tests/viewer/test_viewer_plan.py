@@ -14,8 +14,8 @@ from wrenchbed.cli import main
 from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits
-from wrenchbed.simulation.shapes import motion
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
+from wrenchbed.simulation.triangle_meshes import motion
 from wrenchbed.viewer import rerun_window
 from wrenchbed.viewer.plans import STAY_S, along, plan_view
 

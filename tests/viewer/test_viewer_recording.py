@@ -19,7 +19,7 @@ from wrenchbed.pages.scene import heat
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.reports.claim import joints
 from wrenchbed.reports.robot_scene import _parts, blame, part_of
-from wrenchbed.simulation.shapes import bodies, geoms_of, triangles
+from wrenchbed.simulation.triangle_meshes import bodies, geoms_of, triangles
 from wrenchbed.viewer.elements import scale_for
 from wrenchbed.viewer.recordings import recording_view
 from wrenchbed.viewer.robot import FRAMES_HZ, frames, shape

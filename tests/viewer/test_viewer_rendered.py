@@ -10,8 +10,8 @@ import wrenchbed as wb
 from headless import VULKAN, free_port, seen
 from pictures import unless
 from simulated import driven
-from wrenchbed.simulation.shapes import motion
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
+from wrenchbed.simulation.triangle_meshes import motion
 from wrenchbed.viewer import rerun_window
 from wrenchbed.viewer.elements import MEASURED, SIMULATED
 from wrenchbed.viewer.plans import plan_view

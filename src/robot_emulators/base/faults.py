@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from robot_emulators.base.arguments import Argument, is_number
+from robot_emulators.base.named_values import Argument, is_number
 from robot_emulators.errors import EmulatorWarning, FaultError
 
 Handler = Callable[["TimedFault"], None]

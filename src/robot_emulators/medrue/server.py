@@ -11,16 +11,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from robot_emulators.base import arguments as rules
-from robot_emulators.base.arguments import Argument, Settings, described, read, setting
+from robot_emulators.base import named_values as rules
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.faults import Faults, Handler, TimedFault
+from robot_emulators.base.named_values import Argument, Settings, described, read, setting
 from robot_emulators.base.real_time import CycleThread
 from robot_emulators.can_bus import Frame, Hub
 from robot_emulators.canopen.dictionary import Key
-from robot_emulators.medrue.axis import FOLLOWING_ERROR
-from robot_emulators.medrue.board import RESET, SELECT, SET_BASE, SET_BITRATE, BoardEmulator
-from robot_emulators.medrue.drive import DriveEmulator, rated
+from robot_emulators.medrue.cia402_axis import FOLLOWING_ERROR
+from robot_emulators.medrue.cia402_node import DriveEmulator, rated
+from robot_emulators.medrue.gauge_board import RESET, SELECT, SET_BASE, SET_BITRATE, BoardEmulator
 from robot_emulators.plant import Arm, Plant, PlantMaker, PlantRequest
 
 _SETTING = (SELECT, RESET, SET_BASE, SET_BITRATE)

@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from robot_emulators.base import arguments as rules
-from robot_emulators.base.arguments import Argument, described, read
+from robot_emulators.base import named_values as rules
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.event_loop import LoopThread, taken
 from robot_emulators.base.faults import Faults, TimedFault
+from robot_emulators.base.named_values import Argument, described, read
 from robot_emulators.base.real_time import CycleThread
 from robot_emulators.errors import EmulatorError
 from robot_emulators.netft_box.pages import Pages, Reply, Web

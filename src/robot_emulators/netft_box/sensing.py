@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from robot_emulators.base.arguments import Settings, above, integer, number, setting, word
 from robot_emulators.base.faults import Faults
+from robot_emulators.base.named_values import Settings, above, integer, number, setting, word
 from robot_emulators.plant import Plant
 
 INTERNAL_RATE = 7000

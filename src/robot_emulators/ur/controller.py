@@ -8,13 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from robot_emulators.plant import Plant
-from robot_emulators.ur import messages, programs, script_exchange, script_motion, script_state
+from robot_emulators.ur import (
+    messages,
+    program_files,
+    script_io,
+    script_math_and_state,
+    script_motion,
+)
 from robot_emulators.ur.arm import SAFE_DECELERATION, ControlledArm, WrenchEstimate
 from robot_emulators.ur.messages import PROTECTIVE_STOP, Event
 from robot_emulators.ur.modes import Modes, Runtime
-from robot_emulators.ur.packets import Values, Version, inputs, outputs, zero
-from robot_emulators.ur.programs import Loaded
+from robot_emulators.ur.program_files import Loaded
 from robot_emulators.ur.rtde import Inputs, Terminals
+from robot_emulators.ur.rtde_packets import Values, Version, inputs, outputs, zero
 from robot_emulators.ur.script_program import ExternalControl, ScriptProgram
 from robot_emulators.ur.settings import ControllerSettings
 from robot_emulators.ur.urscript import machine
@@ -31,7 +37,7 @@ _KEPT = 4
 """Number of compiled programs in the cache, for clients that send the same one again."""
 _MORE_FORCE = 30.0
 """Force [N] beyond that which pressed when a stop was unlocked, at which the robot stops again."""
-_FUNCTIONS = script_exchange.TABLE | script_state.TABLE | script_motion.TABLE
+_FUNCTIONS = script_io.TABLE | script_math_and_state.TABLE | script_motion.TABLE
 """Functions that a URScript program may call, over all software versions."""
 _SINCE: dict[str, tuple[tuple[int, int], tuple[int, int], tuple[int, int]]] = {
     """direct_torque get_mass_matrix get_jacobian get_jacobian_time_derivative
@@ -116,7 +122,7 @@ class Controller:
         Raises a `ProgramFileError` if the file cannot be played.
         """
         folder = Path(self.settings.programs) if self.settings.programs else None
-        loaded = programs.load(folder, name)
+        loaded = program_files.load(folder, name)
         if loaded is not None:
             self.stop_program()
             self.loaded = loaded

@@ -9,7 +9,7 @@ from functools import partial
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.network import Conversation, Peer
-from robot_emulators.ur.programs import ProgramFileError
+from robot_emulators.ur.program_files import ProgramFileError
 
 GREETING = "Connected: Universal Robots Dashboard Server"
 SERIAL_NUMBER = "2021500042"

@@ -9,7 +9,7 @@ from robot_emulators.plant import Plant
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.kinematics import vector
 from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
-from robot_emulators.ur.packets import Values
+from robot_emulators.ur.rtde_packets import Values
 
 _DECIMALS = 12
 """Decimals of reported joint values [rad]: a controlled arm at rest still approaches its target by

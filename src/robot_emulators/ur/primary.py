@@ -15,7 +15,7 @@ from robot_emulators.ur.messages import Event
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.network import Conversation, Peer
 from robot_emulators.ur.outputs import Timestamp
-from robot_emulators.ur.packets import Values
+from robot_emulators.ur.rtde_packets import Values
 from robot_emulators.ur.urscript.tokens import Collector
 
 STATE = 16

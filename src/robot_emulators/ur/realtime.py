@@ -10,8 +10,8 @@ from struct import pack
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.network import Peer
 from robot_emulators.ur.outputs import Timestamp
-from robot_emulators.ur.packets import Values, Version
 from robot_emulators.ur.primary import ScriptClient
+from robot_emulators.ur.rtde_packets import Values, Version
 
 _LAYOUT = """target_q:6 target_qd:6 target_qdd:6 target_current:6 target_moment:6 actual_q:6
     actual_qd:6 actual_current:6 joint_control_output:6 actual_TCP_pose:6 actual_TCP_speed:6

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot_emulators.errors import EmulatorError
-from robot_emulators.ur import packets as wire
+from robot_emulators.ur import rtde_packets as wire
 from robot_emulators.ur.network import Conversation, Peer
-from robot_emulators.ur.packets import Recipe, Values, zero
+from robot_emulators.ur.rtde_packets import Recipe, Values, zero
 
 IN_USE, NOT_FOUND = "IN_USE", "NOT_FOUND"
 _CONFIGURABLE, _TOOL = 8, 16

@@ -9,8 +9,8 @@ import numpy as np
 from robot_emulators.ur import motions
 from robot_emulators.ur.arm import ForceMode
 from robot_emulators.ur.messages import stopped_because
+from robot_emulators.ur.script_math_and_state import solve
 from robot_emulators.ur.script_program import ScriptProgram
-from robot_emulators.ur.script_state import solve
 from robot_emulators.ur.urscript.functions import Six, Steps, Table, vector
 from robot_emulators.ur.urscript.values import Pose, ScriptFaultError
 

@@ -7,17 +7,17 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import ClassVar
 
-from robot_emulators.base import arguments as rules
-from robot_emulators.base.arguments import Argument, described, read
+from robot_emulators.base import named_values as rules
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.event_loop import LoopThread
 from robot_emulators.base.faults import Handler
+from robot_emulators.base.named_values import Argument, described, read
 from robot_emulators.base.real_time import CycleClock
 from robot_emulators.errors import EmulatorError
 from robot_emulators.netft_box.box import Box
 from robot_emulators.netft_box.sensing import BoxSettings
 from robot_emulators.plant import PlantMaker, PlantRequest
-from robot_emulators.ur import packets
+from robot_emulators.ur import rtde_packets
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.dashboard import Dashboard
 from robot_emulators.ur.network import Conversation, Peer, Port
@@ -28,10 +28,10 @@ from robot_emulators.ur.rtde import Offer, Rtde
 from robot_emulators.ur.settings import ControllerSettings
 
 _BROKEN = {
-    "short_header": struct.pack(">HB", 1, packets.DATA),
-    "empty_data": packets.packet(packets.DATA),
-    "short_data": packets.packet(packets.DATA, bytes([1]) + bytes(11)),
-    "unknown_type": packets.packet(ord("?"), b"what is this"),
+    "short_header": struct.pack(">HB", 1, rtde_packets.DATA),
+    "empty_data": rtde_packets.packet(rtde_packets.DATA),
+    "short_data": rtde_packets.packet(rtde_packets.DATA, bytes([1]) + bytes(11)),
+    "unknown_type": rtde_packets.packet(ord("?"), b"what is this"),
     "garbage": bytes(range(255, 0, -7)),
 }
 _PORTS = {"rtde": 30004, "dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
@@ -132,7 +132,7 @@ class UREmulator(Emulator):
         }
         at_once["rtde"] |= {
             "malformed": lambda f: rtde.inject(_BROKEN[f.values["how"]]),
-            "text": lambda f: rtde.say(f.values["message"], packets.WARNING),
+            "text": lambda f: rtde.say(f.values["message"], rtde_packets.WARNING),
             "timestamp_jump": lambda f: timestamp.jump(float(f.values["by"])),
         }
         at_once["control"] = {

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot_emulators.base import arguments as rules
-from robot_emulators.base.arguments import Settings, flag, setting, word
+from robot_emulators.base import named_values as rules
+from robot_emulators.base.named_values import Settings, flag, setting, word
 from robot_emulators.errors import SettingError
-from robot_emulators.ur.packets import Version
+from robot_emulators.ur.rtde_packets import Version
 
 _CB3 = ("ur3", "ur5", "ur10")
 """Models of arms that had a CB3 controller."""

@@ -18,21 +18,21 @@ from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.mistakes import best_turn
 from wrenchbed.calibration.checks.rigid_load import left_of_swing
 from wrenchbed.calibration.checks.rows import of_rows
-from wrenchbed.calibration.compensated import restored
+from wrenchbed.calibration.checks_before_fit import GENERAL, OUTLIERS, of_observations
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue, identified_values
 from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND, Solution
-from wrenchbed.calibration.misfit import Fault, allowed_for
+from wrenchbed.calibration.misfit_uncertainty import Fault, allowed_for
 from wrenchbed.calibration.observability import Observability, analyse
 from wrenchbed.calibration.observations import FALLBACK_COVARIANCE, Observations, observe
 from wrenchbed.calibration.position_error import Goal, tip_jacobian
-from wrenchbed.calibration.touches import Agreement, Touches
-from wrenchbed.calibration.trust import GENERAL, OUTLIERS, of_observations
+from wrenchbed.calibration.subtracted_payload import restored
+from wrenchbed.calibration.touch_points import Agreement, Touches
 from wrenchbed.calibration.weighting import fit
 from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.data.recording import POINT, QUATERNION, Recording
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.simulation.closed_form import Model, robot_of
 
 _WELL_SPREAD = 1e-3

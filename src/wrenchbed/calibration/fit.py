@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.calibration.observability import Observability
-from wrenchbed.calibration.touches import Agreement
+from wrenchbed.calibration.touch_points import Agreement
 from wrenchbed.data.metadata import model_field
 from wrenchbed.files import write_json
 from wrenchbed.physics.wrench import CHANNELS, UNITS

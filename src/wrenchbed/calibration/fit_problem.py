@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.least_squares import SAME, Solution, solve
 from wrenchbed.calibration.observations import Observations
-from wrenchbed.calibration.touches import Touches
+from wrenchbed.calibration.touch_points import Touches
 from wrenchbed.simulation.closed_form import Model
 
 LOSSES = ("linear", "huber")

@@ -13,7 +13,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.calibration.noise_spectrum import Clock, Spectrum, fit
-from wrenchbed.calibration.rest_of_sensor import check_rest
+from wrenchbed.calibration.sensor_rest_check import check_rest
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.files import write_text

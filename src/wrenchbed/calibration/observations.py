@@ -14,7 +14,7 @@ from wrenchbed.data.clock import JITTER, pieces
 from wrenchbed.data.holds import about_means, gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.taylor_jets import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
 
 _WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5

@@ -23,9 +23,9 @@ from wrenchbed.calibration.tracker_result import COMPLIANCE, TrackerFit
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import TARGET, Recording
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp
-from wrenchbed.physics.time_derivatives import STEP
+from wrenchbed.physics.taylor_jets import STEP
 from wrenchbed.robots.base import Robot, complex_steps
 from wrenchbed.simulation.closed_form import Model, robot_of
 

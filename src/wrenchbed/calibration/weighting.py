@@ -18,7 +18,7 @@ from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.fit_problem import Outcome, Problem, Whitening
 from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observations import FALLBACK_COVARIANCE, Observations
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 
 _MOST_POSES = 1500
 """Most poses for which the N × N eigenvectors are worth their cost."""

@@ -5,4 +5,4 @@ must keep reading older files); columns of robots.parquet: change docs/how-to/ca
 them; row k is a function of settings and k alone (seeds too: old folders are completed by them).
 Never: print, or move a robot along a path that was not checked first.
 Read first: ``run.py`` (`record`), ``moves.py`` (what is checked before) and ``resume.py`` (after a
-stop); ``simulated_robots.py`` for many."""
+stop); ``monte_carlo.py`` for many."""

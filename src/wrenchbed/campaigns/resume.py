@@ -16,7 +16,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, LimitError, LinkError, PlanError, SafetyStopError
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.hardware.drivers.live import LiveDriver
+from wrenchbed.hardware.drivers.live_base import LiveDriver
 from wrenchbed.physics.wrench import CHANNELS
 
 POSE, STARTED = "pose", "started"

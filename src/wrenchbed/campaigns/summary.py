@@ -6,10 +6,10 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import binomtest
 
-from wrenchbed.campaigns.simulated_robots import ALL, SETTING, Fleet
+from wrenchbed.campaigns.monte_carlo import ALL, SETTING, Fleet
 from wrenchbed.pages.document import Card, Document, Figure, Section, Table, provenance, render
 from wrenchbed.pages.numbers import HUMAN, NORMAL_95
-from wrenchbed.pages.plots import histograms
+from wrenchbed.pages.study_charts import histograms
 from wrenchbed.simulation.closed_form import Model
 
 _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))

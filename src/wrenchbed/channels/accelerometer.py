@@ -10,7 +10,7 @@ from wrenchbed.channels.base import Channel
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.time_derivatives import value
+from wrenchbed.physics.taylor_jets import value
 
 NONLINEARITY = 0.003
 """Nonlinearity of an axis over 1 g: data sheets of MEMS sensors give 0.1 to 0.5 % of full scale."""

@@ -7,8 +7,8 @@ import numpy as np
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.newton_euler import INERTIAL, twist_of
-from wrenchbed.physics.time_derivatives import STEP, Jet, value
+from wrenchbed.physics.rigid_load_regressor import INERTIAL, twist_of
+from wrenchbed.physics.taylor_jets import STEP, Jet, value
 from wrenchbed.physics.wrench import weight
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import torque_regressor

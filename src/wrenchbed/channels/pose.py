@@ -12,7 +12,7 @@ from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.rotations import apply, cross, exp
-from wrenchbed.physics.time_derivatives import value
+from wrenchbed.physics.taylor_jets import value
 
 _STEPS, _DONE = 30, 1e-12
 """Gauss–Newton steps at most, and the change [rad, m] below which they end."""

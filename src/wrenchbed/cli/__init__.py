@@ -40,8 +40,8 @@ from wrenchbed.errors import (
 
 _VERBS = {
     "list": ("small_verbs", "list_"),
-    "robot": ("devices", "robot"),
-    "sensor": ("devices", "sensor"),
+    "robot": ("robot_sensor_twin", "robot"),
+    "sensor": ("robot_sensor_twin", "sensor"),
     "plan": ("plan", "plan"),
     "record": ("record", "record"),
     "import": ("exchange", "import_"),
@@ -55,7 +55,7 @@ _VERBS = {
     "compare": ("small_verbs", "compare"),
     "live": ("monitoring", "live_"),
     "doctor": ("small_verbs", "doctor_"),
-    "twin": ("devices", "twin"),
+    "twin": ("robot_sensor_twin", "twin"),
     "campaign": ("small_verbs", "campaign"),
     "study": ("small_verbs", "study"),
     "blind": ("blind", "blind"),

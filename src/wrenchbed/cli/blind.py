@@ -12,7 +12,7 @@ from rich.text import Text
 
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json, Repeated
-from wrenchbed.data.outputs import Kind
+from wrenchbed.data.overwrite_rules import Kind
 from wrenchbed.errors import ParameterError
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from wrenchbed.calibration.fit_words import fit_words, parameter_words
 from wrenchbed.calibration.tracker_result import TrackerFit
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
-from wrenchbed.data.outputs import Kind
-from wrenchbed.drives.fit import DriveFit
+from wrenchbed.data.overwrite_rules import Kind
+from wrenchbed.drives.effort_fit import DriveFit
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages.numbers import HUMAN, percent
 from wrenchbed.physics.wrench import CHANNELS

@@ -28,7 +28,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from wrenchbed.data.outputs import Kind, check
+from wrenchbed.data.overwrite_rules import Kind, check
 from wrenchbed.errors import ParameterError, one_line, printable
 from wrenchbed.files import locked
 from wrenchbed.files.checked import load

@@ -17,7 +17,7 @@ from rich.text import Text
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.data.outputs import Kind
+from wrenchbed.data.overwrite_rules import Kind
 from wrenchbed.errors import MissingExtraError, ParameterError, WrenchbedWarning
 from wrenchbed.files import atomic_folder
 

@@ -12,7 +12,7 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.column_map import ColumnMap
-from wrenchbed.data.outputs import Kind, keeping
+from wrenchbed.data.overwrite_rules import Kind, keeping
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, WrenchbedError, WrenchbedWarning
 from wrenchbed.exports.base import output_files
@@ -114,7 +114,7 @@ def _import_lerobot(
 
 def _doubt(recording: Recording) -> str | None:
     """Reason why `calibrate` would refuse a recording; None if no reason is known."""
-    from wrenchbed.calibration.trust import check
+    from wrenchbed.calibration.checks_before_fit import check
 
     try:
         finding = check(recording)
@@ -176,7 +176,7 @@ def export(
     if [to, mjcf, mcap].count(None) != 2:
         raise ParameterError("give --to FORMAT, --mjcf for a twin or --mcap for a recording")
     if mcap is not None:
-        from wrenchbed.data.logs import write_mcap
+        from wrenchbed.data.rosbag_and_mcap import write_mcap
 
         console.check_out(mcap, Kind.LOG, file, force=force)
         recording = wb.Recording.read(file)

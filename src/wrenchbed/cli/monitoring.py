@@ -21,11 +21,11 @@ from wrenchbed.cli.console import Json
 from wrenchbed.cli.record import DeviceArguments, LimitArguments, ready
 from wrenchbed.cli.small_verbs import compared
 from wrenchbed.data.metadata import known_name
-from wrenchbed.data.outputs import Kind
+from wrenchbed.data.overwrite_rules import Kind
 from wrenchbed.errors import ParameterError, WrenchbedWarning
 from wrenchbed.exports.load_numbers import calibrated_twin
 from wrenchbed.files.checked import load
-from wrenchbed.hardware.drivers.live import LiveDriver
+from wrenchbed.hardware.drivers.live_base import LiveDriver
 from wrenchbed.hardware.drivers.sim import SimDriver
 from wrenchbed.monitoring import check as monthly
 from wrenchbed.monitoring import history as stored

@@ -9,7 +9,7 @@ import tyro
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
-from wrenchbed.data.outputs import Kind
+from wrenchbed.data.overwrite_rules import Kind
 from wrenchbed.errors import PlanError
 from wrenchbed.files import set_aside
 

@@ -14,10 +14,10 @@ from wrenchbed.campaigns.moves import LiveLimits, itinerary, live_limits
 from wrenchbed.campaigns.run import RunProgress
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json, Repeated
-from wrenchbed.data.outputs import Kind
+from wrenchbed.data.overwrite_rules import Kind
 from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.hardware.drivers.live import LIVE, LiveDriver
+from wrenchbed.hardware.drivers.live_base import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.motion_limits import Limits
 

@@ -12,7 +12,7 @@ from rich.text import Text
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
-from wrenchbed.data.outputs import Kind, keeping
+from wrenchbed.data.overwrite_rules import Kind, keeping
 from wrenchbed.errors import MissingExtraError
 
 Kinds = Literal[

@@ -15,6 +15,7 @@ import pyarrow as pa
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.data.accelerometer_orientation import held, orientations
 from wrenchbed.data.clock import (
     PER_S,
     at_times,
@@ -36,12 +37,11 @@ from wrenchbed.data.column_map import (
     turned,
 )
 from wrenchbed.data.holds import Split, check_at_rest, means_of, runs, split, with_noise
-from wrenchbed.data.logs import is_log
-from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording, joint_columns
+from wrenchbed.data.rosbag_and_mcap import is_log
+from wrenchbed.data.rosbag_and_mcap import table as log_table
 from wrenchbed.data.text_table import BLANKS, SKIP, Columns, read_text
-from wrenchbed.data.tilt import held, orientations
 from wrenchbed.errors import MapError, NotFoundError
 from wrenchbed.physics.wrench import CHANNELS
 

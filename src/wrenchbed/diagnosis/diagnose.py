@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis import beside_claims, json_entries
+from wrenchbed.diagnosis import json_entries, minor_effects
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects, unexplained
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.decision import rivals
@@ -26,10 +26,10 @@ from wrenchbed.diagnosis.decision.decide import (
     withdrawn,
 )
 from wrenchbed.diagnosis.decision.facts import Decision, Facts
-from wrenchbed.diagnosis.decision.options import facts_of
+from wrenchbed.diagnosis.decision.weighed_explanations import facts_of
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain import outliers as outliers_
-from wrenchbed.diagnosis.explain import own_rest
+from wrenchbed.diagnosis.explain import unexplained_residual
 from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.contributions import made_by
 from wrenchbed.diagnosis.explain.familiarity import design_of
@@ -42,9 +42,9 @@ from wrenchbed.diagnosis.explain.reliability import (
 )
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap import constancy, varies_with
+from wrenchbed.diagnosis.gap import size_constancy, varies_with
 from wrenchbed.diagnosis.gap.closure import Claims
-from wrenchbed.diagnosis.gap.gaps import Closure
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
 from wrenchbed.diagnosis.gap.held_out import simulated
 from wrenchbed.diagnosis.next import experiments
 from wrenchbed.diagnosis.next.blind import Design, blind_spots
@@ -233,8 +233,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
         set90=set90(verdict, known),
-        minor=beside_claims.minor(analysis, verdict, spread, surest),
-        fitted=beside_claims.fitted(analysis, verdict, spread),
+        minor=minor_effects.minor(analysis, verdict, spread, surest),
+        fitted=minor_effects.fitted(analysis, verdict, spread),
         scale=json_entries.scales(*(x.prepared for x in (*analysis.others, analysis))),
         familiar=learnt,
         familiar_p=weighed.p_value,
@@ -289,13 +289,13 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
     known = known.believed_at(p_value, mode)
     claims = Claims(analysis, seed)
     first = decide(facts(claims, known))
-    if not known.unlike(p_value, mode) or not own_rest.is_left(analysis):
+    if not known.unlike(p_value, mode) or not unexplained_residual.is_left(analysis):
         weighed = Weighed(analysis, first, claims.twin(first.verdict), p_value)
         f, names = first.verdict.explanation.finalist, {c.part.name for c in first.verdict.causes}
-        grown = constancy.grown(analysis, f, _parts(first.verdict, names))
+        grown = size_constancy.grown(analysis, f, _parts(first.verdict, names))
         change = _changing(analysis, first.verdict, names, seed) if grown >= LEAST else None
         return weighed if change is None else _refuted(weighed, change.sentence, seed)
-    again = Claims(own_rest.weighed_again(analysis), seed)
+    again = Claims(unexplained_residual.weighed_again(analysis), seed)
 
     def changing(verdict: Verdict[Explanation], names: Collection[str]) -> str:
         change = _changing(again.analysis, verdict, names, seed)
@@ -331,10 +331,10 @@ def least_beside(touch: Touch | None) -> float:
 
 def _changing(
     a: Analysis, verdict: Verdict[Explanation], names: Collection[str], seed: int
-) -> constancy.Change | None:
+) -> size_constancy.Change | None:
     """Cause, claimed and in ``names``, whose size changes most surely; None if all are constant."""
     parts = _parts(verdict, names)
-    return constancy.changing(a, verdict.explanation.finalist, parts, seed) if parts else None
+    return size_constancy.changing(a, verdict.explanation.finalist, parts, seed) if parts else None
 
 
 def _parts(verdict: Verdict[Explanation], names: Collection[str]) -> list[int]:

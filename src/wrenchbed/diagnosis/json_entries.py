@@ -12,8 +12,8 @@ from wrenchbed.diagnosis.explain.elements import NAMING, combination, element, e
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE, Cause, Elements, Key, Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.diagnosis.result import Diagnosis, Scale, cause, families, named_by, rival

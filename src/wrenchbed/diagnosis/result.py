@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed.data.recording import TARGET
-from wrenchbed.diagnosis.gap.gaps import Closure, Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
 from wrenchbed.diagnosis.next.blind import BlindSpot
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.files import write_json

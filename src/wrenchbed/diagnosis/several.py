@@ -33,8 +33,8 @@ from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
 from wrenchbed.diagnosis.explain.verdict import Part, Verdict
 from wrenchbed.diagnosis.prepare.prepared import Material
-from wrenchbed.drives.at_rest import added_load
 from wrenchbed.drives.identify import arm_of
+from wrenchbed.drives.identify_at_rest import added_load
 from wrenchbed.errors import CalibrationError, DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 

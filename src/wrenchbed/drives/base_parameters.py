@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr
 
-from wrenchbed.physics.newton_euler import INERTIAL
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.rigid_load_regressor import INERTIAL
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import torque_regressor
 

@@ -15,12 +15,11 @@ from scipy.special import stdtrit  # scipy.stats takes a second to load
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
-from wrenchbed.drives.at_rest import CONSTANT, calibrate_at_rest
-from wrenchbed.drives.at_rest import GROUPS as AT_REST
 from wrenchbed.drives.base_parameters import base_parameters
-from wrenchbed.drives.fit import DriveFit, JointError, impossible, joint_errors
-from wrenchbed.drives.signals import DriveSignals, as_torques, efforts_of, signals_of_pieces
-from wrenchbed.drives.solution import (
+from wrenchbed.drives.effort_fit import DriveFit, JointError, impossible, joint_errors
+from wrenchbed.drives.identify_at_rest import CONSTANT, calibrate_at_rest
+from wrenchbed.drives.identify_at_rest import GROUPS as AT_REST
+from wrenchbed.drives.joint_least_squares import (
     FOLDS,
     Problem,
     Solution,
@@ -30,13 +29,14 @@ from wrenchbed.drives.solution import (
     solve,
     start,
 )
+from wrenchbed.drives.signals import DriveSignals, as_torques, efforts_of, signals_of_pieces
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
-from wrenchbed.physics.newton_euler import INERTIAL
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.rigid_load_regressor import INERTIAL
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import about_centre, six_of, symmetric
 from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
-from wrenchbed.robots.mjcf import LinkInertias, at_home, link_inertias
+from wrenchbed.robots.mjspec_edits import LinkInertias, at_home, link_inertias
 from wrenchbed.simulation.closed_form import Model, robot_of
 
 FRICTION = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia")

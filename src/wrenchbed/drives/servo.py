@@ -15,8 +15,7 @@ from scipy.interpolate import make_interp_spline
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.command import CHANNEL
 from wrenchbed.data.recording import Recording
-from wrenchbed.drives.at_rest import CONSTANT
-from wrenchbed.drives.fit import COMMAND_FIT, DriveFit
+from wrenchbed.drives.effort_fit import COMMAND_FIT, DriveFit
 from wrenchbed.drives.identify import (
     FRICTION,
     WIDE,
@@ -29,8 +28,9 @@ from wrenchbed.drives.identify import (
     refutation,
     values_of,
 )
+from wrenchbed.drives.identify_at_rest import CONSTANT
+from wrenchbed.drives.joint_least_squares import Problem, Solution, solve
 from wrenchbed.drives.signals import DriveSignals, encoder_noise, motion_signals, signals_of_pieces
-from wrenchbed.drives.solution import Problem, Solution, solve
 from wrenchbed.errors import CalibrationError, ParameterError
 from wrenchbed.robots.base import Joint
 

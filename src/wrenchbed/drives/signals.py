@@ -16,7 +16,7 @@ from wrenchbed.data.clock import JITTER, pieces
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 
 _ORDER = 4
 """Order of the Butterworth filter that smooths joint values, run forwards and backwards."""

@@ -19,8 +19,8 @@ import numpy as np
 
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.time_derivatives import Value
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
+from wrenchbed.physics.taylor_jets import Value
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
 

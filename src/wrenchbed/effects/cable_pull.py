@@ -15,9 +15,9 @@ from wrenchbed.effects.base import (
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.rotations import apply, cross, sphere
-from wrenchbed.physics.time_derivatives import value
+from wrenchbed.physics.taylor_jets import value
 from wrenchbed.robots.base import Robot
 
 PULL, ANCHOR, POINT = (tuple(f"{stem}.{a}" for a in "xyz") for stem in ("pull", "anchor", "point"))

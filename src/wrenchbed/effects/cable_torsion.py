@@ -4,8 +4,8 @@ import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
-from wrenchbed.physics.time_derivatives import STEP
+from wrenchbed.physics.model_parameters import Parameter
+from wrenchbed.physics.taylor_jets import STEP
 
 
 class CableTorsion(LoadEffect):

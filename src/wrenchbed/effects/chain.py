@@ -14,7 +14,7 @@ from wrenchbed import registry
 from wrenchbed.effects.base import STAGES, STATED_NUMBERS, Effect, Pose, unknown_name
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.time_derivatives import Value, value
+from wrenchbed.physics.taylor_jets import Value, value
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 

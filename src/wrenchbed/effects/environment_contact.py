@@ -18,9 +18,9 @@ from wrenchbed.effects.base import (
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.rotations import apply, cross, sphere
-from wrenchbed.physics.time_derivatives import value
+from wrenchbed.physics.taylor_jets import value
 from wrenchbed.robots.base import Robot
 
 LENGTH = 0.01

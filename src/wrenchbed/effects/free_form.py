@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from wrenchbed.effects.base import Curve, Values, Variant, channel_parameters
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 FREE = {"form": "free"}

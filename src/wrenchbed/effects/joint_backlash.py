@@ -12,7 +12,7 @@ from wrenchbed.effects.base import (
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import ParameterSet
+from wrenchbed.physics.model_parameters import ParameterSet
 from wrenchbed.robots.base import Robot
 
 SIDES = ("load", "approach")

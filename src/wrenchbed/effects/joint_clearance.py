@@ -6,9 +6,9 @@ import numpy as np
 
 from wrenchbed.effects.base import JointEffect, MjSpec, Pose, Published, Values, Variant, has_loops
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
-from wrenchbed.physics.time_derivatives import STEP
+from wrenchbed.physics.taylor_jets import STEP
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.medrue.kinematics import five_bar

@@ -4,8 +4,8 @@ import numpy as np
 
 from wrenchbed.effects.base import JointEffect, Residual, Sizes, Values, Variant, each_joint, vector
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.time_derivatives import Value, cos, sin
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
+from wrenchbed.physics.taylor_jets import Value, cos, sin
 from wrenchbed.robots.base import Robot
 
 TYPICAL = 3e-4

@@ -6,7 +6,7 @@ import numpy as np
 
 from wrenchbed.effects.base import ModelEffect, Values, Variant, added, has_loops
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
 LINKS = tuple(f"L{i}{k}" for i in (1, 2) for k in (1, 2, 3, 4))

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.time_derivatives import Jet, Value, value
+from wrenchbed.physics.taylor_jets import Jet, Value, value
 from wrenchbed.physics.wrench import Tool, wrench
 from wrenchbed.robots.base import Robot
 

@@ -16,7 +16,7 @@ from wrenchbed.effects.base import (
 )
 from wrenchbed.effects.drives.operators import lagging
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 
 TAUS = (30.0, 150.0, 600.0)
 """Time constants where a search begins [s]: steps of four to five, from a hold to a recording."""

@@ -18,7 +18,7 @@ from wrenchbed.effects.base import (
     zero_and_gain_variants,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 
 RATE, TORQUE_RATE = 1e-4, 2e-6

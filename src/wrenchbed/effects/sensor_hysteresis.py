@@ -16,7 +16,7 @@ from wrenchbed.effects.base import (
 from wrenchbed.effects.drives.operators import stop
 from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 WIDTHS = {"narrow": 0.04, "middle": 0.15, "wide": 0.5}

@@ -14,7 +14,7 @@ from wrenchbed.effects.base import (
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 
 MOMENTS = 24
 """Largest number of moments at which a search for one jump begins: a search takes as long for

@@ -17,7 +17,7 @@ from wrenchbed.effects.base import (
 )
 from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 
 REFERENCE = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])

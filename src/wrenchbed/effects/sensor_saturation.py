@@ -5,7 +5,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, per_channel, vector
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.wrench import CHANNELS, UNITS, wrench
 from wrenchbed.robots.base import Robot
 

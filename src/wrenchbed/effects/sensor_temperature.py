@@ -16,7 +16,7 @@ from wrenchbed.effects.base import (
 )
 from wrenchbed.effects.drives.operators import lagging
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 
 LAG_S = 20.0
 """Lag of the sensor behind a recorded temperature where a search begins [s]: that of some 100 g of

@@ -5,7 +5,7 @@ import numpy as np
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike
 from wrenchbed.effects.drives.operators import lagging
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 
 FINE, MOST = 4.0, 32
 """Pieces of a time constant, which keep the filter's step response to 1 %, and most pieces of a

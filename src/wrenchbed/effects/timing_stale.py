@@ -3,7 +3,7 @@
 import numpy as np
 
 from wrenchbed.effects.base import Rng, RowEffect, Values
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 
 
 class TimingStale(RowEffect):

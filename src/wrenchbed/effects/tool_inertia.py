@@ -4,7 +4,7 @@ import numpy as np
 
 from wrenchbed.effects.base import ModelEffect, Pose, Values, Variant, added
 from wrenchbed.effects.scene import ACCELERATION, Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 
 NAMES = tuple(f"inertia.{a}" for a in INERTIA_AXES)

@@ -18,7 +18,7 @@ from wrenchbed.effects.base import (
     waves,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import Tool, wrench
 
 PLACE = ("place.x", "place.y", "place.z")

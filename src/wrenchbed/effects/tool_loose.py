@@ -17,7 +17,7 @@ from wrenchbed.effects.base import (
     sides,
 )
 from wrenchbed.effects.scene import Scene, held_on
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.rotations import cross, sphere
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot

@@ -4,7 +4,7 @@ import numpy as np
 
 from wrenchbed.effects.base import ModelEffect, Values, Variant
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
 
 

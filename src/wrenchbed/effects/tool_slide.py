@@ -6,7 +6,7 @@ import numpy as np
 
 from wrenchbed.effects.base import LoadEffect, Pose, Sizes, Values, Variant, alike, course, waves
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import wrench
 
 RATE = tuple(f"rate.{a}" for a in "xyz")

@@ -19,7 +19,7 @@ from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.planning.criteria import Criterion, InverseTrace
 from wrenchbed.robots.motion_limits import duration
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 
 _TARGETS, _SEED = 200, 20_160_798
 """Poses at which accuracy is judged, and the seed that chooses them."""

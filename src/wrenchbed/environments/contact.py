@@ -13,8 +13,8 @@ import numpy as np
 from wrenchbed.environments.rendering import Rendered, simulated
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.plant.body import Body, BodyOptions
 from wrenchbed.plant.contact_surface import Limb, tip_of
+from wrenchbed.plant.realtime_robot import Body, BodyOptions
 from wrenchbed.robots.base import SimulatedRobot
 
 _STEP, _DAMPING = 1e-6, 1e-6

@@ -7,7 +7,7 @@ from wrenchbed import registry
 from wrenchbed.errors import ParameterError
 from wrenchbed.plant.contact_surface import Limb
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 
 SIZE = (480, 640)
 """Height and width [px]."""

@@ -20,7 +20,7 @@ from wrenchbed.data.metadata import known_name
 from wrenchbed.errors import ExportError
 from wrenchbed.files import checked
 from wrenchbed.physics.rotations import exp
-from wrenchbed.physics.time_derivatives import STEP
+from wrenchbed.physics.taylor_jets import STEP
 from wrenchbed.physics.wrench import CHANNELS, about_centre, six_of
 from wrenchbed.robots.base import complex_steps
 from wrenchbed.robots.oriented import ROBOT as ORIENTED

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.observations import observe
+from wrenchbed.calibration.subtracted_payload import restored
 from wrenchbed.data import parquet
 from wrenchbed.data.metadata import model_field
 from wrenchbed.data.plan import Plan

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.device import GONE_S
-from wrenchbed.hardware.drivers.live import CALM_SPEED, LiveDriver
+from wrenchbed.hardware.device_lifecycle import GONE_S
+from wrenchbed.hardware.drivers.live_base import CALM_SPEED, LiveDriver
 from wrenchbed.monitoring.compensation import Compensator, External
 
 POLL_S = 2e-4

@@ -24,7 +24,7 @@ from scipy.special import fdtrc
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import check_mass, identify_from_gravity
 from wrenchbed.calibration.weighting import kernel
-from wrenchbed.channels.response import Response
+from wrenchbed.channels.readings_with_effects import Response
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene

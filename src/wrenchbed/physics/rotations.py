@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from wrenchbed.physics.time_derivatives import Value, cos, reshape_matrix, sin, stack_jets
+from wrenchbed.physics.taylor_jets import Value, cos, reshape_matrix, sin, stack_jets
 
 _TERMS = 18
 """Terms of the series of sin φ/φ, φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below

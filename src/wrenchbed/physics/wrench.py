@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.physics.newton_euler import load, motion_of
+from wrenchbed.physics.rigid_load_regressor import load, motion_of
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.taylor_jets import Jet, Value
 
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
 """The six channels of a wrench, forces [N] and torques [N·m]."""

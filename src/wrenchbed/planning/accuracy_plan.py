@@ -20,7 +20,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.fit_problem import Problem
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.position_error import Goal, tip_jacobian
-from wrenchbed.calibration.touches import Touches
+from wrenchbed.calibration.touch_points import Touches
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import TOUCH_STD
 from wrenchbed.errors import PlanError

@@ -13,7 +13,7 @@ import numpy as np
 
 from wrenchbed.errors import PlanError
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.mjcf import compiled
+from wrenchbed.robots.mjspec_edits import compiled
 
 STEP = 0.03
 """Largest move of a joint between two collision tests [rad or m]."""

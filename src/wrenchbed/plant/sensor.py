@@ -19,7 +19,7 @@ import numpy as np
 
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.physics.noise import NoiseModel, NoiseStream, noise_model, shown
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.replay import Playback
 from wrenchbed.twin.twin import Twin

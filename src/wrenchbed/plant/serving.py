@@ -24,8 +24,8 @@ from robot_emulators import (
 )
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, MapError, ParameterError
-from wrenchbed.plant.body import Body, BodyOptions
 from wrenchbed.plant.contact_surface import Plate
+from wrenchbed.plant.realtime_robot import Body, BodyOptions
 from wrenchbed.plant.sensor import ArmSensor
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 from wrenchbed.robots.ur5 import NAMES, ur_arm

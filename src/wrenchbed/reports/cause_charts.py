@@ -17,9 +17,9 @@ from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thinned
 from wrenchbed.pages.numbers import minus
-from wrenchbed.physics.time_derivatives import value
+from wrenchbed.physics.taylor_jets import value
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.reports.simulators import Cause, HeldOutReadings, joint_axis, largest
+from wrenchbed.reports.compared_readings import Cause, HeldOutReadings, joint_axis, largest
 
 STEP = 1e-5
 """Step of a joint's value in a difference quotient [rad or m]."""

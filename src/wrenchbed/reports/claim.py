@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.effects.base import Effect
 from wrenchbed.pages import numbers

@@ -15,9 +15,9 @@ from wrenchbed.pages.document import Facts, provenance
 from wrenchbed.pages.draw import Drawn, draw
 from wrenchbed.reports import cause_charts, figures
 from wrenchbed.reports.answer import BADGES, Answer
+from wrenchbed.reports.compared_readings import HeldOutReadings
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 from wrenchbed.reports.robot_scene import effort_scene, wrench_scene
-from wrenchbed.reports.simulators import HeldOutReadings
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 

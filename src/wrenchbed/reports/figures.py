@@ -6,8 +6,8 @@ import numpy as np
 from wrenchbed.effects.chain import effects
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import NOISE, Axis, Chart, Matrix, Panel, Series, thinned
-from wrenchbed.reports.simulators import Cause, HeldOutReadings, along, largest
-from wrenchbed.twin.predictions import binned_rms, bins
+from wrenchbed.reports.compared_readings import Cause, HeldOutReadings, along, largest
+from wrenchbed.twin.simulator_predictions import binned_rms, bins
 
 BINS = 8
 """Columns of the map of residuals."""

@@ -12,9 +12,16 @@ from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinne
 from wrenchbed.pages.document import provenance
 from wrenchbed.pages.draw import draw
 from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.reports.compared_readings import joint_axis
 from wrenchbed.reports.diagnosis_page import recording_facts
-from wrenchbed.reports.simulators import joint_axis
-from wrenchbed.twin.predictions import Simulator, modelled, noise_of, order_of, robot_of, simulators
+from wrenchbed.twin.simulator_predictions import (
+    Simulator,
+    modelled,
+    noise_of,
+    order_of,
+    robot_of,
+    simulators,
+)
 
 AGREES, NEAR = 1.25, 3.0
 """Rms residual of a channel [noise of one row] up to which simulator and measurement agree, or

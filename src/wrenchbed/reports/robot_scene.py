@@ -15,11 +15,11 @@ from wrenchbed.pages.scene import Arrows, Part, Scene
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.claim import joints, joints_or
+from wrenchbed.reports.compared_readings import HeldOutReadings, along
 from wrenchbed.reports.effort_answer import residuals_of, shown_rows
-from wrenchbed.reports.simulators import HeldOutReadings, along
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation.shapes import bodies, geoms_of, motion, triangles
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
+from wrenchbed.simulation.triangle_meshes import bodies, geoms_of, motion, triangles
 
 MOST_MOMENTS = 150
 """Most moments of a robot on a page: as a plan has poses, or ten a second of a short motion."""

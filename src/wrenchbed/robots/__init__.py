@@ -11,8 +11,8 @@ Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as 
 """
 
 SUPPORT = (
-    "arm_model", "arm_spec", "arm_tree", "chain", "closed_loop", "compiled", "described",
-    "file_arm", "inverse_dynamics", "loop_arm", "menagerie", "mjcf", "model_file", "model_source",
-    "motion_limits", "serial_arm",
+    "arm_numbers", "arm_mjcf", "arm_from_mujoco", "chain", "closed_loop", "compiled", "described",
+    "file_arm", "inverse_dynamics", "loop_arm", "menagerie", "mjspec_edits", "model_file",
+    "model_xml", "motion_limits", "serial_arm",
 )  # fmt: skip
 """Modules of this package that are no plug-ins; `registry` skips them."""

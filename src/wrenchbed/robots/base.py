@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
-from wrenchbed.physics.gravity import ArmBodies, BodyMass
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.gravity_torques import ArmBodies, BodyMass
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
-from wrenchbed.physics.time_derivatives import STEP, Value, stack_jets
+from wrenchbed.physics.taylor_jets import STEP, Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.compiled.statics import Packed
 

@@ -17,10 +17,10 @@ from functools import reduce
 
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass
-from wrenchbed.physics.newton_euler import Vector
+from wrenchbed.physics.gravity_torques import BodyMass
+from wrenchbed.physics.rigid_load_regressor import Vector
 from wrenchbed.physics.rotations import apply
-from wrenchbed.physics.time_derivatives import Value, cos, sin, stack_jets
+from wrenchbed.physics.taylor_jets import Value, cos, sin, stack_jets
 from wrenchbed.robots.base import MountedArm, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
 

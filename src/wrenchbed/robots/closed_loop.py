@@ -19,8 +19,8 @@ import numpy as np
 
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import apply
-from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets, transposed, value
-from wrenchbed.robots.arm_model import HINGE, ArmModel
+from wrenchbed.physics.taylor_jets import Jet, Value, cos, sin, stack_jets, transposed, value
+from wrenchbed.robots.arm_numbers import HINGE, ArmModel
 
 _STRIDE, _CAREFUL = 0.2, 0.05
 """Longest way of a driven joint between two Newton solutions [rad, m over the arm's reach], at

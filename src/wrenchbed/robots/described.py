@@ -22,10 +22,10 @@ from wrenchbed.files import write_text
 from wrenchbed.files.checked import Fields, listed, quoted, text_of, toml_fields
 from wrenchbed.physics.wrench import physical_inertia
 from wrenchbed.robots import menagerie
-from wrenchbed.robots.arm_model import ArmLink, ArmModel, Load
+from wrenchbed.robots.arm_numbers import ArmLink, ArmModel, Load
 from wrenchbed.robots.file_arm import ArmDescription, FileArm
 from wrenchbed.robots.loop_arm import LoopArm
-from wrenchbed.robots.model_source import content
+from wrenchbed.robots.model_xml import content
 
 FORMAT = 1
 DEFAULT_SENSOR = "ati-gamma"

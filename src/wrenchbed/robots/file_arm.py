@@ -14,10 +14,10 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import WrenchbedError
-from wrenchbed.physics.gravity import BodyMass
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.gravity_torques import BodyMass
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply
-from wrenchbed.robots.arm_model import HINGE, ArmLink, ArmModel, Load
+from wrenchbed.robots.arm_numbers import HINGE, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
     Joint,
@@ -134,8 +134,8 @@ class DescribedArm(MountedArm):
         return replace(arm, base_turn=self._leaning(arm.base_turn, theta), links=links)
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        from wrenchbed.robots.arm_spec import spec_of
-        from wrenchbed.robots.mjcf import place, write_load
+        from wrenchbed.robots.arm_mjcf import spec_of
+        from wrenchbed.robots.mjspec_edits import place, write_load
 
         zeros = np.zeros(len(self.arm_model.links))
         zeros[list(self.arm_model.driven)] = self.zeros(theta)

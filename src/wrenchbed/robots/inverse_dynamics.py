@@ -8,10 +8,10 @@ implementation; tests compare them.
 
 import numpy as np
 
-from wrenchbed.physics.newton_euler import motion_of, regressor, twist_of
-from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.rigid_load_regressor import motion_of, regressor, twist_of
+from wrenchbed.physics.taylor_jets import Jet, Value
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.mjcf import LinkInertias
+from wrenchbed.robots.mjspec_edits import LinkInertias
 
 _ROWS_AT_ONCE = 1000
 """Rows whose links' frames are held at once: some 50 MB."""

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass
+from wrenchbed.physics.gravity_torques import BodyMass
 from wrenchbed.physics.rotations import apply
-from wrenchbed.physics.time_derivatives import STEP, Value, stack_jets, value
-from wrenchbed.robots.arm_model import ArmModel
+from wrenchbed.physics.taylor_jets import STEP, Value, stack_jets, value
+from wrenchbed.robots.arm_numbers import ArmModel
 from wrenchbed.robots.base import complex_steps, sample_until
 from wrenchbed.robots.closed_loop import ClosedLoops
 from wrenchbed.robots.file_arm import ArmDescription, DescribedArm, loop_groups

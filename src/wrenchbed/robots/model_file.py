@@ -1,4 +1,4 @@
-"""MJCF and URDF of a user → an arm as numbers, see `arm_tree`. The file itself is only read.
+"""MJCF and URDF of a user → an arm as numbers, see `arm_from_mujoco`. The file itself is only read.
 
 Meshes that are missing, or in a format that MuJoCo does not read, are left out: their links keep
 the masses that the file states. Fixed frames stay bodies, so that no mass crosses the sensor.
@@ -14,9 +14,9 @@ import numpy as np
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
 from wrenchbed.jobs.bounded import bounded
 from wrenchbed.physics.wrench import symmetric
-from wrenchbed.robots.arm_model import ArmModel
-from wrenchbed.robots.arm_tree import CONSTRAINTS, FLOATS, SITE, ArmTree
-from wrenchbed.robots.model_source import ModelSource
+from wrenchbed.robots.arm_from_mujoco import CONSTRAINTS, FLOATS, SITE, ArmTree
+from wrenchbed.robots.arm_numbers import ArmModel
+from wrenchbed.robots.model_xml import ModelSource
 
 _BOUND = 1e-12
 """Mass and inertia that MuJoCo gets for massless bodies [kg, kg·m²], refused if they move."""

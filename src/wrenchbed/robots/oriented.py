@@ -6,9 +6,9 @@ Its "joints" are the sensor's orientation in the base, a quaternion w, x, y, z (
 import numpy as np
 
 from wrenchbed.errors import KinematicsError
-from wrenchbed.physics.parameters import ParameterSet
+from wrenchbed.physics.model_parameters import ParameterSet
 from wrenchbed.physics.rotations import exp, matrix
-from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.taylor_jets import Jet, Value
 from wrenchbed.robots.base import (
     ANGLE,
     TILT,

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.gravity_torques import BodyMass
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import rot_x, rot_z
-from wrenchbed.physics.time_derivatives import Value
-from wrenchbed.robots.arm_model import HINGE, ArmLink, ArmModel, Load
+from wrenchbed.physics.taylor_jets import Value
+from wrenchbed.robots.arm_numbers import HINGE, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
     Joint,
@@ -174,7 +174,7 @@ class SerialArm(SerialChain):
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         """MJCF spec of the arm at parameters (P,), from its file or, without one, from its data."""
-        from wrenchbed.robots.mjcf import bare, place, write_load
+        from wrenchbed.robots.mjspec_edits import bare, place, write_load
 
         spec = bare(self.mjcf) if self.mjcf.is_file() else self.drawn()
         place(spec, "base", [0, 0, 0], self._leaning(np.eye(3), theta))
@@ -193,8 +193,8 @@ class SerialArm(SerialChain):
     def drawn(self) -> "mujoco.MjSpec":
         """Make an MJCF spec from the arm's data, with sticks for its links. Inertias of links are
         estimates: no force that the sensor reads depends on them."""
-        from wrenchbed.robots.arm_spec import spec_of
-        from wrenchbed.robots.mjcf import write_load
+        from wrenchbed.robots.arm_mjcf import spec_of
+        from wrenchbed.robots.mjspec_edits import write_load
 
         arm, links = self.arm, list[ArmLink]()
         turn, shift, axis = np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0])

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass
+from wrenchbed.physics.gravity_torques import BodyMass
 from wrenchbed.physics.rotations import rot_x
 from wrenchbed.robots.base import models
 from wrenchbed.robots.serial_arm import ArmData, Link, SerialArm

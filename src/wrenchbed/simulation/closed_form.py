@@ -1,6 +1,6 @@
 """The closed form: a robot and its sensor as formulas, with exact Jacobians, to fit with.
 
-Its counterpart is `simulation`: the same robot in MuJoCo. Tests compare the two.
+Its counterpart is `mujoco_wrench`: the same robot in MuJoCo. Tests compare the two.
 """
 
 from collections.abc import Sequence
@@ -12,10 +12,10 @@ from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, PlanError, RecordingError
-from wrenchbed.physics.newton_euler import Motion, load, motion_of
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
+from wrenchbed.physics.rigid_load_regressor import Motion, load, motion_of
 from wrenchbed.physics.rotations import matrix
-from wrenchbed.physics.time_derivatives import STEP, Jet, Value, value
+from wrenchbed.physics.taylor_jets import STEP, Jet, Value, value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
 from wrenchbed.robots.base import INERTIA_AXES, Robot, complex_steps
 from wrenchbed.robots.compiled import statics

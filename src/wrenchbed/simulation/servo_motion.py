@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from wrenchbed.simulation.simulation import Simulation, load_on_sensor
+from wrenchbed.simulation.mujoco_wrench import Simulation, load_on_sensor
 
 LONGEST_STEP = 0.002
 """Longest step of MuJoCo [s]; with its discrete integrator MedRUE's loops stay within 0.4 µm."""

@@ -12,11 +12,11 @@ import pyarrow as pa
 from scipy import stats
 
 from wrenchbed.calibration.observability import Observability, analyse, null_space
-from wrenchbed.jobs.parts import Parts, key, write_table
-from wrenchbed.jobs.parts import run as run_parts
+from wrenchbed.jobs.finished_parts import Parts, key, write_table
+from wrenchbed.jobs.finished_parts import run as run_parts
 from wrenchbed.jobs.workers import Progress
 from wrenchbed.pages.document import Document, Figure, Section, Table
-from wrenchbed.pages.plots import course, histograms, workspaces
+from wrenchbed.pages.study_charts import course, histograms, workspaces
 from wrenchbed.planning.criteria import observability_indices
 from wrenchbed.studies import medrue_identification as identification
 from wrenchbed.studies import medrue_setting as published

@@ -12,9 +12,9 @@ import numpy as np
 
 from wrenchbed.calibration.least_squares import solve
 from wrenchbed.calibration.position_error import statistics
-from wrenchbed.jobs.parts import Row
+from wrenchbed.jobs.finished_parts import Row
 from wrenchbed.physics.wrench import wrench
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.studies import medrue_setting as published
 from wrenchbed.studies.medrue_setting import LOWER, MINI40, PAPER, PoseDesign, StudySetting
 

@@ -12,7 +12,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.position_error import Goal, statistics, tip_jacobian
 from wrenchbed.planning.criteria import INDICES, Criterion, InverseTrace
 from wrenchbed.planning.exchange import Certificate, Pool, Selection, certify, exchange, heaviest
-from wrenchbed.robots.medrue import workspace
+from wrenchbed.robots.medrue import inverse_kinematics
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED
 from wrenchbed.robots.medrue.robot import MedRUE
 from wrenchbed.simulation.closed_form import Model
@@ -140,16 +140,16 @@ class StudySetting:
         return np.asarray(np.asarray(statistics(self.goal.errors(draws))).mean(axis=0))
 
 
-def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> StudySetting:
+def prepare(n: int, seed: int, orientations: int = inverse_kinematics.ORIENTATIONS) -> StudySetting:
     """Make the setting with a pool of n configurations, ``orientations`` at each position (see
-    `workspace.pool`)."""
+    `inverse_kinematics.pool`)."""
     robot: MedRUE = registry.load("robots", "medrue")
     model = Model.of(robot)
     columns = model.parameters.select(IDENTIFIED)
     units = np.array([UNITS[model.parameters[c].unit] for c in columns])
-    q = workspace.pool(robot, n, seed, orientations=orientations)
+    q = inverse_kinematics.pool(robot, n, seed, orientations=orientations)
     theta = model.parameters.nominal
-    target = workspace.target(robot)
+    target = inverse_kinematics.target(robot)
     jacobian = model.jacobian(q, theta, columns)
     goal = Goal(tip_jacobian(robot, target, theta, columns))
     return StudySetting(robot, model, columns, units, q, jacobian, target, goal)

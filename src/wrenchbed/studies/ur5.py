@@ -30,17 +30,17 @@ from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import PlanError
 from wrenchbed.hardware.drivers.base import as_designed
-from wrenchbed.jobs.parts import Parts, Row, key, write_table
-from wrenchbed.jobs.parts import run as run_parts
+from wrenchbed.jobs.finished_parts import Parts, Row, key, write_table
+from wrenchbed.jobs.finished_parts import run as run_parts
 from wrenchbed.jobs.workers import Progress
 from wrenchbed.pages.document import Document, Figure, Section, Table
-from wrenchbed.pages.plots import components, groups
+from wrenchbed.pages.study_charts import components, groups
 from wrenchbed.physics.noise import NoiseModel, NoiseStream
 from wrenchbed.physics.rotations import rot_z
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.ur5 import URArm
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 
 DIRECTIONS = ("right", "up", "backward", "down", "left")
 METHODS = ("Method 1", "Method 2", "Method 3")

@@ -1,5 +1,5 @@
 """The corrected simulator: a robot in MuJoCo with the effects that a diagnosis identified.
-Read first: `twin`, then `mechanics` (what is compliant) and `replay` (what its sensor reads).
+Read first: `twin`, then `added_compliance` (springs) and `replay` (what its sensor reads).
 Free: the inside of each file (how balance is found); tests/twin compares MuJoCo with the closed
 form of every effect.
 Others rely on: fields of twin.json and effects.json and the exported MJCF: users' files must stay

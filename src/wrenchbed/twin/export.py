@@ -11,7 +11,7 @@ from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.base import STAGES
 from wrenchbed.files import atomic_folder, write_json, write_text
 from wrenchbed.simulation.springs import MARK
-from wrenchbed.twin.mechanics import edited, in_mujoco, marked
+from wrenchbed.twin.added_compliance import edited, in_mujoco, marked
 from wrenchbed.twin.twin import Twin
 
 STIFFER = 100.0

@@ -11,7 +11,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.effects.scene import WAY
 from wrenchbed.errors import RecordingError
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
 

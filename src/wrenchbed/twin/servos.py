@@ -11,7 +11,7 @@ from wrenchbed.data.metadata import known_name
 from wrenchbed.errors import ExportError
 from wrenchbed.files import atomic_folder, checked, write_text
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.mjcf import compiled
+from wrenchbed.robots.mjspec_edits import compiled
 from wrenchbed.twin.export import exact
 
 STEP = 1e-3

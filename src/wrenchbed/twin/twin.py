@@ -16,10 +16,10 @@ from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError
 from wrenchbed.files import checked, write_json
-from wrenchbed.physics.time_derivatives import Jet, Value, value
+from wrenchbed.physics.taylor_jets import Jet, Value, value
 from wrenchbed.robots.base import Robot
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.twin.mechanics import Mechanism
+from wrenchbed.twin.added_compliance import Mechanism
 
 _FIELDS = {"format", "robot", "gravity", "theta", "tool", "effects", "recording", ROBOT_MODEL}
 

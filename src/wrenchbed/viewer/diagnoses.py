@@ -8,13 +8,13 @@ import numpy as np
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.document import markdown, provenance
+from wrenchbed.reports.compared_readings import HeldOutReadings
 from wrenchbed.reports.robot_scene import blame, wrench_scene
-from wrenchbed.reports.simulators import HeldOutReadings
 from wrenchbed.reports.wrench_answer import WrenchAnswer
-from wrenchbed.viewer import stream
+from wrenchbed.viewer import rerun_canvas
 from wrenchbed.viewer.elements import ROLES, log_curves
+from wrenchbed.viewer.rerun_canvas import ROW, log_words, to_file
 from wrenchbed.viewer.robot import log_scene
-from wrenchbed.viewer.stream import ROW, log_words, to_file
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
@@ -24,8 +24,8 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
     if scene is not None:
         shares, axis = blame(findings.diagnosis.to_json()), ROW
         places = scene.frames[..., 3].reshape(-1, 3)
-        view = stream.blamed(findings.diagnosis.robot, readings.ids, places)
-    page = stream.page(view, [stream.document("/report", "answers")], axis)
+        view = rerun_canvas.blamed(findings.diagnosis.robot, readings.ids, places)
+    page = rerun_canvas.page(view, [rerun_canvas.document("/report", "answers")], axis)
     with to_file(path, page, ROW) as canvas:
         if scene is not None:
             log_scene(canvas, scene)

@@ -11,8 +11,8 @@ from wrenchbed.pages.numbers import HUMAN, round_down
 from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Joint
-from wrenchbed.simulation.shapes import BodyMotion
-from wrenchbed.viewer.stream import Canvas
+from wrenchbed.simulation.triangle_meshes import BodyMotion
+from wrenchbed.viewer.rerun_canvas import Canvas
 
 MEASURED = (40, 140, 220)
 """Blue: what the robot's sensor measured, as in reports; the colour-blind tell it from orange."""

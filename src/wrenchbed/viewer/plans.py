@@ -13,12 +13,12 @@ from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.shapes import motion
-from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import stream
+from wrenchbed.simulation.mujoco_wrench import Simulation
+from wrenchbed.simulation.triangle_meshes import motion
+from wrenchbed.viewer import rerun_canvas
 from wrenchbed.viewer.elements import SIMULATED, log_arrows, log_channels, log_joints, scale_for
+from wrenchbed.viewer.rerun_canvas import ROW, TIME, log_words, to_file
 from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot
-from wrenchbed.viewer.stream import ROW, TIME, log_words, to_file
 
 STAY_S = 1.0
 """Time shown at a pose whose plan leaves the duration of the rest to the recorder [s]."""
@@ -42,11 +42,13 @@ def plan_view(plan: Plan, path: str | Path) -> None:
     simulation = Simulation(robot, robot.parameters.nominal)
     seen, scale = motion(simulation, q[shown]), scale_for(expected)
     tabs = [
-        stream.channels("expected at rest", (axis, at)),
-        stream.curves("/joints", "joints [°, mm]", window=(axis, at)),
-        stream.document("/report", "about"),
+        rerun_canvas.channels("expected at rest", (axis, at)),
+        rerun_canvas.curves("/joints", "joints [°, mm]", window=(axis, at)),
+        rerun_canvas.document("/report", "about"),
     ]
-    with to_file(path, stream.page(stream.scene(robot.name), tabs, axis), axis) as canvas:
+    with to_file(
+        path, rerun_canvas.page(rerun_canvas.scene(robot.name), tabs, axis), axis
+    ) as canvas:
         log_robot(canvas, robot, at[shown], seen)
         log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
         log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])

@@ -8,10 +8,10 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages.document import markdown, provenance
 from wrenchbed.reports.recording_page import agreements
-from wrenchbed.simulation.shapes import motion
-from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.twin.predictions import Simulator, modelled, noise_of, robot_of, simulators
-from wrenchbed.viewer import stream
+from wrenchbed.simulation.mujoco_wrench import Simulation
+from wrenchbed.simulation.triangle_meshes import motion
+from wrenchbed.twin.simulator_predictions import Simulator, modelled, noise_of, robot_of, simulators
+from wrenchbed.viewer import rerun_canvas
 from wrenchbed.viewer.elements import (
     MEASURED,
     RESIDUAL,
@@ -21,8 +21,8 @@ from wrenchbed.viewer.elements import (
     log_joints,
     scale_for,
 )
+from wrenchbed.viewer.rerun_canvas import ROW, TIME, Canvas, log_words, to_file
 from wrenchbed.viewer.robot import frames, log_robot
-from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 
 
 def recording_view(
@@ -33,9 +33,9 @@ def recording_view(
     `ParameterError` if a file is no fit or twin of this robot, a `MissingExtraError` without
     rerun."""
     if not files and not modelled(recording):
-        (at, axis), about = _over(recording), [stream.document("/report", "about")]
+        (at, axis), about = _over(recording), [rerun_canvas.document("/report", "about")]
         with to_file(
-            path, stream.page(stream.channels("wrench", (axis, at)), about, axis), axis
+            path, rerun_canvas.page(rerun_canvas.channels("wrench", (axis, at)), about, axis), axis
         ) as canvas:
             log_channels(canvas, "wrench", at, {"measured": recording.wrench})
             _log_words(canvas, recording, (), "there are none without a model of the robot")
@@ -48,12 +48,14 @@ def recording_view(
     real, residual = motion(simulation, q[shown]), recording.wrench - best.reading
     scale = scale_for(recording.wrench)
     tabs = [
-        stream.channels("wrench and residual", (axis, at), residual=True),
-        stream.curves("/joints", "joints [°, mm]", (axis, at)),
-        stream.document("/report", "about"),
+        rerun_canvas.channels("wrench and residual", (axis, at), residual=True),
+        rerun_canvas.curves("/joints", "joints [°, mm]", (axis, at)),
+        rerun_canvas.document("/report", "about"),
     ]
     readings = {"measured": recording.wrench} | {s.name: s.reading for s in known}
-    with to_file(path, stream.page(stream.scene(robot.name), tabs, axis), axis) as canvas:
+    with to_file(
+        path, rerun_canvas.page(rerun_canvas.scene(robot.name), tabs, axis), axis
+    ) as canvas:
         log_robot(canvas, robot, at[shown], real)
         for name, wrench, colour, side in (
             ("measured", recording.wrench, MEASURED, -1.0),

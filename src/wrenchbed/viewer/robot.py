@@ -8,10 +8,10 @@ import rerun as rr
 
 from wrenchbed.pages.scene import Scene, heat
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation.shapes import BodyMotion, bodies, colours, geoms_of, triangles
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
+from wrenchbed.simulation.triangle_meshes import BodyMotion, bodies, colours, geoms_of, triangles
 from wrenchbed.viewer.elements import ROLES
-from wrenchbed.viewer.stream import Canvas
+from wrenchbed.viewer.rerun_canvas import Canvas
 
 _NO_AREA = 1e-12
 """Twice the area of a triangle below which it is a line [m²]."""

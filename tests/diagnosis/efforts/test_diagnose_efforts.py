@@ -15,12 +15,12 @@ from wrenchbed.benchmark.efforts.arm import Path, TrueArm
 from wrenchbed.benchmark.efforts.case import make
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
-from wrenchbed.diagnosis.efforts.options import facts_of
+from wrenchbed.diagnosis.efforts.residual_anomalies import episode, held, outliers, peak
 from wrenchbed.diagnosis.efforts.search import Evidence
-from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
 from wrenchbed.diagnosis.efforts.sizes import shown_from
+from wrenchbed.diagnosis.efforts.weighed_causes import facts_of
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure, Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.effects.drives.base import Block

@@ -7,10 +7,10 @@ from scipy.signal import butter, sosfiltfilt
 
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.columns import of_joint, rows_of
-from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.diagnosis.efforts.scene import effort_scene
+from wrenchbed.diagnosis.efforts.stated_drives import stated_drives
 from wrenchbed.drives.signals import motion_signals
-from wrenchbed.effects.drives.lag import closest
+from wrenchbed.effects.drives.delay_fit import closest
 
 RATE = 100.0
 T = np.arange(4000) / RATE

@@ -17,7 +17,7 @@ from scipy import signal
 
 from wrenchbed import registry
 from wrenchbed.benchmark import fault as common
-from wrenchbed.benchmark.efforts import drives, faults, outside
+from wrenchbed.benchmark.efforts import drives, faults, faults_outside_library
 from wrenchbed.benchmark.efforts.arm import FINE, TrueArm
 from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.drives import HEALTHY, EffortFault, EffortSetting, simulate
@@ -32,7 +32,7 @@ from wrenchbed.robots.base import SimulatedRobot
 
 FAMILIES: dict[str, Callable[..., EffortFault]] = common.draws(faults)
 """Draws of the library's effects by name, in the order in which they take turns."""
-OUTSIDE: dict[str, Callable[..., EffortFault]] = common.draws(outside, mark=" ")
+OUTSIDE: dict[str, Callable[..., EffortFault]] = common.draws(faults_outside_library, mark=" ")
 """Draws of families outside the library by name, in the order in which they take turns."""
 SAME, SHARE = 0.1, 0.02
 """Gap that is left, alone and over the cause's own, up to which two causes are alike: a tenth of

@@ -13,7 +13,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.benchmark import fault as common
 from wrenchbed.benchmark.fault import Rng, by_channel
-from wrenchbed.benchmark.referee import body, outside, sensor
+from wrenchbed.benchmark.referee import faults_outside_library, machine_faults, sensor_faults
 from wrenchbed.benchmark.referee.machine import (
     Mechanics,
     RefereeFault,
@@ -38,9 +38,9 @@ from wrenchbed.robots.base import SimulatedRobot
 
 Draw = Callable[..., RefereeFault]
 """Draws a fault for a setting with a generator, of a size in multiples of the typical one."""
-DRAWS: dict[str, Draw] = common.draws(body, sensor)
+DRAWS: dict[str, Draw] = common.draws(machine_faults, sensor_faults)
 """Draws of the library's effects by name."""
-FAMILIES: dict[str, Draw] = common.draws(outside)
+FAMILIES: dict[str, Draw] = common.draws(faults_outside_library)
 """Faults outside every library, by name; probabilities were learnt on none of them."""
 _ALWAYS = (
     "sensor.drift", "sensor.gain", "sensor.crosstalk", "sensor.hysteresis", "sensor.temperature",
@@ -139,7 +139,9 @@ def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
     step = rng.uniform(0.0, 0.4) * setting.noise
     lever = np.sqrt(setting.cog @ setting.cog - setting.cog**2)
     most = max(1.0, (lever / setting.noise[3:]).max() * setting.noise[:3].min())
-    shake = body.base_vibration(setting, _stream(rng), rng.uniform(0.02, 0.15) / most).rows
+    shake = machine_faults.base_vibration(
+        setting, _stream(rng), rng.uniform(0.02, 0.15) / most
+    ).rows
     assert shake is not None
     return RefereeFault(name="background", rows=RowFault(step=step, shake=shake.shake))
 

@@ -27,7 +27,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.files import write_bytes
 from wrenchbed.files.checked import load
-from wrenchbed.jobs.parts import check_folders
+from wrenchbed.jobs.finished_parts import check_folders
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 from wrenchbed.planning import choose
 from wrenchbed.robots.base import SimulatedRobot

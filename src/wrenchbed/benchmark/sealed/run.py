@@ -36,7 +36,7 @@ from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.structures import readings_from_baseline
-from wrenchbed.diagnosis.prepare.baseline import calibrate
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import calibrate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
 from wrenchbed.files import TEMPORARY, atomic_folder, remove, write_json

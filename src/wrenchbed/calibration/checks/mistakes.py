@@ -15,9 +15,9 @@ import numpy as np
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import Load, Moments, Observed
 from wrenchbed.errors import WrenchbedError
-from wrenchbed.physics.newton_euler import INERTIAL, Motion, regressor
+from wrenchbed.physics.rigid_load_regressor import INERTIAL, Motion, regressor
 from wrenchbed.physics.rotations import apply
-from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.taylor_jets import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
 
 MENDED = 0.15

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchbed.physics.newton_euler import INERTIAL, Motion, motion_of, regressor
-from wrenchbed.physics.time_derivatives import Jet, Value, value
+from wrenchbed.physics.rigid_load_regressor import INERTIAL, Motion, motion_of, regressor
+from wrenchbed.physics.taylor_jets import Jet, Value, value
 from wrenchbed.robots.base import Robot
 
 LEAST_LEVER = 0.02

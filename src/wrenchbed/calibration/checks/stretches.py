@@ -10,7 +10,7 @@ import numpy as np
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.mistakes import CLEAN, MENDED, part, thinned
 from wrenchbed.calibration.checks.rigid_load import Observed
-from wrenchbed.physics.newton_euler import INERTIAL
+from wrenchbed.physics.rigid_load_regressor import INERTIAL
 
 STARTS, STEPS = 40, 12
 """Random starts and concentration steps of the trimmed fit: with a quarter of

@@ -8,13 +8,13 @@ from itertools import product
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data.accelerometer_orientation import held, upright
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import turned
+from wrenchbed.data.guess.column_readings import Reading, joints, orientations, wrenches
+from wrenchbed.data.guess.column_roles import MOST_UNNAMED, Sheet
 from wrenchbed.data.guess.convention import HOPELESS, Convention, Poses, fits, gather
-from wrenchbed.data.guess.readings import Reading, joints, orientations, wrenches
-from wrenchbed.data.guess.sheets import MOST_UNNAMED, Sheet
-from wrenchbed.data.guess.stated import Stated
-from wrenchbed.data.tilt import held, upright
+from wrenchbed.data.guess.user_facts import Stated
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.wrench import CHANNELS
 

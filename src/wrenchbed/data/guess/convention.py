@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed.data.column_map import AUTO
 from wrenchbed.data.column_map import UNITS as SIZES
-from wrenchbed.data.guess.readings import Reading
-from wrenchbed.data.guess.sheets import Sheet
+from wrenchbed.data.guess.column_readings import Reading
+from wrenchbed.data.guess.column_roles import Sheet
 from wrenchbed.data.holds import means_of, split
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording

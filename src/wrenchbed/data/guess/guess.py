@@ -20,12 +20,12 @@ from wrenchbed import registry
 from wrenchbed.data.column_map import ACCELERATION, ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.candidates import at_rows, candidates, rows_at
+from wrenchbed.data.guess.column_readings import orientations, wrenches
+from wrenchbed.data.guess.column_roles import Sheet, is_of_wrench, sheets_of
 from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.joint_torques import by_names
-from wrenchbed.data.guess.readings import orientations, wrenches
-from wrenchbed.data.guess.sheets import Sheet, is_of_wrench, sheets_of
-from wrenchbed.data.guess.stated import NOTHING, Stated
-from wrenchbed.data.logs import is_log
+from wrenchbed.data.guess.user_facts import NOTHING, Stated
+from wrenchbed.data.rosbag_and_mcap import is_log
 from wrenchbed.errors import MapError, did_you_mean
 from wrenchbed.files.checked import Fields, quoted
 from wrenchbed.physics.wrench import CHANNELS

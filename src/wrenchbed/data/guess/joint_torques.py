@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data.guess.column_readings import joints
+from wrenchbed.data.guess.column_roles import Sheet
 from wrenchbed.data.guess.convention import gather
-from wrenchbed.data.guess.readings import joints
-from wrenchbed.data.guess.sheets import Sheet
-from wrenchbed.data.guess.stated import Stated
+from wrenchbed.data.guess.user_facts import Stated
 from wrenchbed.errors import MapError
 
 _USUAL = {"tau": "N·m", "i": "A"}

@@ -17,8 +17,8 @@ from scipy.special import ndtr
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.between_rows.base_vibration import Line, Shaking, line, shaking
 from wrenchbed.diagnosis.between_rows.scatter import Scatter, scatter
-from wrenchbed.diagnosis.prepare.configuration import Configuration
-from wrenchbed.diagnosis.prepare.repeats_and_counts import FEW, Repeats, Step, repeats, step
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
+from wrenchbed.diagnosis.prepare.quantisation_and_repeats import FEW, Repeats, Step, repeats, step
 from wrenchbed.effects import base_vibration, sensor_noise, sensor_quantization, timing_stale
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.wrench import CHANNELS, UNITS

@@ -11,7 +11,7 @@ import numpy as np
 
 from wrenchbed.data.holds import gather, parts
 from wrenchbed.data.recording import QUATERNION, Recording
-from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
 from wrenchbed.diagnosis.prepare.noise import noise_in_motion
 from wrenchbed.diagnosis.prepare.prepared import RATES_HZ
 from wrenchbed.physics.wrench import CHANNELS

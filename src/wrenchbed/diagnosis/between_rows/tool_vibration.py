@@ -9,7 +9,7 @@ from scipy.special import ndtr
 
 from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.between_rows.row_effects import COUNTS, VIBRATION, RowFinding, quantity
-from wrenchbed.diagnosis.prepare.orientations import accelerometer_rows, averages
+from wrenchbed.diagnosis.prepare.orientation_only_motion import accelerometer_rows, averages
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 

@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.elements import RIVAL
 from wrenchbed.diagnosis.explain.reliability import key_of, tempered
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Key, Option, Part, S, Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure, Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
 
 PARTIAL = "partial"
 LARGEST_NONE = 1.0

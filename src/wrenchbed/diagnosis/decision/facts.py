@@ -7,7 +7,7 @@ from typing import Generic
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.elements import DOUBT
 from wrenchbed.diagnosis.explain.verdict import Option, S, Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Key, Verdict
 from wrenchbed.diagnosis.gap.closure import twin_of
-from wrenchbed.diagnosis.gap.gaps import Bootstrap, Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Bootstrap, Interval
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 
 TRIED = 5
 """Number of rivals that are fitted, the likeliest first."""

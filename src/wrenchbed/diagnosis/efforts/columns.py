@@ -12,11 +12,11 @@ from wrenchbed.channels.effort import ZERO
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.names import drive_effects
 from wrenchbed.diagnosis.efforts.scene import COMMANDED, EffortScene
-from wrenchbed.diagnosis.prepare.baseline import COG_M, MASS_SHARE
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import COG_M, MASS_SHARE
 from wrenchbed.drives.identify import load_torques, of_mass, of_moment
 from wrenchbed.effects.drives.base import Block, Column, DriveRows, StatedNumber
 from wrenchbed.effects.drives.operators import late, slow
-from wrenchbed.physics.newton_euler import INERTIAL
+from wrenchbed.physics.rigid_load_regressor import INERTIAL
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES
 

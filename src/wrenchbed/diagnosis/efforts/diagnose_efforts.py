@@ -10,15 +10,15 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.decision.decide import conclude, decide, widened
 from wrenchbed.diagnosis.efforts import json_entries
-from wrenchbed.diagnosis.efforts.commanded import as_efforts
-from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulator, Simulators
-from wrenchbed.diagnosis.efforts.options import as_good, blocks, facts_of, outside, weighed
+from wrenchbed.diagnosis.efforts.residual_anomalies import signs
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Evidence, Structure, search
-from wrenchbed.diagnosis.efforts.signs import signs
+from wrenchbed.diagnosis.efforts.servo_tracking_torques import as_efforts
 from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, displacement, fitted
+from wrenchbed.diagnosis.efforts.stated_drives import stated_drives, with_tool
+from wrenchbed.diagnosis.efforts.weighed_causes import as_good, blocks, facts_of, outside, weighed
 from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.json_entries import cannot_tell

@@ -20,7 +20,7 @@ from wrenchbed.diagnosis.efforts.names import all_effects, drive_effects
 from wrenchbed.diagnosis.efforts.noise import RowNoise, remains, row_noise
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.prepare.prepared import Material
-from wrenchbed.drives.solution import FOLDS
+from wrenchbed.drives.joint_least_squares import FOLDS
 from wrenchbed.effects.drives.base import Block, Column, DriveResidual
 from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError

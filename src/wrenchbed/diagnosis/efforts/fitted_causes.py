@@ -19,9 +19,9 @@ from wrenchbed.diagnosis.efforts.noise import RIDGE
 from wrenchbed.diagnosis.efforts.search import AMPLITUDE, wide
 from wrenchbed.diagnosis.evidence.likelihood import Products
 from wrenchbed.diagnosis.explain.verdict import Part
-from wrenchbed.diagnosis.gap.gaps import Judged
+from wrenchbed.diagnosis.gap.gap_bootstrap import Judged
 from wrenchbed.drives.identify import jackknife
-from wrenchbed.drives.solution import FOLDS
+from wrenchbed.drives.joint_least_squares import FOLDS
 
 ORDINARY = 2.0
 """Standard deviations by which a fit may move a stated value: 95 % of healthy robots lie within."""

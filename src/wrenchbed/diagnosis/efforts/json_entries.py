@@ -8,15 +8,15 @@ from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import Simulators
 from wrenchbed.diagnosis.efforts.names import all_effects, place
-from wrenchbed.diagnosis.efforts.options import blocks, facts_of
+from wrenchbed.diagnosis.efforts.residual_anomalies import Sign
 from wrenchbed.diagnosis.efforts.search import Structure
-from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import parameters
+from wrenchbed.diagnosis.efforts.weighed_causes import blocks, facts_of
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Option, Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
 from wrenchbed.diagnosis.gap.varies_with import entries, located, of_channels
 from wrenchbed.diagnosis.json_entries import notes as of_gap
 from wrenchbed.diagnosis.json_entries import with_rivals

@@ -10,17 +10,17 @@ import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.efforts.configured import Drives
-from wrenchbed.drives.at_rest import CONSTANT
+from wrenchbed.diagnosis.efforts.stated_drives import Drives
 from wrenchbed.drives.identify import FRICTION, arm_of, calibrate_efforts
+from wrenchbed.drives.identify_at_rest import CONSTANT
 from wrenchbed.drives.signals import DriveSignals, efforts_of, motion_signals
 from wrenchbed.effects.drives.operators import direction, moving
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS, UNITS, Tool
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
-from wrenchbed.robots.mjcf import LinkInertias, link_inertias
+from wrenchbed.robots.mjspec_edits import LinkInertias, link_inertias
 from wrenchbed.simulation.closed_form import Model
 
 COMMANDED = "commanded"

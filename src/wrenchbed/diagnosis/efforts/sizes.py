@@ -19,7 +19,7 @@ from wrenchbed.diagnosis.evidence.dictionary import LARGEST
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, batches
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot, reported_from
 from wrenchbed.drives.identify import FRICTION
-from wrenchbed.effects.drives.wave import Wave
+from wrenchbed.effects.drives.angle_periodic import Wave
 
 FITTED = "fitted, since nobody states it"
 

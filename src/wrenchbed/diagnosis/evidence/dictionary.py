@@ -15,15 +15,15 @@ import numpy as np
 
 from wrenchbed.channels.base import flat
 from wrenchbed.channels.own_noise import orthonormal
-from wrenchbed.channels.response import Response
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.channels.readings_with_effects import Response
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Residual, Variant
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.drives.operators import lagging
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.time_derivatives import Jet, value
+from wrenchbed.physics.taylor_jets import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
 
 TIME_WAVES = 8

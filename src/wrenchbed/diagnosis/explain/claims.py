@@ -21,7 +21,7 @@ from wrenchbed.diagnosis.explain.contributions import (
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.verdict import Part
-from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED, Configuration
 
 REST = 0.55
 """Largest gap that the small imperfections of a healthy robot make together."""

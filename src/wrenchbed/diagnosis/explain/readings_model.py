@@ -6,14 +6,14 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from wrenchbed.channels.response import Responses
+from wrenchbed.channels.readings_with_effects import Responses
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import MORE, PRIOR, Searcher, SingleEvidence
 from wrenchbed.diagnosis.explain.finalist import Finalist, Variables
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect
-from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 

@@ -1,7 +1,7 @@
 """Nonlinear refit of a set of causes: finite angles, shapes, and the evidence at the minimum.
 
 Gauss–Newton; shape parameters with jumps, where derivatives fail, by a random search first. One
-recording is the case N = 1 of several that are fitted together (`shared_numbers`).
+recording is the case N = 1 of several that are fitted together (`numbers_across_recordings`).
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,8 +15,8 @@ from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import Moments, ScaledEvidence, Whitened, over_scales
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
 from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.numbers_across_recordings import SHAPE_SPREAD, Structure
 from wrenchbed.diagnosis.explain.readings_model import ReadingsModel
-from wrenchbed.diagnosis.explain.shared_numbers import SHAPE_SPREAD, Structure
 
 _STEPS = 12
 """Largest number of Gauss–Newton steps of a fit."""

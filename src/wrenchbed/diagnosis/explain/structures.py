@@ -23,8 +23,8 @@ from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained
 from wrenchbed.diagnosis.explain.contributions import claimable, doubled
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
-from wrenchbed.diagnosis.prepare.baseline import Baseline, calibrate
-from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import Baseline, calibrate
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 MARGIN = 3.0

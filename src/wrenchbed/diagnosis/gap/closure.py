@@ -14,7 +14,7 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure, Judged, closure
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Judged, closure
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut, simulated
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect

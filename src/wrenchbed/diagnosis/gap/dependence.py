@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import harmonics, nuisance, variables
-from wrenchbed.diagnosis.prepare.baseline import load_slopes
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import load_slopes
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.scene import held_on
-from wrenchbed.physics.time_derivatives import Jet, value
+from wrenchbed.physics.taylor_jets import Jet, value
 
 SHARED_ROWS = 3
 """Fewest rows for each function of a variable; further functions are left out."""

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.channels.response import refitted
+from wrenchbed.channels.readings_with_effects import refitted
 from wrenchbed.diagnosis.explain.claims import corrected, moved_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.prepare.baseline import Baseline
-from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import Baseline
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED, Configuration
 from wrenchbed.diagnosis.prepare.noise import noise_in_motion
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect

@@ -1,7 +1,7 @@
 """What a residual varies with: variables of the recording, and a narrow range of one joint.
 
-Both are tested by permuting blocks (`dependence`, `locality`); p-values are doubled, so that they
-hold family-wise over both.
+Both are tested by permuting blocks (`dependence`, `joint_range`); p-values are doubled, so that
+they hold family-wise over both.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.gap.dependence import family_wise, partitions, shares
-from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.gap.locality import locality
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
+from wrenchbed.diagnosis.gap.joint_range import locality
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 FITTED = 10

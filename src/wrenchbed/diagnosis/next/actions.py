@@ -7,10 +7,10 @@ import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.prepare import scenes
-from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
 from wrenchbed.diagnosis.prepare.prepared import BLOCKS_IN_MOTION, RATES_HZ, Prepared
 from wrenchbed.errors import PlanError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.planning.choose import multisine
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.motion_limits import duration, reachable

@@ -23,7 +23,7 @@ from wrenchbed.diagnosis.evidence.dictionary import LARGEST, EffectDictionary, H
 from wrenchbed.diagnosis.evidence.likelihood import MOST, log_sum
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher, batches
 from wrenchbed.diagnosis.explain.elements import element, listed, of_element
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 from wrenchbed.effects import sensor_crosstalk
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import effects

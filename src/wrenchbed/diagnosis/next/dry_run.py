@@ -14,15 +14,15 @@ from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.next.actions import TURNS_S
 from wrenchbed.diagnosis.next.blind import BlindSpot, Design, Showing, blind_spots, showings
 from wrenchbed.diagnosis.prepare import scenes
-from wrenchbed.diagnosis.prepare.baseline import tolerances
-from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import tolerances
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import respond
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.physics.noise import NoiseStream
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 from wrenchbed.robots.motion_limits import duration

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from wrenchbed.channels.response import Response
+from wrenchbed.channels.readings_with_effects import Response
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, nuisance
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, MOST, BackgroundLevel, row_variance
@@ -24,7 +24,7 @@ from wrenchbed.diagnosis.explain.elements import element, listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.next.actions import Action, ExperimentRun, actions, loaded
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import effects

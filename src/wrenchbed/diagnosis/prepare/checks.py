@@ -5,10 +5,10 @@ learnt from; it may set aside or name contacts, another tool or a jump of the ze
 """
 
 from wrenchbed.calibration.checks.examine import examine
+from wrenchbed.calibration.checks_before_fit import observed
 from wrenchbed.calibration.observations import Observations
-from wrenchbed.calibration.trust import observed
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
 from wrenchbed.errors import DiagnosisError
 
 LEAST_POSES = 12

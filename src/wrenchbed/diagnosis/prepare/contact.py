@@ -18,11 +18,11 @@ import numpy as np
 from scipy.special import chdtrc
 
 from wrenchbed.data.holds import runs
-from wrenchbed.diagnosis.prepare.orientations import averages, variance
+from wrenchbed.diagnosis.prepare.orientation_only_motion import averages, variance
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.effects.environment_contact import EFFECT, WAYS, tip
 from wrenchbed.physics.rotations import apply, sphere
-from wrenchbed.physics.time_derivatives import value
+from wrenchbed.physics.taylor_jets import value
 
 CONTACT = EFFECT.name
 SURE = 0.99

@@ -14,9 +14,9 @@ from scipy.linalg import block_diag
 from wrenchbed import registry
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.channels.base import PLACING, Channel, flat
+from wrenchbed.channels.hierarchical_fit import posterior
 from wrenchbed.channels.own_noise import own_noise
-from wrenchbed.channels.posterior import posterior
-from wrenchbed.channels.response import Response, readings
+from wrenchbed.channels.readings_with_effects import Response, readings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.observations import Observations, observe, scatter
+from wrenchbed.calibration.subtracted_payload import restored
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
-from wrenchbed.diagnosis.prepare.configuration import Configuration, configured
+from wrenchbed.diagnosis.prepare import checks, contact, orientation_only_motion, scenes
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration, configured
 from wrenchbed.diagnosis.prepare.further_channels import with_further_channels
 from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion, not_systematic
 from wrenchbed.diagnosis.prepare.prepared import (
@@ -19,9 +19,9 @@ from wrenchbed.diagnosis.prepare.prepared import (
     sensor_of,
     split,
 )
-from wrenchbed.diagnosis.prepare.repeats_and_counts import repeats, step
+from wrenchbed.diagnosis.prepare.quantisation_and_repeats import repeats, step
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.physics.time_derivatives import value
+from wrenchbed.physics.taylor_jets import value
 from wrenchbed.robots.base import Robot
 
 FINE = 10.0
@@ -54,8 +54,8 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
             "motion, one recording at a time"
         )
     configuration, data = configured(recording), observe(recording)
-    if orientations.applies(recording):
-        return orientations.averaged(recording, configuration, data, seed)
+    if orientation_only_motion.applies(recording):
+        return orientation_only_motion.averaged(recording, configuration, data, seed)
     checks.enough(recording, data, configuration)
     of_channels = _with_wrench if recording.has_wrench else _without_wrench
     return with_further_channels(of_channels(recording, configuration, data, seed), data)

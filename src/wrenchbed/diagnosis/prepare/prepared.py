@@ -10,16 +10,16 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.calibration.checks.rows import usable
 from wrenchbed.channels.base import Channel
-from wrenchbed.channels.response import readings, slices
+from wrenchbed.channels.readings_with_effects import readings, slices
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import scenes
-from wrenchbed.diagnosis.prepare.configuration import Configuration
-from wrenchbed.diagnosis.prepare.repeats_and_counts import at_limits
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
+from wrenchbed.diagnosis.prepare.quantisation_and_repeats import at_limits
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.time_derivatives import Jet, value
+from wrenchbed.physics.taylor_jets import Jet, value
 from wrenchbed.robots.base import Robot
 from wrenchbed.sensors.base import Sensor
 from wrenchbed.simulation.closed_form import Model

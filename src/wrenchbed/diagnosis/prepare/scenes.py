@@ -14,9 +14,9 @@ from wrenchbed.calibration.observations import Observations
 from wrenchbed.data.clock import pieces
 from wrenchbed.data.holds import gather, runs
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
 from wrenchbed.effects.scene import WAY, Scene
-from wrenchbed.physics.time_derivatives import Value, value
+from wrenchbed.physics.taylor_jets import Value, value
 from wrenchbed.simulation.closed_form import Model
 
 MOTION = 60_000

@@ -5,5 +5,5 @@ Others rely on: names: change docs/contracts.md with them. Units, `Size`, column
 tests/diagnosis/efforts. Never: import another drive effect, or `simulation.drives`, which tests it.
 """
 
-SUPPORT = ("lag", "operators", "wave")
+SUPPORT = ("delay_fit", "operators", "angle_periodic")
 """Modules of this package that are no plug-ins."""

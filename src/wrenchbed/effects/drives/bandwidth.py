@@ -3,7 +3,7 @@
 import numpy as np
 
 from wrenchbed.effects.drives.base import DriveRows, Size
-from wrenchbed.effects.drives.lag import Lag
+from wrenchbed.effects.drives.delay_fit import Lag
 from wrenchbed.effects.drives.operators import slow
 
 

@@ -1,7 +1,7 @@
 """Drive effect ``drive.cogging``: a motor cogs: its torque repeats with its own angle."""
 
+from wrenchbed.effects.drives.angle_periodic import FASTEST, GEAR_MOST, Wave, first_of, strongest
 from wrenchbed.effects.drives.base import DriveResidual, Size
-from wrenchbed.effects.drives.wave import FASTEST, GEAR_MOST, Wave, first_of, strongest
 
 
 class DriveCogging(Wave):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wrenchbed.effects.drives.base import Column, DriveRows, Size
-from wrenchbed.effects.drives.lag import Lag
+from wrenchbed.effects.drives.delay_fit import Lag
 from wrenchbed.effects.drives.operators import late
 
 LATE = 2e-3

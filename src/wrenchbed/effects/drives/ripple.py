@@ -1,7 +1,7 @@
 """Drive effect ``drive.ripple``: the gear of a joint has a torque ripple per turn."""
 
+from wrenchbed.effects.drives.angle_periodic import GEAR_MOST, SLOWEST, Wave, first_of, fitting
 from wrenchbed.effects.drives.base import DriveResidual, Size
-from wrenchbed.effects.drives.wave import GEAR_MOST, SLOWEST, Wave, first_of, fitting
 
 
 class DriveRipple(Wave):

@@ -38,15 +38,15 @@ from wrenchbed.hardware.drivers.base import (
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.physics.rotations import exp
-from wrenchbed.physics.time_derivatives import Jet, value
+from wrenchbed.physics.taylor_jets import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.drives.drive_train import DriveTrain, Kind, ReportedEfforts
 from wrenchbed.simulation.drives.faults import FAULTS, PREFIX, apart, faults_apart
+from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
-from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback
 from wrenchbed.twin.twin import Twin
 

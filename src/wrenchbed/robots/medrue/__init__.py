@@ -2,7 +2,7 @@
 
 Free: the inside of functions; tests/robots/test_medrue.py and test_compiled.py judge it.
 Others rely on: names and tolerances of the 49 parameters (effects, priors of fits), the name
-``medrue``, poses of `workspace`: after a change run `scripts/studies`.
+``medrue``, poses of `inverse_kinematics`: after a change run `scripts/studies`.
 Never: a number without the paper, or ``models/medrue/README.md``, as its source.
 Read first: `robot`, then `kinematics`.
 """

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import rot_x_of, rot_y_of, rot_z_of
-from wrenchbed.physics.time_derivatives import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
+from wrenchbed.physics.taylor_jets import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
 from wrenchbed.robots.base import Values, load_parameters
 
 _LENGTH_ERROR = 2e-3

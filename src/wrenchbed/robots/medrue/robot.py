@@ -11,7 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass
+from wrenchbed.physics.gravity_torques import BodyMass
 from wrenchbed.physics.rotations import (
     apply,
     euler,
@@ -23,7 +23,7 @@ from wrenchbed.physics.rotations import (
     rot_z,
     rot_z_of,
 )
-from wrenchbed.physics.time_derivatives import Value, atan2, cos, jet_sqrt, sin, stack_jets
+from wrenchbed.physics.taylor_jets import Value, atan2, cos, jet_sqrt, sin, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import (
     LOAD,
@@ -35,7 +35,7 @@ from wrenchbed.robots.base import (
     sample_until,
 )
 from wrenchbed.robots.compiled.statics import Packed
-from wrenchbed.robots.medrue import workspace
+from wrenchbed.robots.medrue import inverse_kinematics
 from wrenchbed.robots.medrue.kinematics import (
     IDENTIFIED,
     PAPER,
@@ -46,7 +46,7 @@ from wrenchbed.robots.medrue.kinematics import (
     failures,
     solved,
 )
-from wrenchbed.robots.mjcf import bare, place, rotate_body, write_load
+from wrenchbed.robots.mjspec_edits import bare, place, rotate_body, write_load
 
 JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b2", "q5", "d2")
 """The MJCF's joints in the order of MuJoCo's ``qpos``."""
@@ -210,7 +210,7 @@ class MedRUE(SimulatedRobot):
         p = self.values(self.parameters.nominal)
 
         def draw(count: int) -> np.ndarray:
-            return workspace.joints(p, *workspace.random_poses(count, rng))
+            return inverse_kinematics.joints(p, *inverse_kinematics.random_poses(count, rng))
 
         def good(q: np.ndarray) -> np.ndarray:
             ok = np.isfinite(q).all(axis=1)
@@ -220,16 +220,19 @@ class MedRUE(SimulatedRobot):
         return sample_until(n, draw, good)
 
     def pool(self, n: int, seed: int) -> np.ndarray:
-        return workspace.pool(self, n, seed)
+        return inverse_kinematics.pool(self, n, seed)
 
     def target(self) -> np.ndarray:
-        return workspace.target(self)
+        return inverse_kinematics.target(self)
 
     def goal_sets(self, pool: int, points: np.ndarray | None, seed: int) -> GoalSets:
-        known = workspace.default_points() if points is None else points
-        touch, which = workspace.touch_poses(self, known, seed)
+        known = inverse_kinematics.default_points() if points is None else points
+        touch, which = inverse_kinematics.touch_poses(self, known, seed)
         return GoalSets(
-            workspace.pool(self, pool, seed), touch, known[which], workspace.target(self)
+            inverse_kinematics.pool(self, pool, seed),
+            touch,
+            known[which],
+            inverse_kinematics.target(self),
         )
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:

@@ -16,10 +16,10 @@ import numpy as np
 
 from wrenchbed.errors import ParameterError, did_you_mean
 from wrenchbed.physics.noise import carried
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.drives.faults import PREFIX, REVERSAL, ActiveFault, Rows, active_fault
-from wrenchbed.simulation.simulation import loop_sites
+from wrenchbed.simulation.mujoco_wrench import loop_sites
 
 Kind = Literal["torque", "current"]
 COLUMN: Mapping[str, str] = {"torque": "tau", "current": "i"}

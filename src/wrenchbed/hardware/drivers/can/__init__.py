@@ -5,7 +5,7 @@ test_medrue_can.py and test_netcanoem_frames.py test it. Not free: the driver's 
 fields of `CanOptions` (taken by `record --set`: change docs/how-to/hardware.md), deadlines (run
 scripts/reactions), objects and frames (the standards'). Never: the emulator's codec; both sides are
 written from the standards. Read first: ``driver.py``, then ``cycle.py`` (the cyclic exchange) and
-``network.py`` (power-up); ``board.py`` reads the sensor.
+``drive_configuration.py`` (power-up); ``ati_gauge_board.py`` reads the sensor.
 """
 
 from wrenchbed.hardware.drivers.can.driver import CanDriver

@@ -10,9 +10,16 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, SafetyStopError
-from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age, only_here, wait_until
+from wrenchbed.hardware.device_lifecycle import (
+    GONE_S,
+    STALE_S,
+    Health,
+    by_age,
+    only_here,
+    wait_until,
+)
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
-from wrenchbed.hardware.drivers.can.board import GaugeBoard
+from wrenchbed.hardware.drivers.can.ati_gauge_board import GaugeBoard
 from wrenchbed.hardware.drivers.can.bus import CanLink, open_bus
 from wrenchbed.hardware.drivers.can.cia402 import (
     IN_FAULT,
@@ -22,10 +29,10 @@ from wrenchbed.hardware.drivers.can.cia402 import (
     Want,
 )
 from wrenchbed.hardware.drivers.can.cycle import Cycle, Following, Rest
-from wrenchbed.hardware.drivers.can.network import Drives
+from wrenchbed.hardware.drivers.can.drive_configuration import Drives
 from wrenchbed.hardware.drivers.can.options import CanOptions, master
 from wrenchbed.hardware.drivers.can.setpoints import BRAKE_S, Setpoints
-from wrenchbed.hardware.drivers.live import LiveDriver
+from wrenchbed.hardware.drivers.live_base import LiveDriver
 from wrenchbed.robots.base import Robot
 
 FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5

@@ -18,7 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wrenchbed.hardware.drivers.timing import hermite
+from wrenchbed.hardware.drivers.row_times import hermite
 from wrenchbed.robots.motion_limits import minimum_jerk
 
 BRAKE_S = 0.15

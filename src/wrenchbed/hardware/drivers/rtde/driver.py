@@ -20,9 +20,9 @@ from wrenchbed.errors import (
     StoppedError,
     WrenchbedWarning,
 )
-from wrenchbed.hardware.device import GONE_S, STALE_S, Health, only_here, wait_until
+from wrenchbed.hardware.device_lifecycle import GONE_S, STALE_S, Health, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
-from wrenchbed.hardware.drivers.live import CALM_SPEED, LiveDriver, check_ready
+from wrenchbed.hardware.drivers.live_base import CALM_SPEED, LiveDriver, check_ready
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, ur_health
 from wrenchbed.hardware.drivers.rtde.connection import ControlProcess, Links, RtdeOptions
 from wrenchbed.hardware.drivers.rtde.identity import Flange
