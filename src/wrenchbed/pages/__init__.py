@@ -5,7 +5,7 @@ and `scene`: change ``assets/page.js`` and ``assets/scene.js``, which read them,
 Never: a robot, a recording or a fit: this room draws data that it is given; a script or address
 that the page's security policy does not allow.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
-renderers), `scene`, ``assets/scene.js`` (robots), `document`, `study_charts` (studies), `numbers`."""
+renderers), `scene`, ``assets/scene.js`` (robots), `document`, `study_charts`, `numbers`."""
 
 import base64
 import hashlib
