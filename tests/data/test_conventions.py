@@ -10,16 +10,16 @@ from arm_files import DATA
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
+from wrenchbed.data.guess.column_readings import joints
+from wrenchbed.data.guess.column_roles import sheet_of
 from wrenchbed.data.guess.guess import guess
-from wrenchbed.data.guess.readings import joints
-from wrenchbed.data.guess.sheets import sheet_of
-from wrenchbed.data.guess.stated import Stated
+from wrenchbed.data.guess.user_facts import Stated
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.described import describe
-from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.simulation.mujoco_wrench import Simulation
 
 N = 12
 TURN = Rotation.random(N, rng=np.random.default_rng(4))

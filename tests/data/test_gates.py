@@ -21,10 +21,10 @@ import wrenchbed as wb
 from json_logs import json_log
 from recorded import METADATA, columns
 from robot_logs import COUNT, bag1, bag2, fill
-from wrenchbed.data import logs, parquet, unpacking
-from wrenchbed.data.logs import table
+from wrenchbed.data import parquet, rosbag_and_mcap, unpacking
 from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.recording import Recording
+from wrenchbed.data.rosbag_and_mcap import table
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import (
     MapError,
@@ -227,7 +227,7 @@ def test_a_log_without_the_memory_for_it_is_not_called_damaged(tmp_path, monkeyp
     def full(*_):
         raise MemoryError
 
-    monkeypatch.setattr(logs, "_decoder", full)
+    monkeypatch.setattr(rosbag_and_mcap, "_decoder", full)
     with pytest.raises(ShortageError, match=r"a\.mcap: out of memory"):
         table(path, "/wrench", ["fx"])
 

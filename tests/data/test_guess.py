@@ -16,7 +16,7 @@ from wrenchbed.data import column_map
 from wrenchbed.data.guess import candidates
 from wrenchbed.data.guess.convention import gather
 from wrenchbed.data.guess.guess import Guess, guess
-from wrenchbed.data.guess.stated import Stated
+from wrenchbed.data.guess.user_facts import Stated
 from wrenchbed.data.import_files import import_files, merged, sensor_by_joints
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS

@@ -15,7 +15,7 @@ from robot_logs import COUNT, LOAD, START, TURN, Q, bag1, bag2, messages, plain,
 from simulated import driven
 from wrenchbed.cli import main
 from wrenchbed.data.import_files import import_files
-from wrenchbed.data.logs import MessageRows, table
+from wrenchbed.data.rosbag_and_mcap import MessageRows, table
 from wrenchbed.errors import MapError
 
 
