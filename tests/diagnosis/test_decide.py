@@ -95,6 +95,15 @@ def test_every_part_that_counts_is_a_cause_with_rivals_of_its_own():
     assert (alone.word, names(alone)) == ("identified", [(TILT,), (PULL,), (GAIN,)])
 
 
+def test_a_rival_of_two_causes_stands_in_one_class():
+    options = [
+        explanation(0.4, GAIN, OFFSET),
+        explanation(0.3, PULL, OFFSET),
+        explanation(0.3, GAIN, PULL),
+    ]
+    assert names(decided(*options)) == [(GAIN, PULL), (OFFSET,)]
+
+
 def test_an_explanation_that_says_more_or_a_twin_is_a_rival_by_its_evidence_alone():
     verdict = decided(explanation(0.6, TILT), explanation(0.4, PULL, GAIN))
     assert names(verdict) == [(TILT,)]

@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 937,
     "cli": 2681,
     "data": 5394,
-    "diagnosis": 13137,
+    "diagnosis": 13141,
     "drives": 1666,
     "effects": 4993,
     "environments": 587,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78980,
-    "src/wrenchbed": 69508,
+    "src": 78984,
+    "src/wrenchbed": 69512,
     "src/robot_emulators": 9472,
-    "tests": 37989,
+    "tests": 37998,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

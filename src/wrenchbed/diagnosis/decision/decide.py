@@ -80,7 +80,10 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
         word = max(others, key=lambda n: others[n])
         return Verdict(word, (), facts.options[0].explanation, others)
     claim = first[max(mass, key=lambda keys: mass[keys])]
-    main, *beside = (_cause(facts, mass, claim, part, without) for part in claim.parts)
+    each = list[Cause]()
+    for part in claim.parts:
+        each.append(_cause(facts, mass, claim, part, without, {k for c in each for k in c.keys}))
+    main, *beside = each
     causes = (main, *(c for c in beside if len(c.names) <= 1 + MOST_RIVALS))
     names = main.names
     members = names[: 1 + MOST_RIVALS]
@@ -97,10 +100,10 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
 
 def _cause(
     facts: Facts[S], mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part,
-    without: Collection[str],
+    without: Collection[str], taken: Collection[Key],
 ) -> Cause:  # fmt: skip
-    """Cause, with rivals, of the part ``part`` of the leading option ``claim``. ``mass``:
-    probability of each set of claimed causes; ``without``: names of rules that are left out."""
+    """Cause, with rivals, of the part ``part`` of the leading option ``claim``. ``mass``: probability
+    of each set of causes; ``without``: rules left out; ``taken``: keys of other causes' members."""
     beside = claim.keys - {part.key}
     score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
     score |= {(n, None): 1.0 for n in part.twins}
@@ -111,7 +114,8 @@ def _cause(
             score[key] = max(score.get(key, 0.0), p ** (1.0 / facts.doubt))
     total = max(sum(score.values()), 1e-300)
     rivals = sorted((k for k in score if k != part.key), key=lambda k: -score[k])
-    members = (part.key, *(k for k in rivals if score[k] > RIVAL * total))
+    alike = (k for k in rivals if score[k] > RIVAL * total and k not in taken)
+    members = (part.key, *alike)
     present = sum(p for keys, p in mass.items() if keys & set(members))
     within = np.array([score[k] for k in members])
     shares = tuple((within / max(float(within.sum()), 1e-300)).tolist())
