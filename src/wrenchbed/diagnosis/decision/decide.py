@@ -102,7 +102,7 @@ def _cause(
     facts: Facts[S], mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part,
     without: Collection[str], taken: Collection[Key],
 ) -> Cause:  # fmt: skip
-    """Cause, with rivals, of the part ``part`` of the leading option ``claim``. ``mass``: probability
+    """Cause, with rivals, of the part ``part`` of the leading option ``claim``. ``mass``: chance
     of each set of causes; ``without``: rules left out; ``taken``: keys of other causes' members."""
     beside = claim.keys - {part.key}
     score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
