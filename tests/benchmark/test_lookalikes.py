@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.benchmark.fault import between
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, effects, families, recording
-from wrenchbed.benchmark.lookalikes.dynamic_loads import in_motion
+from wrenchbed.benchmark.lookalikes.motion_loads import in_motion
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import wrench

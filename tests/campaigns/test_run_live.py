@@ -18,7 +18,7 @@ from wrenchbed.errors import (
     StoppedError,
     WrenchbedWarning,
 )
-from wrenchbed.hardware.device_lifecycle import Health
+from wrenchbed.hardware.device_base import Health
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.live_base import LiveDriver
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample

@@ -28,7 +28,7 @@ from wrenchbed.errors import (
     StoppedError,
     WrenchbedWarning,
 )
-from wrenchbed.hardware.device_lifecycle import Health, State
+from wrenchbed.hardware.device_base import Health, State
 from wrenchbed.hardware.drivers.base import ArmSample
 
 

@@ -12,7 +12,7 @@ import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.cli.record import ready
 from wrenchbed.errors import ParameterError, SafetyStopError
-from wrenchbed.hardware.device_lifecycle import only_here
+from wrenchbed.hardware.device_base import only_here
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
 

@@ -9,7 +9,7 @@ from effect_scenes import added, at, change, displacement, motion, scene_of
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.benchmark.lookalikes.dynamic_loads import link_forces
+from wrenchbed.benchmark.lookalikes.motion_loads import link_forces
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene

@@ -15,7 +15,7 @@ from robot_emulators.errors import SettingError
 from robot_emulators.netft_box.pages import Pages, Web
 from robot_emulators.netft_box.rdt import Pace
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
-from wrenchbed.hardware.device_lifecycle import wait_until
+from wrenchbed.hardware.device_base import wait_until
 from wrenchbed.hardware.transducers.netft import transducer as configuration
 
 

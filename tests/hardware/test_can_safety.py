@@ -9,7 +9,7 @@ import pytest
 from can_servos import BEAT, GUARDS, Bus, Sensor, Servo, T
 from medrue_bench import until
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware import device_lifecycle
+from wrenchbed.hardware import device_base
 from wrenchbed.hardware.drivers.can import (
     CanDriver,
     CanOptions,
@@ -40,7 +40,7 @@ def arm(monkeypatch):
         return one.buses[-1]
 
     monkeypatch.setattr(driver, "open_bus", opened)
-    for module in (cycle, driver, device_lifecycle):  # other processes may keep this machine busy
+    for module in (cycle, driver, device_base):  # other processes may keep this machine busy
         monkeypatch.setattr(module, "STALE_S", 0.3)
     monkeypatch.setattr(drive_configuration, "ANSWER_S", 0.02)
     yield one

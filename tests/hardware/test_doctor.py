@@ -15,7 +15,7 @@ from emulator_process import running
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.device_lifecycle import Health
+from wrenchbed.hardware.device_base import Health
 from wrenchbed.hardware.drivers.rtde import RtdeOptions, identity, states, ur_health
 from wrenchbed.hardware.drivers.rtde import doctor as looking
 from wrenchbed.hardware.drivers.rtde.states import Snapshot

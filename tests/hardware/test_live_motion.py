@@ -7,7 +7,7 @@ import pytest
 from test_run_live import UR5, Arm
 
 from wrenchbed.errors import DriverError, LimitError, LinkError
-from wrenchbed.hardware.device_lifecycle import ClockFit, Health
+from wrenchbed.hardware.device_base import ClockFit, Health
 from wrenchbed.hardware.drivers import live_base
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.live_base import pace, settled

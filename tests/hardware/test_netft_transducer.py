@@ -7,7 +7,7 @@ import pytest
 
 from netft_scene import boxed, client, until
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware import device_lifecycle
+from wrenchbed.hardware import device_base
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 from wrenchbed.hardware.transducers.netft import transducer as reading
 
@@ -153,9 +153,7 @@ def test_what_is_no_record_of_this_box_is_left_out(scene, transducer):
 
 
 def test_a_clock_that_runs_wrong_is_named(scene, transducer, monkeypatch):
-    monkeypatch.setattr(
-        device_lifecycle, "LEAST_S", 0.6
-    )  # the box's clock is wrong by far more than ms
+    monkeypatch.setattr(device_base, "LEAST_S", 0.6)  # the box's clock is wrong by far more than ms
     scene.fault("rdt", "skew", 4.0, factor=1.01)
     until(lambda: any("clock runs +" in f for f in transducer.read().faults), 4.0)
     scene.fault("rdt", "skew", 0.001, factor=1.0)

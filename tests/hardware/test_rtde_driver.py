@@ -14,7 +14,7 @@ import pytest
 import rtde_moves
 from rtde_moves import HOST, NAMED_S, A, B, alive, disturbed, recovered
 from wrenchbed.errors import DriverError, LinkError, SafetyStopError, StoppedError, WrenchbedWarning
-from wrenchbed.hardware.device_lifecycle import GONE_S, wait_until
+from wrenchbed.hardware.device_base import GONE_S, wait_until
 
 pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.wire

@@ -8,7 +8,7 @@ import pytest
 import robot_emulators
 import rtde_moves
 from wrenchbed.errors import DriverError, LinkError, StoppedError
-from wrenchbed.hardware.device_lifecycle import wait_until
+from wrenchbed.hardware.device_base import wait_until
 
 pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.wire

@@ -13,7 +13,7 @@ from wrenchbed.errors import (
     PlanError,
     StoppedError,
 )
-from wrenchbed.hardware.device_lifecycle import Health
+from wrenchbed.hardware.device_base import Health
 from wrenchbed.hardware.drivers import live_base
 from wrenchbed.hardware.drivers.base import ArmSample, block_of
 from wrenchbed.hardware.drivers.live_base import WatchedMove, check_ready

@@ -16,7 +16,7 @@ from wrenchbed.cli import main
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import DriverError, ParameterError, TwinError
-from wrenchbed.hardware.device_lifecycle import Health
+from wrenchbed.hardware.device_base import Health
 from wrenchbed.hardware.drivers.base import ArmSample
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import BAND, Compensator

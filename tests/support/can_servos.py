@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from wrenchbed.errors import LinkError
-from wrenchbed.hardware.device_lifecycle import Health
+from wrenchbed.hardware.device_base import Health
 
 T = 0.004
 RAMP = 3e5

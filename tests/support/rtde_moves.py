@@ -9,7 +9,7 @@ import numpy as np
 
 from rtde_observer import Observer
 from wrenchbed.errors import DriverError
-from wrenchbed.hardware.device_lifecycle import wait_until
+from wrenchbed.hardware.device_base import wait_until
 from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
 from wrenchbed.robots.motion_limits import Limits
 

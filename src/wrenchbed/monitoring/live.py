@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.device_lifecycle import GONE_S
+from wrenchbed.hardware.device_base import GONE_S
 from wrenchbed.hardware.drivers.live_base import CALM_SPEED, LiveDriver
 from wrenchbed.monitoring.compensation import Compensator, External
 

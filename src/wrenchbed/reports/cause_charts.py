@@ -28,8 +28,6 @@ LEAST_SLOPE = 0.2
 """
 ROUNDING = 1e-9
 """Added reading per unit of load that counts as 0: rounding of doubles."""
-LEAST_REACH, LAGS = 8, 40
-"""Least shift of readings in time each way [samples], and number of shifts each way."""
 SMOOTH_S = 0.5
 """Window of the moving average of a motion's rows [s]: slower changes belong to the motion."""
 MOST_ROWS = 200

@@ -46,9 +46,8 @@ def plan_view(plan: Plan, path: str | Path) -> None:
         rerun_canvas.curves("/joints", "joints [°, mm]", window=(axis, at)),
         rerun_canvas.document("/report", "about"),
     ]
-    with to_file(
-        path, rerun_canvas.page(rerun_canvas.scene(robot.name), tabs, axis), axis
-    ) as canvas:
+    page = rerun_canvas.page(rerun_canvas.scene(robot.name), tabs, axis)
+    with to_file(path, page, axis) as canvas:
         log_robot(canvas, robot, at[shown], seen)
         log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
         log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])

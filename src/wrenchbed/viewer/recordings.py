@@ -53,9 +53,8 @@ def recording_view(
         rerun_canvas.document("/report", "about"),
     ]
     readings = {"measured": recording.wrench} | {s.name: s.reading for s in known}
-    with to_file(
-        path, rerun_canvas.page(rerun_canvas.scene(robot.name), tabs, axis), axis
-    ) as canvas:
+    page = rerun_canvas.page(rerun_canvas.scene(robot.name), tabs, axis)
+    with to_file(path, page, axis) as canvas:
         log_robot(canvas, robot, at[shown], real)
         for name, wrench, colour, side in (
             ("measured", recording.wrench, MEASURED, -1.0),

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.benchmark.fault import UsualFit, as_stated
-from wrenchbed.benchmark.lookalikes import dynamic_loads
-from wrenchbed.benchmark.lookalikes.dynamic_loads import SensorMotion, Weights
+from wrenchbed.benchmark.lookalikes import motion_loads
+from wrenchbed.benchmark.lookalikes.motion_loads import SensorMotion, Weights
 from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
 from wrenchbed.data.holds import gather
 from wrenchbed.data.metadata import Metadata
@@ -64,17 +64,17 @@ def path_of_holds(design: "ExperimentDesign") -> JointPath:
     if not robot.joints:
         points = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
     with np.errstate(invalid="ignore", divide="ignore"):
-        motion = dynamic_loads.at_rest(robot, theta, points, gravity)
+        motion = motion_loads.at_rest(robot, theta, points, gravity)
     at = np.arange(STEPS - 1, len(points), STEPS)
     unreachable = ~np.isfinite(motion.rotation).all(axis=(1, 2))
     if unreachable.any():  # the straight move leaves the workspace: the robot waits at the start
         last = np.maximum.accumulate(np.where(unreachable, -1, np.arange(len(points))))
         points = points[np.maximum(last, at[0])]
-        motion = dynamic_loads.at_rest(robot, theta, points, gravity)
+        motion = motion_loads.at_rest(robot, theta, points, gravity)
     since = np.concatenate([t[:1] - 1.0, t[:-1]])
     times = (since[:, None] + fraction * (t - since)[:, None]).ravel()
-    torque = dynamic_loads.weights(robot, theta, points, gravity).torque
-    wrench = dynamic_loads.load_wrench(motion, design.load)
+    torque = motion_loads.weights(robot, theta, points, gravity).torque
+    wrench = motion_loads.load_wrench(motion, design.load)
     return JointPath(times, points, wrench, motion.specific_force, torque, at)
 
 
@@ -198,13 +198,13 @@ class ExperimentDesign:
         """Motion of the sensor at joint values q + dq (N, J) with parameters (P,) or (N, P)."""
         q = self.q + dq if dq.size else self.q
         if self.moving:
-            return dynamic_loads.in_motion(self.robot, theta, self.t, q, self.gravity)
-        return dynamic_loads.at_rest(self.robot, theta, q, self.gravity)
+            return motion_loads.in_motion(self.robot, theta, self.t, q, self.gravity)
+        return motion_loads.at_rest(self.robot, theta, q, self.gravity)
 
     @cached_property
     def nominal(self) -> np.ndarray:
         """The wrench (N, 6) [N, N·m] of the robot as stated."""
-        return dynamic_loads.load_wrench(self.motion, self.load)
+        return motion_loads.load_wrench(self.motion, self.load)
 
     @cached_property
     def full_scale(self) -> np.ndarray:
@@ -232,7 +232,7 @@ class ExperimentDesign:
         """Joint torques (N, J) and base moments (N, 3) by weight, of the nominal robot."""
         stride = _STRIDE if self.moving else 1
         t = self.t if self.moving else None
-        return dynamic_loads.weights(self.robot, self.theta, self.q, self.gravity, t, stride)
+        return motion_loads.weights(self.robot, self.theta, self.q, self.gravity, t, stride)
 
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
@@ -249,7 +249,7 @@ class ExperimentDesign:
         load = self.load
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]
-        pulls = (dynamic_loads.load_wrench(self.motion, other) for other in changed)
+        pulls = (motion_loads.load_wrench(self.motion, other) for other in changed)
         differences = [pull - self.nominal for pull in pulls]
         return UsualFit.of(differences, self.noise_std)
 

@@ -6,9 +6,9 @@ Every public function draws a fault of the family of its name. Sizes and ranges 
 import numpy as np
 
 from wrenchbed.benchmark.fault import Rng
-from wrenchbed.benchmark.lookalikes.dynamic_loads import rotate_back
 from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, off, relax
+from wrenchbed.benchmark.lookalikes.motion_loads import rotate_back
 from wrenchbed.benchmark.rigid_bodies import wrench_at
 
 _G = 9.81

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from wrenchbed.benchmark.fault import Fault, Rng, RowChange, by_axis, by_channel
-from wrenchbed.benchmark.lookalikes.dynamic_loads import SensorMotion, load_wrench
 from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
+from wrenchbed.benchmark.lookalikes.motion_loads import SensorMotion, load_wrench
 from wrenchbed.physics.wrench import Tool
 
 Act = Callable[[np.ndarray], np.ndarray]

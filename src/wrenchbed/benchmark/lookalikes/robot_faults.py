@@ -12,12 +12,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from wrenchbed.benchmark.fault import Rng, by_axis, by_moment, elapsed
-from wrenchbed.benchmark.lookalikes.dynamic_loads import (
-    SensorMotion,
-    link_forces,
-    rotate,
-    rotate_back,
-)
 from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     Imperfection,
@@ -28,6 +22,12 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     off,
     relay,
     spread,
+)
+from wrenchbed.benchmark.lookalikes.motion_loads import (
+    SensorMotion,
+    link_forces,
+    rotate,
+    rotate_back,
 )
 from wrenchbed.benchmark.rigid_bodies import wrench_at
 from wrenchbed.physics.wrench import Tool

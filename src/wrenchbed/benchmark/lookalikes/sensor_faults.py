@@ -11,9 +11,9 @@ from scipy.signal import lfilter
 
 from wrenchbed.benchmark.fault import Rng, at_times, by_channel, by_pair, elapsed, log_uniform
 from wrenchbed.benchmark.lookalikes import imperfection
-from wrenchbed.benchmark.lookalikes.dynamic_loads import FINER
 from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, spread
+from wrenchbed.benchmark.lookalikes.motion_loads import FINER
 from wrenchbed.physics.wrench import CHANNELS
 
 _BLOCKS = {"ff": (0, 0), "ft": (0, 3), "tf": (3, 0), "tt": (3, 3)}

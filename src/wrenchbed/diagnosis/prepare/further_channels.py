@@ -60,7 +60,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         noise, source = np.maximum(noise, unexplained), "residual"
     elif prepared.channels or len(y) == data.count.sum():
         noise, source = (
-            np.maximum(noise, _unexplained(fitted, scene, residual, expected)),
+            np.maximum(noise, _unexplained(fitted, scene, residual)),
             "residual",
         )
     unit = np.hypot(noise, ordinary)
@@ -82,9 +82,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
     )
 
 
-def _unexplained(
-    channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
-) -> float:
+def _unexplained(channel: Channel, scene: Scene, residual: np.ndarray) -> float:
     """Std of a residual (H k,) of k columns that no effect or unknown of the sensor explains."""
     nuisance = flat(channel.nuisance(scene)[scene.held])
     imperfect = flat(channel.imperfections(scene)[scene.held])

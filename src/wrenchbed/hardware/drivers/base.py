@@ -13,7 +13,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.errors import DriverError
-from wrenchbed.hardware.device_lifecycle import Device
+from wrenchbed.hardware.device_base import Device
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 from wrenchbed.robots.motion_limits import Limits, duration, entered, straight

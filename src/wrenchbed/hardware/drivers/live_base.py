@@ -15,7 +15,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import DriverError, LateError, LimitError, LinkError, StoppedError
-from wrenchbed.hardware.device_lifecycle import GONE_S, Health
+from wrenchbed.hardware.device_base import GONE_S, Health
 from wrenchbed.hardware.drivers.base import (
     Applied,
     ArmSample,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.errors import LinkError
-from wrenchbed.hardware.device_lifecycle import STALE_S, ClockFit
+from wrenchbed.hardware.device_base import STALE_S, ClockFit
 from wrenchbed.hardware.drivers.base import ArmSample
 
 _LATEST = 64

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wrenchbed.hardware.device_lifecycle import STALE_S, Device
+from wrenchbed.hardware.device_base import STALE_S, Device
 
 CLOSE_S = 1e-3
 """Readings nearer in time are not interpolated [s]: joints move by less than their noise in it."""

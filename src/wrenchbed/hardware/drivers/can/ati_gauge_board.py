@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.device_lifecycle import GONE_S, Health, by_age, wait_until
+from wrenchbed.hardware.device_base import GONE_S, Health, by_age, wait_until
 from wrenchbed.hardware.drivers.can import netcanoem_frames
 from wrenchbed.hardware.drivers.can.bus import CanLink
 from wrenchbed.hardware.drivers.can.netcanoem_frames import Pairs, Reply

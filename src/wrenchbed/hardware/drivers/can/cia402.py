@@ -5,7 +5,7 @@ import enum
 import struct
 from dataclasses import dataclass
 
-from wrenchbed.hardware.device_lifecycle import State as HealthState
+from wrenchbed.hardware.device_base import State as HealthState
 
 Problem = tuple[HealthState, str]
 """State of health, and the reason in words."""

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.errors import LinkError
-from wrenchbed.hardware.device_lifecycle import STALE_S
-from wrenchbed.hardware.device_lifecycle import State as HealthState
+from wrenchbed.hardware.device_base import STALE_S
+from wrenchbed.hardware.device_base import State as HealthState
 from wrenchbed.hardware.drivers.can import options as ids
 from wrenchbed.hardware.drivers.can.bus import CanLink
 from wrenchbed.hardware.drivers.can.cia402 import (

@@ -10,14 +10,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, SafetyStopError
-from wrenchbed.hardware.device_lifecycle import (
-    GONE_S,
-    STALE_S,
-    Health,
-    by_age,
-    only_here,
-    wait_until,
-)
+from wrenchbed.hardware.device_base import GONE_S, STALE_S, Health, by_age, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.can.ati_gauge_board import GaugeBoard
 from wrenchbed.hardware.drivers.can.bus import CanLink, open_bus

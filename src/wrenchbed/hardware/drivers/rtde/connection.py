@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
-from wrenchbed.hardware.device_lifecycle import STALE_S, wait_until
+from wrenchbed.hardware.device_base import STALE_S, wait_until
 from wrenchbed.hardware.drivers.rtde import control_worker
 from wrenchbed.hardware.drivers.rtde.control_worker import Closed, MessageChannel, SharedNumbers
 from wrenchbed.hardware.drivers.rtde.states import NATIVE_HZ, Snapshot, StateReceiver

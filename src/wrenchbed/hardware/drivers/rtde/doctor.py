@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
-from wrenchbed.hardware.device_lifecycle import STALE_S, connected
+from wrenchbed.hardware.device_base import STALE_S, connected
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, ur_health
 from wrenchbed.hardware.drivers.rtde.states import ANSWER_S, NATIVE_HZ
 from wrenchbed.hardware.transducers.base import Transducer

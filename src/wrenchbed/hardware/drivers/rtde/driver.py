@@ -20,7 +20,7 @@ from wrenchbed.errors import (
     StoppedError,
     WrenchbedWarning,
 )
-from wrenchbed.hardware.device_lifecycle import GONE_S, STALE_S, Health, only_here, wait_until
+from wrenchbed.hardware.device_base import GONE_S, STALE_S, Health, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.live_base import CALM_SPEED, LiveDriver, check_ready
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, ur_health

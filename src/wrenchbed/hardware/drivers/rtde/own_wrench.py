@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.errors import LinkError, ParameterError
-from wrenchbed.hardware.device_lifecycle import Health, by_age
+from wrenchbed.hardware.device_base import Health, by_age
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.hardware.transducers.netft.transducer import (

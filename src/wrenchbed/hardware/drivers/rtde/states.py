@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Self
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.device_lifecycle import connected
+from wrenchbed.hardware.device_base import connected
 
 PORT = 30004
 """TCP port of RTDE; source: Universal Robots, "RTDE guide"."""

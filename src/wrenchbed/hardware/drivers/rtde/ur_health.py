@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from wrenchbed.errors import LinkError, StoppedError
-from wrenchbed.hardware.device_lifecycle import GONE_S, Health, State, by_age, connected, wait_until
+from wrenchbed.hardware.device_base import GONE_S, Health, State, by_age, connected, wait_until
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 
 PLAYING, STOPPED = 2, 1

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.device_lifecycle import ClockFit
+from wrenchbed.hardware.device_base import ClockFit
 
 START, STOP = 0x0002, 0x0000
 _REQUEST = struct.Struct(">HHI")

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.device_lifecycle import Health, by_age, wait_until
+from wrenchbed.hardware.device_base import Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.hardware.transducers.netft.rdt import (
     SATURATED,
