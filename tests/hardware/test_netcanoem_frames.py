@@ -141,6 +141,8 @@ class Late:
 
     def send(self, can_id, data):
         self._asked += 1
+        if self._asked in self._late and self._late[0] == 3:  # a piece of a row before this one
+            return [self.hand_on(op, bytes(8)) for op in (2, 2, 3)]
         replies = ask(self._board, self._sent, can_id & 0xF, data)
         wait = 0.08 if self._asked in self._late else 0.0
         threading.Timer(wait, lambda: [self.hand_on(op, raw) for op, raw in replies]).start()
@@ -149,7 +151,7 @@ class Late:
         self.one.take(parse(0x680 | op, raw, 0x68))
 
 
-@pytest.mark.parametrize("late", [(), (9, 13), (4, 5, 6)])
+@pytest.mark.parametrize("late", [(), (9, 13), (4, 5, 6), (3,)])
 def test_late_answers_never_make_a_wrong_matrix(monkeypatch, late):
     monkeypatch.setattr(reader, "ANSWER_S", 0.05)
     link = Late(late)

@@ -19,7 +19,7 @@ WRENCHBED = {
     "environments": 587,
     "exports": 828,
     "files": 576,
-    "hardware": 6681,
+    "hardware": 6682,
     "jobs": 555,
     "monitoring": 1426,
     "pages": 1255,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78971,
-    "src/wrenchbed": 69499,
+    "src": 78972,
+    "src/wrenchbed": 69500,
     "src/robot_emulators": 9472,
-    "tests": 37996,
+    "tests": 37998,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

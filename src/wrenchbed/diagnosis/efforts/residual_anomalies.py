@@ -136,5 +136,5 @@ def outliers(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
 
 
 def _kurtosis(x: np.ndarray) -> float:
-    """Fourth moment of values (M,) about zero, over the square of the second."""
-    return float(np.mean(x**4)) / max(float(np.mean(x**2)), 1e-150) ** 2
+    """Fourth moment of values (M,) about zero, over the square of the second; 0 of none."""
+    return float(np.mean(x**4)) / max(float(np.mean(x**2)), 1e-150) ** 2 if len(x) else 0.0

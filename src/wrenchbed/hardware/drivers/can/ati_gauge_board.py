@@ -82,10 +82,11 @@ class BoardQueries:
 
     def row(self, axis: int) -> tuple[float, ...]:
         """Read a row of the active matrix, 0 … 5 for Fx … Tz; a `LinkError` without an answer."""
-        parts = dict(self._collect(netcanoem_frames.MATRIX, bytes([axis]), 3))
-        if sorted(parts) != [2, 3, 4]:
-            raise LinkError("the sensor's board sent a matrix row in pieces that do not fit")
-        return (*parts[2], *parts[3], *parts[4])
+        for _ in range(TRIES):  # a late piece of the row before may come first
+            parts = dict(self._collect(netcanoem_frames.MATRIX, bytes([axis]), 3))
+            if sorted(parts) == [2, 3, 4]:
+                return (*parts[2], *parts[3], *parts[4])
+        raise LinkError("the sensor's board sent a matrix row in pieces that do not fit")
 
     def _collect(self, opcode: int, data: bytes = b"", n: int = 1) -> list[Reply]:
         """Send query ``opcode`` with ``data``; return the n answers; a `LinkError` without them."""
