@@ -21,7 +21,7 @@ WRENCHBED = {
     "files": 576,
     "hardware": 6682,
     "jobs": 555,
-    "monitoring": 1426,
+    "monitoring": 1388,
     "pages": 1255,
     "physics": 1027,
     "planning": 1035,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78972,
-    "src/wrenchbed": 69500,
+    "src": 78934,
+    "src/wrenchbed": 69462,
     "src/robot_emulators": 9472,
     "tests": 37998,
     "scripts": 3476,

@@ -20,9 +20,9 @@ from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import HistoryError, PlanError
 from wrenchbed.monitoring import history
-from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of
+from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of, significant
 from wrenchbed.monitoring.history import Check
-from wrenchbed.monitoring.steps import FITTED, NUMBERS, History, tangents
+from wrenchbed.monitoring.steps import FITTED, History, tangents
 from wrenchbed.pages import ReportPage
 from wrenchbed.pages.document import provenance
 from wrenchbed.pages.numbers import p_value
@@ -120,8 +120,9 @@ def choose(robot: Robot) -> Plan:
     """
     if not isinstance(robot, SimulatedRobot):
         raise PlanError(f"robot {robot.name!r} has no model to plan with, and a check needs one")
-    joints = ("joint.offset", "joint.compliance")
-    wanted = {**FITTED, **{n: [p.name for p in effects()[n].parameters(robot)] for n in joints}}
+    wanted = [number[:2] for number in FITTED.values()]
+    for joint in ("joint.offset", "joint.compliance"):
+        wanted += [(joint, p.name) for p in effects()[joint].parameters(robot)]
     q, theta, gravity = robot.pool(_POOL, 0), robot.parameters.nominal, np.asarray(robot.gravity)
     scene = Scene(robot, theta, gravity, q, np.arange(_POOL) * 1.0, np.ones(_POOL, dtype=bool))
     noise = registry.load("sensors", robot.sensor).noise.row_std / np.sqrt(SAMPLES)
@@ -139,16 +140,24 @@ def choose(robot: Robot) -> Plan:
 
 
 def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
-    """Judge the last check against the earlier ones; a `CalibrationError` if the load of the first
-    check since the baseline cannot be identified."""
-    judged = _judged(robot, checks)
-    start = max(k for k, c in enumerate(checks) if k == 0 or c.baseline)
-    series, n = History(robot, checks[start:]), len(checks) - start
-    first, begin, alarms, verdict = checks[start], n - 1, _alarms(series), judged[-1].verdict
-    changed = verdict == CHANGED
+    """Judge every check against the earlier ones since its baseline, and say what the last one
+    shows; a `CalibrationError` if the load of a first check cannot be identified."""
+    judged, start, changed = list[Check](), 0, False
+    for k, check in enumerate(checks):
+        if check.baseline:
+            start, changed = k, False
+        series = History(robot, checks[start : k + 1])
+        alarms = _alarms(series)
+        changed = changed or bool(alarms)  # until a new baseline
+        verdict = CHANGED if changed else CANNOT_TELL if k + 1 - start < LEAST else HEALTHY
+        numbers = zip(FITTED, series.values[-1].tolist(), series.std.tolist(), strict=True)
+        values = {n: v for name, x, std in numbers for n, v in ((name, x), (f"{name}.std", std))}
+        values[MISFIT] = float(series.misfit[-1])
+        judged.append(replace(check, verdict=verdict, values=values))
+    n, first, level = len(checks) - start, checks[start], _level(1, series)
+    begin = n - 1
     if changed:
-        begin = 1 + int(np.argmax([series.step(k).evidence for k in range(1, n)]))
-    level = LEVEL if changed else _level(series, 1)
+        level, begin = LEVEL, 1 + int(np.argmax([series.step(k).evidence for k in range(1, n)]))
     changes = _changes(series, begin, level) if begin else ()
     if changed:
         headline = _what_changed(series, begin, changes)
@@ -166,42 +175,25 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
     return Judgement(verdict, comparison, series, judged, begin, alarms)
 
 
-def _judged(robot: Robot, checks: Sequence[Check]) -> list[Check]:
-    """Return the checks with numbers and verdicts; "changed" stays until a new baseline."""
-    result, start, changed = list[Check](), 0, False
-    for k, check in enumerate(checks):
-        if check.baseline:
-            start, changed = k, False
-        series = History(robot, checks[start : k + 1])
-        changed = changed or bool(_alarms(series))
-        verdict = CHANGED if changed else CANNOT_TELL if k + 1 - start < LEAST else HEALTHY
-        numbers = zip(NUMBERS, series.values[-1].tolist(), series.std.tolist(), strict=True)
-        values = {n: v for name, x, std in numbers for n, v in ((name, x), (f"{name}.std", std))}
-        values[MISFIT] = float(series.misfit[-1])
-        result.append(replace(check, verdict=verdict, values=values))
-    return result
-
-
 def _budget(series: History) -> float:
     """Probability of a false alarm allowed in the last check, by the time since the one before."""
     years = series.years
     return 0.0 if len(years) < 2 else ALARMS_A_YEAR * float(min(years[-1] - years[-2], 1.0))
 
 
-def _level(series: History, count: int) -> float:
-    """Probability of a false alarm allowed for a change ``count`` (1, 2, 4, 8) checks ago."""
-    return (1.0 - _OF_MISFIT) * SINCE[count] * _budget(series)
+def _level(count: int, series: History, share: float = 1.0 - _OF_MISFIT) -> float:
+    """Probability of a false alarm allowed for a change ``count`` (1, 2, 4, 8) checks ago, of which
+    ``share`` is spent on the numbers, or on the misfit."""
+    return share * SINCE[count] * _budget(series)
 
 
 def _alarms(series: History) -> tuple[str, ...]:
     """Names of the numbers that have changed according to the last check."""
     n, names = len(series.checks), list[str]()
-    for count, fraction in SINCE.items():
-        if count < n:
-            changes = _changes(series, n - count, _level(series, count))
-            names += [c.name for c in changes if c.changed]
-            level = _OF_MISFIT * fraction * _budget(series)
-            names += [MISFIT] * (series.step(n - count).misfit < level)
+    for count in (c for c in SINCE if c < n):
+        changes = _changes(series, n - count, _level(count, series))
+        names += [c.name for c in changes if c.changed]
+        names += [MISFIT] * (series.step(n - count).misfit < _level(count, series, _OF_MISFIT))
     return tuple(dict.fromkeys(names))
 
 
@@ -209,15 +201,14 @@ def _changes(series: History, begin: int, level: float) -> tuple[Change, ...]:
     """Change of each number from the checks before index ``begin`` to those since, significant at
     ``level`` (probability of any false alarm)."""
     step, before = series.step(begin), series.values[:begin].mean(axis=0)
-    after = before + step.size
-    return changes_of(NUMBERS, before, after, step.std, level=level, freedom=step.freedom)
+    units, after = {name: unit for name, (*_, unit) in FITTED.items()}, before + step.size
+    return changes_of(units, before, after, step.std, level=level, freedom=step.freedom)
 
 
 def _what_changed(series: History, begin: int, changes: Sequence[Change]) -> str:
     """Sentence on when a change began (index ``begin``) and which numbers changed."""
-    moved = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
-    texts, p = [c.sentence for c in moved], series.step(begin).misfit
-    if p < LEVEL or not moved:
+    texts, p = significant(changes), series.step(begin).misfit
+    if p < LEVEL or not texts:
         texts.append(
             f"what these numbers do not explain (p {p_value(p)}): a joint, a cable or a contact "
             "may have changed, see `wrenchbed diagnose`"
@@ -249,18 +240,13 @@ def check(
         CalibrationError: the load of the first check cannot be identified.
     """
     time = time or history.time_of(recording)
-    given = {
-        "time": time.isoformat(timespec="milliseconds"),
-        "temperature": temperature, "baseline": baseline,
-    }  # fmt: skip
-    known = history.stated(recording, {k: v for k, v in given.items() if v is not None})
-    folder = Path(folder)
+    given: dict[str, Any] = {"time": time.isoformat(timespec="milliseconds")}
+    given |= {} if temperature is None else {"temperature": temperature}
+    given |= {} if baseline is None else {"baseline": baseline}
+    known, folder = history.stated(recording, given), Path(folder)
     plan = plan_of(robot, folder)
     checks, new = history.read(folder, robot, plan), history.taken(known, robot, plan)
-    try:
-        history.continues(checks, new)
-    except HistoryError as error:
-        raise HistoryError(f"{recording.name}: {error}") from error
+    history.continues(checks, new, f"{recording.name}: ")
     history.in_time(checks, new.time, datetime.now(UTC))
     judgement = judge(robot, [*checks, new])
     known.write(folder / new.recording)

@@ -231,11 +231,14 @@ def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
     return passed
 
 
+def significant(changes: Sequence[Change]) -> list[str]:
+    """Sentences on the significant ones of some changes, the largest in σ first."""
+    return [c.sentence for c in sorted(changes, key=lambda c: -c.size) if c.changed]
+
+
 def _headline(changes: Sequence[Change], together: Mapping[str, float]) -> str:
-    changed = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
-    if changed:
-        text = "; ".join(c.sentence for c in changed)
-        return f"{len(changed)} of {len(changes)} numbers changed: {text}"
+    if changed := significant(changes):
+        return f"{len(changed)} of {len(changes)} numbers changed: {'; '.join(changed)}"
     if together["p"] < LEVEL:
         return f"no number changed by itself, but all {len(changes)} together did ({_p(together)})"
     return f"no change: {len(changes)} numbers agree ({_p(together)} of all together)"

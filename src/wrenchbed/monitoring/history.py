@@ -30,9 +30,9 @@ from wrenchbed.robots.base import Robot
 
 FILE, RECORDINGS = "history.parquet", "recordings"
 """Names of the table and of the folder of recordings in the folder of a history."""
-_KIND = "history of checks"
-_TEXTS = ("time", "robot", "robot_digest", "sensor", "recording", "recording_digest", "baseline",
-          "verdict")  # fmt: skip
+_KIND, _DAY = "history of checks", "%Y-%m-%d %H:%M:%S UTC"
+"""What the table's metadata state that it is, and the form of dates for people."""
+_TEXTS = ("robot", "robot_digest", "sensor", "recording", "recording_digest", "baseline", "verdict")
 _PAIRS = tuple(combinations_with_replacement(range(6), 2))
 """Indices (row, column) of the upper triangle of a row's covariance (6, 6), as stored."""
 _STATED = "check"
@@ -80,39 +80,30 @@ class Check:
 
     @property
     def day(self) -> str:
-        """Date of the check as text for people."""
-        return _day(self.time)
+        """Date and time of the check as text for people."""
+        return f"{self.time:{_DAY}}"
 
 
 def read(folder: Path, robot: Robot, plan: Plan) -> list[Check]:
     """Read the checks in a folder, oldest first; warn of recordings that do not follow ``plan``."""
-    every, checks = list[Check](), list[Check]()
-    for path in sorted((folder / RECORDINGS).glob("*.parquet")):
+    checks = list[Check]()
+    for path in sorted((folder / RECORDINGS).glob("*.parquet")):  # whose names are their times
         try:
             recording = Recording.read(path)
             if _STATED in recording.metadata.extra:  # else its check was not finished
-                name = f"{RECORDINGS}/{path.name}"
-                every.append(replace(taken(recording, robot, plan), recording=name))
+                check = taken(recording, robot, plan)
+                continues(checks, check)
+                checks.append(replace(check, recording=f"{RECORDINGS}/{path.name}"))
         except WrenchbedError as error:
-            _left_out(path, error)
-    for check in sorted(every, key=lambda c: c.time):
-        try:
-            continues(checks, check)
-            checks.append(check)
-        except HistoryError as error:
-            _left_out(folder / check.recording, error)
-    return checks
-
-
-def _left_out(path: Path, error: WrenchbedError) -> None:
-    warnings.warn(f"{path}: left out: {error}", WrenchbedWarning, stacklevel=3)
+            warnings.warn(f"{path}: left out: {error}", WrenchbedWarning, stacklevel=2)
+    return sorted(checks, key=lambda c: c.time)
 
 
 def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
     """Copy of a recording whose metadata hold what a user states of a check: ``given`` time,
     temperature, baseline."""
-    known = dict(recording.metadata.extra.get(_STATED) or {})
-    extra = {**recording.metadata.extra, _STATED: {**known, **given}}
+    extra = recording.metadata.extra
+    extra = {**extra, _STATED: {**(extra.get(_STATED) or {}), **given}}
     return replace(recording, metadata=replace(recording.metadata, extra=extra))
 
 
@@ -174,50 +165,42 @@ def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
     return Check(
         time=time, robot=robot.name, sensor=sensor,
         robot_digest=_digest(json.dumps(known_robot).encode()), recording=file_of(time),
-        recording_digest=_digest(recording.wrench.tobytes(), recording.t.tobytes()),
+        recording_digest=_digest(recording.wrench.tobytes() + recording.t.tobytes()),
         temperature=float(temperature), t=data.t[:poses], q=q[:poses], wrench=data.wrench[:poses],
         count=data.count[:poses].astype(float), covariance=data.row_covariance,
         baseline=str(said.get("baseline", "")),
     )  # fmt: skip
 
 
-def _digest(*parts: bytes) -> str:
-    """First 16 hexadecimal digits of the SHA-256 of all bytes together."""
-    sha = hashlib.sha256()
-    for part in parts:
-        sha.update(part)
-    return sha.hexdigest()[:16]
+def _digest(content: bytes) -> str:
+    """First 16 hexadecimal digits of the SHA-256."""
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
-    """Raise a `HistoryError` if a new check at ``time`` is not later than the last one, or after
-    ``now``; it names the recording and the remedy."""
-    clock, last = f"this machine's clock shows {_day(now)}", checks[-1] if checks else None
-    if last is not None and last.time > now:
-        remedy = "it was set back. Set it right and check again"
-        raise HistoryError(f"{last.recording} is of {last.day}, and {clock}: {remedy}")
-    if time > now or (last is not None and time <= last.time):
-        why = clock if time > now or last is None else f"{last.recording} of {last.day}"
-        remedy = "set the clock, or state the true time with --time"
-        raise HistoryError(f"the new check is of {_day(time)}, and {why}: {remedy}")
-
-
-def continues(before: Sequence[Check], check: Check) -> None:
-    """Raise `HistoryError` if ``check`` has the same readings as the last one ``before``, or is of
-    another sensor."""
-    for old in before:
-        if old.recording_digest == check.recording_digest:
-            raise HistoryError(f"holds the readings of {old.recording}: it was checked already")
-    if before and check.sensor != before[0].sensor:
+    """Raise a `HistoryError` if a new check at ``time`` is not later than the last one, or one of
+    both is after ``now``; it names both, and the remedy."""
+    last = checks[-1] if checks else None
+    if time > now or (last is not None and not last.time < time):
+        before = "" if last is None else f"{last.recording} of {last.day}, and "
         raise HistoryError(
-            f"is of {check.sensor}, {before[0].recording} of {before[0].sensor}: give each sensor "
-            "a folder of its own"
+            f"the new check is of {time:{_DAY}}, {before}this machine's clock shows {now:{_DAY}}: "
+            "set the clock right, or state the true time with --time"
         )
 
 
-def _day(time: datetime) -> str:
-    """Date and time as text for people."""
-    return f"{time:%Y-%m-%d %H:%M:%S} UTC"
+def continues(before: Sequence[Check], check: Check, where: str = "") -> None:
+    """Raise `HistoryError`, which begins with ``where``, if ``check`` has the readings of one
+    ``before`` or is of another sensor."""
+    for old in before:
+        if old.recording_digest == check.recording_digest:
+            text = f"holds the readings of {old.recording}: it was checked already"
+            raise HistoryError(where + text)
+        if old.sensor != check.sensor:
+            raise HistoryError(
+                f"{where}is of {check.sensor}, {old.recording} of {old.sensor}: give each sensor a "
+                "folder of its own"
+            )
 
 
 def write(folder: Path, checks: Sequence[Check]) -> None:
@@ -233,21 +216,18 @@ def write(folder: Path, checks: Sequence[Check]) -> None:
 
 
 def _recordings(path: Path) -> set[str]:
-    """Paths of the recordings that a table of checks lists; {``path``} if it cannot be read."""
+    """Paths of the recordings that a table of checks lists; {``path``} if it is none."""
     try:
-        columns, raw = parquet.read(path, HistoryError)
+        columns, _ = parquet.read(path, HistoryError)
     except HistoryError:
-        return {str(path)}
-    known = raw.get("kind") == _KIND and "recording" in columns
-    return {str(name) for name in columns["recording"]} if known else {str(path)}
+        columns = {}
+    return {str(name) for name in columns.get("recording", [path])}
 
 
 def _columns(check: Check) -> dict[str, Any]:
     """Column → value of a check's row in the table."""
-    row: dict[str, Any] = {name: getattr(check, name) for name in _TEXTS}
-    row["time"] = check.time.isoformat(timespec="milliseconds")
-    row["temperature"] = check.temperature
-    row |= dict(check.values)
+    row: dict[str, Any] = {"time": check.time.isoformat(timespec="milliseconds")}
+    row |= {name: getattr(check, name) for name in (*_TEXTS, "temperature")} | dict(check.values)
     row |= {f"row.{CHANNELS[i]}.{CHANNELS[j]}": check.covariance[i, j] for i, j in _PAIRS}
     for p in range(len(check.q)):
         at = f"hold{p:02d}."

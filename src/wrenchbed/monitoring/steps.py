@@ -13,7 +13,7 @@ the history. So b over its standard error has a Student's t distribution (Gelman
 Data Analysis, 3rd ed., 14.2). The fit's residual is tested likewise, by an F distribution.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -34,25 +34,19 @@ from wrenchbed.robots.base import Robot
 from wrenchbed.sensors.base import Sensor
 from wrenchbed.simulation.closed_form import Model
 
-FITTED = {
-    "sensor.bias": tuple(f"bias.{c}" for c in CHANNELS),
-    "tool.mass": ("mass",),
-    "tool.cog": tuple(f"cog.{a}" for a in "xyz"),
-    "base.tilt": ("x", "y"),
-    "mount.rotation": tuple(f"rotation.{a}" for a in "xyz"),
-    "sensor.gain": ("gain.fx", "gain.fy"),
+FITTED: Mapping[str, tuple[str, str, str]] = {
+    **{
+        f"sensor.bias.{c}": ("sensor.bias", f"bias.{c}", unit)
+        for c, unit in zip(CHANNELS, UNITS, strict=True)
+    },
+    "tool.mass": ("tool.mass", "mass", "kg"),
+    **{f"tool.cog.{a}": ("tool.cog", f"cog.{a}", "m") for a in "xyz"},
+    **{f"base.tilt.{a}": ("base.tilt", a, "rad") for a in "xy"},
+    **{f"mount.rotation.{a}": ("mount.rotation", f"rotation.{a}", "rad") for a in "xyz"},
+    **{f"span.{c}": ("sensor.gain", f"gain.{c}", "1") for c in ("fx", "fy")},
 }
-"""Effect → its parameters that are fitted to every check."""
-NUMBERS: Mapping[str, str] = {
-    **{f"sensor.bias.{c}": u for c, u in zip(CHANNELS, UNITS, strict=True)},
-    "tool.mass": "kg",
-    **{f"tool.cog.{a}": "m" for a in "xyz"},
-    **{f"base.tilt.{a}": "rad" for a in "xy"},
-    **{f"mount.rotation.{a}": "rad" for a in "xyz"},
-    "span.fx": "1",
-    "span.fy": "1",
-}
-"""Names of the fitted numbers of a check, as `compare` shows them, with units."""
+"""Name of each number that is fitted to a check, as `compare` shows it → effect, its parameter that
+gives the change of readings, unit of the number."""
 YEAR_S = 365.25 * 86400.0
 """Length of a year [s]."""
 _ZERO_PER_K, _SPAN_PER_K = 1e-4, 2e-4
@@ -119,21 +113,20 @@ def _reference(robot: Robot, first: Check) -> _Reference:
     theta[:n] = robot.theta_of_tool(nominal, load.mass, [float(c) for c in load.cog])
     theta[n : n + 6] = load.bias
     scene = Scene(robot, theta[:n], gravity, first.q, first.t, np.ones(len(first.q), dtype=bool))
-    columns, typical = tangents(scene, FITTED)
+    columns, typical = tangents(scene, [number[:2] for number in FITTED.values()])
     origin = np.concatenate([load.bias, [load.mass], load.cog, np.zeros(7)])
     return _Reference(theta, scene, columns / typical, origin)
 
 
-def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (P, 6, K) of readings by K parameters (effect → names), each over its typical
-    size; sizes (K,)."""
+def tangents(scene: Scene, wanted: Iterable[tuple[str, str]]) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (P, 6, K) of readings by K parameters (effect, name), each over its typical size;
+    sizes (K,)."""
     response, known, columns, typical = Response(scene, (WRENCH,)), effects(), [], []
-    for name, wanted in fitted.items():
-        parameters = known[name].parameters(scene.robot)
-        variant = known[name].variants(scene)[0]
-        for parameter in (parameters[parameters.index(p)] for p in wanted):
-            columns.append(response.tangent(known[name], parameter, variant))
-            typical.append(parameter.tolerance)
+    for effect, name in wanted:
+        parameters = known[effect].parameters(scene.robot)
+        parameter = parameters[parameters.index(name)]
+        columns.append(response.tangent(known[effect], parameter, known[effect].variants(scene)[0]))
+        typical.append(parameter.tolerance)
     return np.stack(columns, axis=-1), np.array(typical)
 
 
@@ -196,12 +189,12 @@ class History:
     @property
     def values(self) -> np.ndarray:
         """Fitted numbers of all checks (n, K) [SI]."""
-        return self._fit[0][:, : len(NUMBERS)] + self._first.origin
+        return self._fit[0][:, : len(FITTED)] + self._first.origin
 
     @property
     def std(self) -> np.ndarray:
         """Standard uncertainty (K,) [SI] of one check's numbers by the noise within it."""
-        return np.sqrt(np.diagonal(self._fit[1]))[: len(NUMBERS)]
+        return np.sqrt(np.diagonal(self._fit[1]))[: len(FITTED)]
 
     @property
     def misfit(self) -> np.ndarray:
@@ -249,8 +242,8 @@ class History:
         n, (expected, by_kelvin) = len(self.checks), self._expected
         flat = np.column_stack([np.arange(n) >= begin, np.ones(n)]).astype(float)
         x = self._root @ np.column_stack([flat, self._nuisance])
-        y = self._root @ (self._fit[0][:, : len(NUMBERS)] / expected)
-        precision = np.zeros((len(NUMBERS), x.shape[1]))
+        y = self._root @ (self._fit[0][:, : len(FITTED)] / expected)
+        precision = np.zeros((len(FITTED), x.shape[1]))
         precision[:, 2:] = 1.0 / by_kelvin[:, None] ** 2
         inverse = np.linalg.inv(x.T @ x + precision[:, :, None] * np.eye(x.shape[1]))
         beta = np.einsum("kij,jk->ik", inverse, x.T @ y)
