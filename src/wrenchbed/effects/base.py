@@ -49,12 +49,12 @@ WAVES = 5
 
 
 class Stage(NamedTuple):
-    """One step of the chain from joint values to readings, at which effects can act.
+    """One step of the chain from joint values to wrench readings, at which effects can act.
 
     Attributes:
         changes: what an effect at this stage changes, as text.
-        simulated: text on how a twin simulates an effect that its MJCF cannot hold.
-        exported: text on what such an effect is applied to beside an exported MJCF.
+        simulated: text on how a simulator applies an effect that an MJCF model cannot hold.
+        exported: text on the data that code beside an exported MJCF changes for such an effect.
     """
 
     changes: str
@@ -120,12 +120,12 @@ class Variant:
 
 
 class Curve(NamedTuple):
-    """Curve that a variant without a formula adds to readings, over what it depends on.
+    """Curve that a variant without a formula adds to readings, on a grid of P points.
 
     Attributes:
         channel: name of the wrench channel that it changes; empty if the same in all.
-        x: grid (P,) of what it depends on (time, load …); a loop goes there and back.
-        columns: contribution of each of the k amplitudes ``names`` per SI unit (P, k).
+        x: grid (P,) of time, load …, in ``x_unit``; of a hysteresis loop it goes up and back.
+        columns: curve (P, k) in ``y_unit`` per SI unit of each of the k amplitudes ``names``.
     """
 
     channel: str
@@ -163,7 +163,7 @@ class Pose(NamedTuple):
 
 
 class Effect(ABC):
-    """One thing that simulators lack, as hysteresis; each plug-in module has one as ``EFFECT``."""
+    """Physical effect that simulators lack, as hysteresis; a plug-in module has one, ``EFFECT``."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -213,8 +213,8 @@ class Effect(ABC):
 
     @property
     def family(self) -> str:
-        """Group of effects that may absorb errors in each other's assumed formulas: ``external``,
-        of forces on the tool from outside, else the subsystem."""
+        """Group of effects that can absorb errors of each other's formulas: ``external`` (forces on
+        the tool from outside), else the subsystem: the effect's name before the dot."""
         return "external" if self.subsystem in ("cable", "environment") else self.subsystem
 
     @property
@@ -238,7 +238,8 @@ class Effect(ABC):
         return self.stage in ("reading", "timing")
 
     def acts(self, scene: Scene) -> bool:
-        """Whether the effect can change a scene's readings; any can if rows average a motion."""
+        """Whether the effect can change readings at rest or in motion, as the scene is; always if
+        rows are averages of a motion."""
         return scene.mode in self.modes or scene.averaged
 
     def applies(self, robot: Robot) -> bool:
@@ -271,7 +272,7 @@ class Effect(ABC):
         return ()
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
-        """Parameter names that `values` accepts: first ``joint`` and the short names beside it."""
+        """Names that `values` accepts, with ``joint`` and short names such as ``offset``."""
         names = self.parameters(robot).names
         short = joint_stems(names)
         return ("joint", *short, *names) if short else names
@@ -295,7 +296,7 @@ class Effect(ABC):
             raise ParameterError(f"{self.name}: {error}") from error
 
     def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
-        """Value, standard uncertainty (``std``), unit of a variant's parameters, keyed by name."""
+        """Dicts of ``value``, ``std``, ``unit`` of the parameters that a variant fits, by name."""
         known = self.parameters(robot)
         result: Published = {
             n: {"value": values[n], "std": std.get(n), "unit": known[known.index(n)].unit}
@@ -310,14 +311,14 @@ class Effect(ABC):
         return dict(published)
 
     def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
-        """How large the effect is in a scene, as value and SI unit by name (``sag`` …); empty where
-        the parameters p say it."""
+        """Value and SI unit, by name (``sag`` …), of how large an effect with values p is in a
+        scene; empty where p itself says it."""
         return {}
 
     # ---- what it does at its stages: nothing at those at which it does not act ------------------
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        """Robot's parameters (P,) changed by the effect, whose values are p (stage ``model``)."""
+        """Robot's parameters ``theta`` (P,) as changed by the effect with parameter values p."""
         return theta
 
     def displace(self, scene: Scene, p: Values) -> Value:
@@ -325,7 +326,7 @@ class Effect(ABC):
         return 0.0
 
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
-        """Pose of the sensor with the effect, values p, from that without (stage ``pose``)."""
+        """Sensor pose after the effect with parameter values p has changed ``pose``."""
         return pose
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
@@ -352,12 +353,12 @@ class Effect(ABC):
         """Write the effect (values p) into a MuJoCo model, if it can be; by default do nothing."""
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
-        """Robot's parameters (P,) that alone give the whole effect; None if no parameters can."""
+        """Robot's parameters (P,) changed so that they equal the effect; None if none can."""
         return None
 
 
 class ModelEffect(Effect):
-    """Effect that is a change of the robot's own parameters, alike in closed form and MuJoCo."""
+    """Effect that only changes the robot's parameters, in closed form and in MuJoCo alike."""
 
     stage = "model"
 
@@ -478,7 +479,8 @@ def channel_parameters(
 def channel_variants(
     stem: str, at: Values | None = None, shape: tuple[str, ...] = ()
 ) -> list[Variant]:
-    """Variants that free ``stem.fx`` …: one, forces, torques, all; ``at``, ``shape``: `Variant`."""
+    """Variants that free ``stem.fx`` …: one, forces, torques, all; ``at``, ``shape``: start,
+    fitted."""
     names = per_channel(stem)
     where = dict(at or {})
     single = [
@@ -499,8 +501,8 @@ def zero_and_gain_variants(
     at: Values | None = None,
     shape: tuple[str, ...] = (),
 ) -> tuple[Variant, ...]:
-    """Variants of a sensor that warms, by free amplitudes: ``zeros`` (6 names), ``span`` (a gain of
-    all), ``spans`` (6 gains), both. ``at`` and ``shape`` as of `Variant`."""
+    """Variants of a sensor that warms, freeing ``zeros`` (6 names), ``span`` (a gain), ``spans`` (6
+    gains) or both; ``at``: start values of the shape, ``shape``: names of those fitted."""
     where = dict(at or {})
     *single, _, _, together = channel_variants(zeros[0].partition(".")[0], where, shape)
     return (
@@ -545,14 +547,14 @@ def has_loops(robot: Robot) -> bool:
 
 
 def waves(stem: str) -> tuple[str, ...]:
-    """Names ``stem.1`` … of the amplitudes of the `WAVES` sines in a `course` of time."""
+    """Names ``stem.1`` … of the amplitudes of the `WAVES` sines in a smooth function of time."""
     return tuple(f"{stem}.{k}" for k in range(1, WAVES + 1))
 
 
 def course(scene: Scene, p: Values, rate: str, wave: Sequence[str]) -> np.ndarray:
-    """Smooth function of time r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) at each row (M,), first 0.
+    """Smooth function of time r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) at the M rows (M,); 0 at t₀.
 
-    ``rate`` names r in p, ``wave`` the WAVES values w_k; ``p["duration"]`` is D [s].
+    ``rate`` names r in p, ``wave`` the `WAVES` amplitudes w_k; ``p["duration"]`` is D [s].
     """
     return np.asarray(p[rate] * scene.age + half_waves(scene, p["duration"]) @ vector(p, wave))
 
@@ -589,7 +591,7 @@ def direction(p: Values, names: Sequence[str]) -> np.ndarray:
 
 
 def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> ParameterError:
-    """Make the error for a parameter name that is not ``taken`` (accepted) or lacks its joint."""
+    """Error for a parameter ``name`` not among the accepted ``taken``; ``joints``: their number."""
     if name in taken:
         return ParameterError(f"{effect}: {name} belongs to one joint: add joint=1 … {joints}")
     near = sorted(taken, key=lambda n: -SequenceMatcher(None, name, n).ratio())

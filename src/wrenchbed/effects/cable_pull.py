@@ -40,7 +40,7 @@ _TURNS = np.array([
 
 
 class CablePull(LoadEffect):
-    """F = k (a − p)(1 − L/|a − p|)₊ + f₀ at a point p of the tool, slack within its length L.
+    """F = k (a − p)(1 − L/|a − p|)₊ + f₀: force at a point p of the tool, slack within length L.
 
     k is the stiffness, a the anchor. ``pull`` is f₀: with L = 0 the force is linear in k and
     f₀ = k a, whatever the anchor.
@@ -86,9 +86,10 @@ class CablePull(LoadEffect):
         return (taut, *slack)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants with the anchors and lengths whose pull explains a residual best, at any point p
-        of the tool: a force u along the line and a torque p × u, linear in stiffness k and k p; p
-        starts at CoG.
+        """Variants whose cable anchors, slack lengths and points of attack explain a residual best.
+
+        At a point p of the tool the force u along the cable and its torque p × u are linear in
+        stiffness k and in k p.
         """
         if not scene.jointed:
             return ()
@@ -141,8 +142,9 @@ class CablePull(LoadEffect):
 
 
 def _gains(pulls: np.ndarray, residual: Residual) -> tuple[np.ndarray, np.ndarray]:
-    """Share (…) of a residual that forces (…, R, 3) along a cable explain, at the tool point p (…,
-    3) [m] that fits best: with readings free of means, linear in stiffness k and k p."""
+    """Squared residual (…), over noise, that cable pulls explain, and each one's best point on the
+    tool (…, 3) [m]; ``pulls``: force (…, R, 3) per stiffness, whose mean over rows is subtracted.
+    """
     away = pulls - pulls.mean(axis=-2, keepdims=True)
     square = np.swapaxes(away, -1, -2) @ away  # (…, 3, 3)
     along = np.swapaxes(away, -1, -2) @ (residual.value / residual.noise)  # (…, 3, 6)

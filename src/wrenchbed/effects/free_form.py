@@ -25,7 +25,7 @@ def orders(stem: str, count: int) -> tuple[str, ...]:
 def falling(
     stem: str, sizes: Sequence[float], ratio: float, text: str, units: Sequence[str]
 ) -> tuple[Parameter, ...]:
-    """Make parameters ``stem1.fx`` … of typical ``sizes`` (K,) by order; torques × ``ratio``."""
+    """Make parameters ``stem1.fx`` … of typical ``sizes`` (K,) by order, torques × ``ratio``."""
     return tuple(
         p
         for name, size in zip(orders(stem, len(sizes)), sizes, strict=True)
@@ -36,8 +36,8 @@ def falling(
 def free_variants(
     stems: Sequence[str], text: str, at: Values, channels: Sequence[str] = CHANNELS
 ) -> tuple[Variant, ...]:
-    """Variants with a free curve in one channel, the forces, the torques or all: amplitudes
-    ``stem.fx`` … of ``stems``, labels beginning with ``text``, ``at``: values of the shape."""
+    """Variants with a free curve in one channel, the forces, the torques or all: they free
+    ``stem.fx`` … of all ``stems``; ``text`` begins labels, ``at`` are fixed shape values."""
 
     def of(label: str, group: Sequence[str], share: float) -> Variant:
         free = tuple(f"{stem}.{c}" for c in group for stem in stems)
@@ -79,6 +79,6 @@ def channel_curves(
 def share_curve(
     variant: Variant, x: np.ndarray, basis: Callable[[str, np.ndarray], np.ndarray], x_unit: str
 ) -> tuple[Curve, ...]:
-    """Curve over x (P,) of a variant's share of the load, in all channels; basis(name, x): (P,)."""
+    """Curve over x (P,) of a share added to all loads; basis(name, x) → (P,) of each amplitude."""
     columns = np.stack([basis(n, x) for n in variant.free], axis=1)
     return (Curve("", variant.free, x, columns, x_unit, "1"),)

@@ -120,7 +120,8 @@ class JointClearance(JointEffect):
 
 
 def _moved(scene: Scene, links: np.ndarray, slack: Values) -> np.ndarray:
-    """Displacement δE (M, 2) [m] of a five-bar's tip by ``slack`` of ``links`` (M, 2, 2; rows)."""
+    """Shift δE (M, 2) [m] of a five-bar's tip by ``slack`` [m] of ``links`` (M, 2, 2; unit
+    rows)."""
     longer = np.zeros(links.shape[:2])
     for k, (name, half) in enumerate(slack.items()):
         if half:
@@ -136,7 +137,7 @@ def _push(scene: Scene, link: str) -> np.ndarray:
 
 
 def _rates(points: list[np.ndarray]) -> np.ndarray:
-    """Columns (M, 2, 2): a point's planar velocity per joint speed; ``points``: complex steps."""
+    """A point's planar velocity per joint speed (M, 2, 2), from ``points`` with complex steps."""
     return np.stack([p.imag / STEP for p in points], axis=-1)
 
 

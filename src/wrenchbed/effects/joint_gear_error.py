@@ -49,7 +49,7 @@ class JointGearError(JointEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants of all joints at the order of the largest wave in a residual."""
+        """Variants of all joints with the order k of the strongest wave found in a residual."""
         best, at = 0.0, (0, 0.0)
         value = residual.value.ravel()
         for k in rotary(scene.robot):

@@ -28,7 +28,7 @@ ACCELERATION, SPIN, TURNING = "acceleration", "spin", "turning"
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """M rows in the order of time: poses at rest with the ways between them, or a motion.
+    """M rows in the order of time: poses at rest with rows on the moves between, or a motion.
 
     Attributes:
         theta: parameters of the robot as configured (P,).
@@ -94,7 +94,7 @@ class Scene:
         return np.asarray(self.t - self.t[0])
 
     def in_motion(self, x: Value) -> Value:
-        """Values (M, …), in a motion as a `Jet` with derivatives by finite differences."""
+        """Values (M, …), as they are at rest; in a motion a `Jet`, by finite differences."""
         if not self.moving or isinstance(x, Jet):
             return x
         d = np.gradient(x, self.period, axis=0)
@@ -127,7 +127,7 @@ class Scene:
 
     @cached_property
     def pose(self) -> tuple[Value, Value]:
-        """R_world_sensor (M, 3, 3) and the sensor's origin (M, 3) [m], as configured."""
+        """Sensor's rotation R_world_sensor (M, 3, 3), origin (M, 3) [m], as configured."""
         return self.robot.sensor_pose(self.q, self.theta)
 
     @cached_property
@@ -184,8 +184,8 @@ class Scene:
 
 
 def examples(robot: Robot) -> list[Scene]:
-    """Example scenes in which to ask for variants: a few poses that warm up, then the same as a
-    motion, or as averages of one if the robot has no joints."""
+    """Example scenes to ask which effects a robot can show: poses at rest that warm up, then the
+    same as a motion, or as averages of one if the robot has no joints."""
     q: Value = robot.sample(_EXAMPLE_ROWS, np.random.default_rng(0))
     theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
     t, held = 10.0 * np.arange(_EXAMPLE_ROWS), np.ones(_EXAMPLE_ROWS, dtype=bool)

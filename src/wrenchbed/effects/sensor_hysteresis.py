@@ -122,7 +122,7 @@ class SensorHysteresis(ReadingEffect):
 
 
 def _width(name: str) -> float:
-    """Half width of the play operator of an amplitude's name, as a share of the channel's range."""
+    """Half width of the play operator in an amplitude's name, as a share of the channel's range."""
     stem = name.partition(".")[0]
     if stem in WIDTHS:
         return WIDTHS[stem]
@@ -131,7 +131,7 @@ def _width(name: str) -> float:
 
 
 def _turned(name: str) -> bool:
-    """Whether the amplitude named is a slope, by which the lag changes along the load."""
+    """Whether a hysteresis amplitude is a slope, by which the lag grows along the load."""
     return ".slope" in name or name.startswith("turn")
 
 

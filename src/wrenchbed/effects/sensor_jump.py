@@ -84,7 +84,7 @@ class SensorJump(ReadingEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants of two or more jumps, while each further one explains half of what is left."""
+        """Variants of two or more jumps, while each one more halves the squared residual."""
         t = scene.t[residual.rows]
         if residual.fitted is None or len(t) < 2 * (MOST + 1):
             return ()
@@ -123,8 +123,8 @@ class SensorJump(ReadingEffect):
 def _placed(
     value: np.ndarray, fitted: np.ndarray, after: np.ndarray, chosen: Sequence[int]
 ) -> tuple[list[int], float]:
-    """Add one jump to ``chosen`` ones (first rows after) and move each to its best row of
-    ``after``; return rows and squared rest of ``value`` (R, 6) beside ``fitted`` (R, 6, k)."""
+    """Add one jump to ``chosen`` ones (their first rows), move each to its best of rows ``after``;
+    return rows and squared residual of ``value`` (R, 6) with the basis ``fitted`` (R, 6, k)."""
     rows, remaining = [*chosen, 0], np.inf
     for k in [len(chosen), *range(len(chosen)), len(chosen)]:
         rest, basis = value, fitted
@@ -137,11 +137,11 @@ def _placed(
 
 
 def _explained(rest: np.ndarray, basis: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Squared residual (M,) that a jump at each of M rows explains beside a basis.
+    """Squared residual (M,) that one more jump explains, for each of M rows where it may be.
 
     Args:
-        rest: residual (R, 6), which the basis has nothing of.
-        basis: orthonormal columns (R, 6, k).
+        rest: residual (R, 6), orthogonal to the basis.
+        basis: orthonormal columns (R, 6, k) of what is fitted already.
         after: first row after each jump (M,).
     """
     inside = np.cumsum(basis[::-1], axis=0)[::-1][after]  # (M, 6, k)
@@ -154,7 +154,7 @@ def _explained(rest: np.ndarray, basis: np.ndarray, after: np.ndarray) -> np.nda
 
 
 def _without(rest: np.ndarray, basis: np.ndarray, row: int) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (R, 6) after a jump at ``row`` is fitted, and the basis with it (R, 6, k + 6)."""
+    """Residual (R, 6) once a jump at ``row`` is fitted too, and the basis with it (R, 6, k + 6)."""
     step = np.zeros((*rest.shape, 6))
     step[row:] = np.eye(6)
     known, step = basis.reshape(rest.size, -1), step.reshape(rest.size, 6)

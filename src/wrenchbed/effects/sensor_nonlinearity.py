@@ -122,7 +122,7 @@ class SensorNonlinearity(ReadingEffect):
 
 
 def _bent(u: np.ndarray, stem: str) -> np.ndarray:
-    """Change (…) of a reading per amplitude ``stem`` (as kink) at loads u (…), 1: the largest."""
+    """Change (…) of a reading per amplitude ``stem`` (as kink) at loads u (…) over the largest."""
     inside = np.clip(u, -BEYOND, BEYOND)
     if stem in STRAIGHT:
         return np.abs(inside) if stem == "kink" else inside

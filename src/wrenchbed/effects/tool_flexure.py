@@ -62,7 +62,7 @@ class ToolFlexure(LoadEffect):
 
 
 def _shift(scene: Scene, force: np.ndarray, p: Values) -> np.ndarray:
-    """Displacement (M, 3) [m] of the CoG by forces (M, 3) [N] on the tool, for effect values p."""
+    """CoG's displacement (M, 3) [m] by forces (M, 3) [N] on a soft tool; p: effect's values."""
     cog = np.broadcast_to(scene.tool.cog, force.shape)
     return np.asarray(force @ compliance(p) + cross(p["bending"] * cross(cog, force), cog))
 

@@ -66,9 +66,9 @@ class ToolLeak(LoadEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants that begin at the place (3,) [m] of the lost mass that explains a residual best.
+        """Variants whose place (3,) [m] of the lost mass explains a residual best.
 
-        A mass a(t) at s pulls with a(t) u + Σ_i a(t) s_i l_i, wrenches u, l_i: linear in a and a s.
+        A mass a(t) at s has the wrench a u + Σ_i a s_i l_i (known u, l_i): linear in a and a s.
         """
         pose = Pose(*scene.pose)
         rows = residual.rows[:: 1 + len(residual.rows) // SCANNED]

@@ -75,7 +75,7 @@ class ToolLoose(LoadEffect):
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
         """Variants whose directions, grips and leans fit a residual's torques best.
 
-        A jump s = ±1 by a lever δ has the torque T = s δ × F, so that Σ s Fᵀ× T suffices.
+        A jump s = ±1 by a lever δ adds the torque s δ × F, linear in δ: sums of s Fᵀ × T suffice.
         """
         force = scene.tool_force(wrench(*scene.pose, scene.tool, scene.gravity))
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
@@ -134,7 +134,7 @@ class ToolLoose(LoadEffect):
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:
-    """Position (M,), −1 … 1, of a part that sticks up to ``grip``; ``along``: share of load."""
+    """Position (M,), −1 … 1, of a part that sticks to ``grip``; ``along``: load along its path."""
     if not grip:
         return np.tanh(along / SOFT)
     return held_on(np.where(np.abs(along) > grip, np.sign(along), 0.0)[:, None])[:, 0]

@@ -15,7 +15,7 @@ _LONGEST = {"Calibration": 400, "Contact": 500}
 
 
 def register() -> None:
-    """Make ``wrenchbed/…`` known to `gymnasium.make`; a second call does nothing."""
+    """Make the environments ``wrenchbed/…`` known to `gymnasium.make`; safe to call again."""
     for robot, title in (("ur5", "UR5"), ("medrue", "MedRUE")):
         for kind, steps in _LONGEST.items():
             name = f"wrenchbed/{title}{kind}-v0"

@@ -73,7 +73,7 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
 
 
 def rough(name: str, value: float, unit: str, like: float | None = None) -> str:
-    """Text of a parameter's size with two significant figures, in the unit of the size ``like``."""
+    """Text of a size [``unit``] with two significant figures, in the unit that suits ``like``."""
     factor, shown = human(name, value if like is None else like, unit)
     return minus(_with(f"{float(f'{factor * value:.2g}'):g}", shown))
 

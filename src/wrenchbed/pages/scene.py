@@ -164,7 +164,7 @@ def _arrow(begin: np.ndarray, end: np.ndarray, colour: str) -> list[str]:
 
 
 def _bar(name: str) -> str:
-    """SVG of the colour bar of blame; ``name`` makes the id of its gradient unique."""
+    """SVG of the colour bar of a cause's probability; ``name`` makes its gradient's id unique."""
     stops = "".join(f'<stop offset="{s}" stop-color="{_colour(s)}"/>'
                     for s in np.linspace(0.0, 1.0, len(_RAMP)))  # fmt: skip
     y, text = _HEIGHT - 14, '<text font-size="11" style="fill: var(--ink)"'

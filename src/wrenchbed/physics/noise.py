@@ -195,7 +195,7 @@ class NoiseStream:
             raise ParameterError(f"t = {time[row]!r} in row {row} does not increase")
 
     def _wander(self, time: Array) -> Array:
-        """Draw sums (6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
+        """Draw (6, N) at times (N,) [s]: unit Ornstein–Uhlenbeck processes, summed over rates."""
         exponent = -self._rates[:, None] * np.diff(time, prepend=self._last)
         keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))  # (K, N) each
         normal = self._flicker.standard_normal((len(time), *self._state.shape))

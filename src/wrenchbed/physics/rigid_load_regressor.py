@@ -51,7 +51,7 @@ def twist_of(rotation: Jet, position: Jet) -> np.ndarray:
 
 def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
     """Wrench (…, N, 6) [N, N·m] on a sensor in ``motion``, by a body with inertial parameters φ (…,
-    10)."""
+    10): mass, m·CoG, inertia about the sensor's origin xx yy zz xy xz yz."""
     mass, h, inertia = _split(phi)
     force = [-mass * o for o in motion.origin]
     torque = [-x for x in _cross(h, motion.origin)]
@@ -67,7 +67,7 @@ def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
 
 
 def regressor(motion: Motion) -> np.ndarray:
-    """Matrix Y (N, 6, 10) of a motion: Y φ is the wrench of inertial parameters φ (10,)."""
+    """Matrix Y (N, 6, 10) of a motion: Y φ is the wrench by a body's inertial parameters φ (10,)"""
     return np.moveaxis(load(motion, np.eye(INERTIAL)[:, None]), 0, -1)
 
 

@@ -71,8 +71,8 @@ class Jet:
         return Jet(self.v[key], self.d[key], self.dd[key])
 
     def _chain(self, f: np.ndarray, f1: np.ndarray, f2: np.ndarray) -> "Jet":
-        """Chain rule: the jet of f(self), from ``f``, ``f1`` and ``f2``: value, first and second
-        derivative of f here."""
+        """Chain rule: the jet of f(self), from ``f``, ``f1``, ``f2``: f and its first and second
+        derivative at the value of self."""
         return Jet(f, f1 * self.d, f1 * self.dd + f2 * self.d**2)
 
 

@@ -41,7 +41,7 @@ Chosen = tuple[list[int], list[int]]
 
 @dataclass(frozen=True, eq=False)
 class MixOptions:
-    """Costs, tolerances and candidates with which `reach` plans gravity poses and touches.
+    """Costs, tolerances and candidates of a plan of gravity poses and touches of known points.
 
     Attributes:
         share: fraction of the robots whose error shall be below the wanted accuracy, 0 … 1.
@@ -74,12 +74,12 @@ class MixOptions:
 
 @dataclass(frozen=True, eq=False)
 class Mix:
-    """Plan of poses under gravity and touches, with the accuracy that its rehearsal reached.
+    """Plan of poses under gravity and touches of known points, with its accuracy in simulation.
 
     Attributes:
         gravity, touches: plans; either may have 0 rows.
-        rms: root mean square position error in the target [m], over the rehearsed robots.
-        assured: position error [m] that the wanted share of the rehearsed robots stays below.
+        rms: root mean square position error in the target [m], over the simulated robots.
+        assured: position error [m] that the wanted share of the simulated robots stays below.
         before: rms without any measurement [m].
         share: fraction of robots that stay below ``assured``, 0 … 1.
     """
@@ -102,7 +102,7 @@ class _Task:
     Attributes:
         columns: indices of the unknown parameters (K,).
         wrench_std: standard deviation of a pose's mean wrench (6,) [N, N·m].
-        pools: candidate poses, then touches: their Jacobians over noise, per ``scale``.
+        pools: candidate poses, then touches: Jacobians of readings over noise, per ``scale``.
         scale: tolerances of the unknown parameters (K,).
     """
 
@@ -117,12 +117,13 @@ class _Task:
     criterion: Criterion
 
     def information(self, chosen: Chosen) -> np.ndarray:
-        """Information matrix (K, K) of priors and chosen measurements, parameters per tolerance."""
+        """Information matrix (K, K) of priors and the measurements at indices ``chosen``."""
         seen = [pool.information(some) for pool, some in zip(self.pools, chosen, strict=True)]
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
     def assured(self, chosen: Chosen) -> float:
-        """Position error [m] below which ``options.share`` of robots stay after measurements."""
+        """Position error [m] below which ``options.share`` of robots stay when calibrated on poses
+        and touches at indices ``chosen``."""
         covariance = np.linalg.inv(self.information(chosen)) * np.outer(self.scale, self.scale)
         return self.goal.quantile(covariance, self.options.share)
 
@@ -150,8 +151,8 @@ class _Task:
             chosen[0].append(pose)
 
     def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
-        """Drop chosen touches, then poses, while the rest still reaches ``accuracy`` [m]; return
-        it."""
+        """Drop touches, then poses, from those ``chosen`` (indices) while the others still reach
+        ``accuracy`` [m]; return what is kept."""
         for kind, least in ((1, 0), (0, self.options.least_poses)):
             while len(chosen[kind]) > least:
                 blocks = self.pools[kind].blocks[chosen[kind]]
@@ -165,7 +166,7 @@ class _Task:
         return chosen
 
     def exchanged(self, chosen: Chosen) -> Chosen:
-        """Improve chosen measurements by swapping poses for poses and touches for touches."""
+        """Improve ``chosen`` indices by swapping poses for poses and touches for touches."""
         for kind in (1, 0) * _TURNS:
             if not chosen[kind]:
                 continue
@@ -242,11 +243,11 @@ def reach(
 ) -> Mix:
     """Plan few measurements that bring the rms tool error in the target below ``accuracy`` [m].
 
-    Greedy growth, exchange with one fewer as long as that suffices, then one more as long as a
-    rehearsal of the nonlinear fit asks for it: a local optimum, not a proven minimum. Every
-    candidate parameter of the robot and the sensor's bias are unknown within tolerance.
-    ``progress`` gets the number of measurements as the plan grows; ``changes`` replace fields of
-    ``options``.
+    Measurements are poses under gravity and touches of known points. Greedy growth, exchange with
+    one fewer as long as that suffices, then one more as long as a simulation of the nonlinear fit
+    asks for it: a local optimum, not a proven minimum. Every candidate parameter of the robot and
+    the sensor's bias are unknown within tolerance. ``progress`` gets the number of measurements as
+    the plan grows; ``changes`` replace fields of ``options``.
 
     Raises:
         PlanError: a number is out of its range, or `_MOST` measurements are not enough.

@@ -80,7 +80,7 @@ class Clearance:
 
     @cached_property
     def _built(self) -> set[tuple[int, int, int, int]]:
-        """Pairs (see `_touching`) in contact at home or in many random poses; `hit` skips them."""
+        """Pairs of bodies in contact at home or in many random poses, which `hit` leaves out."""
         drawn = self.robot.sample(_DETOURS, np.random.default_rng(1))
         often = Counter(pair for q in drawn for pair in self._touching(q))
         usual = {pair for pair, n in often.items() if n > _OFTEN * len(drawn)}

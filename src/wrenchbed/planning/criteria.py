@@ -21,7 +21,7 @@ _EXPONENTS = {"O2": (1, 1), "O3": (1, 0), "O4": (2, 1)}
 
 
 class Criterion(ABC):
-    """Quality of a set of configurations, to be maximised.
+    """Quality of a set of configurations with information matrix M, to be maximised.
 
     Attributes:
         power: `value` to this power is homogeneous of degree 1 in M and concave; None if it is not.

@@ -210,8 +210,8 @@ def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Cert
         raise PlanError(f"{criterion.name} is not concave: its optimum cannot be certified")
 
     def slopes(blocks: np.ndarray, weight: np.ndarray, of: np.ndarray) -> tuple[float, np.ndarray]:
-        """Criterion^``power`` of blocks with weights, its derivatives (M,) by weights of M blocks
-        ``of``."""
+        """Criterion^``power`` of ``blocks`` (K, k, m) with weights (K,), and its derivatives (M,)
+        by the weights of other blocks ``of`` (M, k, m)."""
         rows = (blocks * np.sqrt(weight)[:, None, None]).reshape(-1, blocks.shape[-1])
         value = float(criterion.values(rows.T @ rows))
         gradient = power * value ** (power - 1.0) * criterion.gradient(rows.T @ rows)

@@ -49,7 +49,7 @@ class Efforts(NamedTuple):
 
     Attributes:
         servo: torque that moves links without weight and friction (J,) [N·m or N].
-        torque: motor torque, the current times the drive's nominal constant (J,) [N·m or N].
+        torque: motor torque: ``current`` times the drive's nominal constant (J,) [N·m or N].
         current: of the motor (J,) [A].
     """
 
@@ -95,8 +95,8 @@ class RealTimeDrives:
         return self._past[0]
 
     def step(self, plant: ServoDrivenRobot, q: np.ndarray, qd: np.ndarray) -> None:
-        """Compute torques and currents of one control cycle, from joint values q and speeds qd (J,)
-        before it, and the simulated robot ``plant`` after it."""
+        """Compute drive torques and currents of a control cycle, from joint values q and speeds qd
+        (J,) before it, and the simulated robot ``plant`` after it."""
         train, model, data = self.train, plant.model, plant.data
         constant, spring, damper = model.actuator_biasprm[:, :3].T
         given = model.actuator_gainprm[:, 0] * data.ctrl + constant

@@ -56,7 +56,7 @@ class BufferedNoise:
     time step changes, the rest of the block keeps the old one.
 
     Args:
-        model: of the noise.
+        model: standard deviations, spectrum and rounding of the noise.
         seed: of the draws.
     """
 
@@ -117,7 +117,7 @@ class SensorWithEffects:
         self._extra_load, self._age = np.zeros(6), 0
 
     def advance(self, rows: deque[SensorRow]) -> None:
-        """Update the readings by the newest control cycle, the last of ``rows``."""
+        """Update the readings by the robot's newest control cycle, the last of ``rows``."""
         now = rows[-1]
         self._calm = self._calm + 1 if np.abs(now.qd).max() < STILL else 0
         if self._calm >= _CALM_CYCLES:
@@ -153,8 +153,8 @@ class SensorWithEffects:
         return self._twin.corrupt(self._since, self._times, seed)[-len(rows) :]
 
     def _rest(self, now: SensorRow) -> None:
-        """Compute readings in advance for a robot that rests as in state ``now``, as does a
-        surface."""
+        """Compute readings in advance for a robot that rests as in state ``now``, as does a surface
+        that the tool presses on."""
         push = np.zeros(6)
         if self._touching:
             push = now.load - self._plain.load(self._twin.scene(now.q[None], np.zeros(1)))[0]

@@ -72,8 +72,8 @@ class MujocoPlant(Body):
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray
     ) -> np.ndarray:
-        """Torques (J,) at q, qd, qdd (J,), nominal model, no friction; gravity (3,) [m/s²] in
-        base."""
+        """Torques (J,) at q, qd, qdd (J,) of the nominal model without friction; ``gravity`` (3,)
+        [m/s²] in base axes."""
         assert self.drives is not None
         model = self.drives.train.controller
         model.model.opt.gravity[:] = gravity
@@ -105,7 +105,7 @@ def _links(robot: SimulatedRobot) -> np.ndarray:
 
 
 def _tool(robot: SimulatedRobot) -> Payload:
-    """Payload of the nominal tool, as a user would have entered it."""
+    """Payload of the nominal tool, as a user enters it into the robot's controller."""
     nominal = robot.parameters.nominal
     tool, values = robot.tool(nominal), robot.values(nominal)
     inertia = np.array([float(values.get(f"tool.inertia.{axes}", 0.0)) for axes in INERTIA_AXES])
@@ -114,7 +114,7 @@ def _tool(robot: SimulatedRobot) -> Payload:
 
 @dataclass(frozen=True)
 class EmulatorOptions(Options):
-    """Options that every emulator takes: its own, and of the robot behind it.
+    """Options that every emulator takes: its own, and those of the simulated robot that it serves.
 
     Attributes:
         host: address of this machine to serve at, 127.0.0.1 … 127.255.255.254.
@@ -132,7 +132,7 @@ class EmulatorOptions(Options):
     table: float | None = None
 
     def plant(self, request: PlantRequest) -> Plant:
-        """Make the robot that an emulator asks for."""
+        """Make the simulated robot that an emulator asks for by ``request``."""
         return MujocoPlant(self, request)
 
 

@@ -155,7 +155,7 @@ class Answer(ABC):
         return sentences(self.d.blind)
 
     def claim_of(self, entry: Mapping[str, Any]) -> Claim:
-        """Put an entry of ``which`` or ``minor`` of diagnosis.json into words."""
+        """Put an entry of ``which`` or ``minor``, lists of causes in diagnosis.json, into words."""
         return claim(entry)
 
     @property
@@ -169,7 +169,7 @@ class Answer(ABC):
 
     @property
     def fitted_load(self) -> list[str]:
-        """Sentences on the fitted load, and on the loads of further recordings beyond it."""
+        """Sentences on the fitted load, and on what further recordings carry beyond that."""
         result = []
         for k, number in enumerate(self.d.fitted):
             value = numbers.quantity("mass", number)
@@ -264,7 +264,7 @@ class Answer(ABC):
 
     @property
     def nearest(self) -> tuple[str, float]:
-        """(name, probability) of the likeliest class of known effects; ("", 0) if there is none."""
+        """(name, probability) of the likeliest effect or group of look-alikes; ("", 0) if none."""
         known = {k: p for k, p in self.d.probabilities.items() if k not in _MEANING}
         return max(known.items(), key=lambda kv: kv[1], default=("", 0.0))
 
@@ -273,7 +273,7 @@ class Answer(ABC):
         return numbers.chance(self.d.probabilities.get(name, 0.0))
 
     def unknown(self, gap: str, hint: str = "") -> str:
-        """Sentences: no known effect explains ``gap`` (a phrase), ``hint``, the nearest effect."""
+        """Sentences: no known effect explains ``gap`` (a phrase); ``hint``; the nearest effect."""
         nearest, p = self.nearest
         text = f"No known effect explains {gap}. Probability that it is something unknown: "
         text += f"{self.chance_of(UNKNOWN)}.{hint}"

@@ -38,15 +38,15 @@ _OF_UNIT = {"N": "force", "N·m": "torque", "s": "time", "K": "temperature"}
 
 
 def own_chart(e: HeldOutReadings, c: Cause, name: str) -> Chart | None:
-    """Chart ``name`` of a cause over its own variable (torque, angle, …); None without one."""
+    """Chart ``name`` of cause c over its own variable (torque, angle, …); None if it has none."""
     draw = None if c.active is None else _OWN.get(c.active.effect.shown)
     chart = None if draw is None or c.active is None else draw(e, c, c.active)
     return None if chart is None else replace(chart, name=name)
 
 
 def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
-    """Chart ``name`` of the curve in an ``entry`` of ``which``, estimated without a formula, ± std,
-    or None."""
+    """Chart ``name`` of the curve ± std of a cause (``entry`` of ``which`` in diagnosis.json) that
+    was estimated without a formula; None if it has none."""
     curve = entry.get("curve")
     if not curve:
         return None

@@ -34,7 +34,7 @@ class Size:
         key: its name in diagnosis.json.
         name: its name in words.
         brief: text of value ± standard uncertainty with unit.
-        value: the same, of a wrong number also what is stated, and what it is instead.
+        value: like ``brief``; of a wrong stated number also the stated value and the right one.
     """
 
     key: str
@@ -56,7 +56,7 @@ class Claim:
         figures: the most certain quantities, at most `MOST_SIZES`.
         against: whether the figures are differences from what the metadata state.
         probability: text of the probability that the cause is present.
-        closed: text of the share of the gap that it closes; a dash if it shows in no means.
+        closed: text of the share of the gap that it closes; a dash if no pose's mean shows it.
         rivals: (name, title) of effects that this recording does not distinguish from it.
     """
 
@@ -83,7 +83,7 @@ class Claim:
         return self.sentence_with(MOST_SIZES)
 
     def sentence_with(self, most: int) -> str:
-        """The claim as one sentence with its first ``most`` figures; one of one is brief."""
+        """The claim as one sentence with its first ``most`` figures; a single one is in brief."""
         words = [self.choice] if self.choice else []
         alone = len(self.figures) == 1 < most
         words += [f"{x.name} {x.value if alone else x.brief}" for x in self.figures[:most]]
@@ -135,7 +135,7 @@ def claim(
 
 
 def _size(key: str, entry: Mapping[str, Any], *, signed: bool) -> Size:
-    """A quantity in words; a change in time with its duration, beside a stated value that value."""
+    """Put quantity ``key`` of a cause's ``entry`` into words; ``signed``: with a sign."""
     text, beside = numbers.quantity(key, entry, signed=signed), ""
     if over := entry.get("over"):
         text += f" over {over:,.{0 if over >= 10 else 1}f} s"

@@ -41,7 +41,7 @@ class HeldOutReadings:
 
     Attributes:
         names, units: of the channels (C,).
-        ids: numbers of the observations (H,): of poses as in `along`, else 0, 1, ….
+        ids: numbers of the observations (H,): of the recording's poses, else 0, 1, ….
         std: noise of a row (C,).
         first: name of the simulator without effects, ``calibrated`` or ``as configured``.
         before, after: its readings, and those with the effects (H, C); None without a claim.
@@ -98,8 +98,8 @@ def joint_axis(joint: Joint, number: int) -> tuple[Axis, float]:
 
 
 def along(p: Prepared) -> tuple[np.ndarray, Axis]:
-    """Values (H,) and axis over which observations are drawn: time [s], or the poses' numbers,
-    those of the recording, as in diagnosis.json."""
+    """Values (H,) and axis over which prepared observations p are drawn: time [s], or the poses'
+    numbers in the recording."""
     if p.moving or p.averaged:
         return p.scene.t[p.scene.held], Axis("time", "s")
     return pose_numbers(p), Axis("number of the pose")

@@ -68,15 +68,15 @@ class CompiledForm:
     )
 
     def readings(self, q: Value, theta: np.ndarray, sensed: bool) -> np.ndarray | None:
-        """Readings (N, 6) [N, N·m] at q (N, J), parameters (P,); if not ``sensed``, the loads
-        before gains and bias. None if not by C."""
+        """Readings (N, 6) [N, N·m] at joint values q (N, J) and parameters (P,); if not ``sensed``,
+        the loads before gains and bias. None where the C functions do not apply."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
         return statics.readings(name, q, self._of_one(theta, sensed))
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
-        """Gravity in sensor axes (N, 3) [m/s²] at q (N, J), parameters (P,); None if not by C."""
+        """Gravity in sensor axes (N, 3) [m/s²] at joint values (N, J); None if C does not apply."""
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
@@ -84,8 +84,8 @@ class CompiledForm:
         return statics.readings(name, q, constants)[:, :3]
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
-        """Derivatives (N, 6, K) of readings by parameters (indices) ``columns``; None if not by
-        C."""
+        """Derivatives (N, 6, K) of readings by parameters (indices) ``columns``; None where the C
+        functions do not apply."""
         name = self.robot.compiled
         if not statics.available(name, slopes=True) or not self._takes(q, theta):
             return None
@@ -110,8 +110,8 @@ class CompiledForm:
         return constants
 
     def constants(self, theta: np.ndarray, sensed: bool) -> np.ndarray:
-        """Constants (…, C) in the order of `_statics.c`; without gains and bias if not
-        ``sensed``."""
+        """Constants (…, C) that the C functions take, of parameters (…, P); with the sensor's gains
+        and bias if ``sensed``."""
         parameter_count = len(self.robot.parameters)
         packed = self.robot.packed(theta[..., :parameter_count], np.asarray(self.gravity))
         tool = self.robot.tool(theta[..., :parameter_count])

@@ -56,14 +56,14 @@ def in_series(spec: mujoco.MjSpec, effect: str, joint: str, spring: Spring) -> N
 def hinge(
     effect: str, part: str, body: mujoco.MjsBody, axis: Sequence[float], spring: Spring
 ) -> None:
-    """Add a sprung hinge EFFECT:PART at a body's origin about an axis (3,) in body axes."""
+    """Add a sprung hinge named EFFECT:PART at a body's origin, about an axis (3,) in body axes."""
     _add(body, f"{effect}{MARK}{part}", mujoco.mjtJoint.mjJNT_HINGE, axis, spring)
 
 
 def slide(
     spec: mujoco.MjSpec, effect: str, part: str, axis: Sequence[float], spring: Spring
 ) -> None:
-    """Let the tool's mass slide on a spring, EFFECT:PART, along an axis (3,) in sensor axes."""
+    """Let the tool's mass slide on a spring, named EFFECT:PART, along an axis (3,), sensor axes."""
     body, kind = tool_mass(spec, effect), mujoco.mjtJoint.mjJNT_SLIDE
     added = _add(body, f"{effect}{MARK}{part}", kind, axis, spring)
     added.frictionloss, added.springref = spring.friction, spring.bias / spring.stiffness

@@ -95,7 +95,7 @@ def edited(
 
 
 def marked(spec: mujoco.MjSpec) -> list[str]:
-    """Names of all bodies, joints and tendons that effects added."""
+    """Names of all bodies, joints and tendons that effects added to the MJCF model."""
     parts = (*spec.bodies, *spec.joints, *spec.tendons)
     return [part.name for part in parts if MARK in part.name]
 
@@ -118,7 +118,7 @@ def set_weights(
 
 
 def with_some_inertia(robot: Robot, theta: np.ndarray) -> np.ndarray:
-    """Parameters (P,) that MuJoCo compiles: a fitted inertia that no real body has is replaced."""
+    """Parameters (P,) that MuJoCo compiles: an inertia that no real body has is replaced."""
     at = [robot.parameters.index(f"tool.inertia.{a}") for a in INERTIA_AXES]
     if _compiles(theta[at]):
         return theta
@@ -144,8 +144,8 @@ class _Added:
     in_tool: bool
 
     def side(self, force: np.ndarray, coming: np.ndarray) -> np.ndarray:
-        """Position in its backlash (M,), −half … half, under forces (M,) and with directions
-        ``coming`` (M, J) of the joints' last motion."""
+        """Position in its backlash (M,), −half … half, under forces (M,), and directions ``coming``
+        (M, J) in which the robot's joints last moved."""
         half, turn = float(self.half or 0.0), np.sign(self.stiffness)
         if self.name.endswith(LAGS):
             return np.asarray(-half * turn * coming[:, self.driven])
@@ -220,7 +220,8 @@ class Mechanism:
         return give
 
     def load(self, q: Value, give: Value) -> np.ndarray:
-        """Load on the sensor (M, 6) [N, N·m] at q (M, J); added joints at ``give`` (M, E)."""
+        """Load on the sensor (M, 6) [N, N·m] at q (M, J); ``give`` (M, E): added joints'
+        positions."""
         rows = _moving(self._place(q, give))
         result = np.empty((len(rows.v), 6))
         for i in range(len(result)):

@@ -113,7 +113,7 @@ def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
 
 
 class Playback:
-    """Computes a twin's readings pose by pose as a run goes on; effects remember earlier poses."""
+    """Computes a twin's readings pose by pose as a run goes on; earlier poses are remembered."""
 
     def __init__(self, twin: Twin, seed: int) -> None:
         self.twin, self.seed = twin, seed
@@ -135,7 +135,7 @@ class Playback:
         self._extend(q, t[0] + share * (t[1] - t[0]))
 
     def rest(self, t: np.ndarray, q: np.ndarray, push: np.ndarray) -> np.ndarray:
-        """Readings (n, 6) at times t (n,) [s] of a rest at q (J,); ``push`` (6,) adds to loads."""
+        """Readings (n, 6) at times t (n,) [s] of a rest at q (J,); ``push`` (6,): further load."""
         self._extend(q[None], t[:1])
         self._load[-1] += push
         last = len(self._q) - 1

@@ -77,7 +77,7 @@ def export_servos(path: str | Path, folder: str | Path) -> tuple[Path, Path]:
 
 
 def _numbers(value: Mapping[str, float], joints: int, path: str) -> np.ndarray:
-    """Values (J, 5), `_KINDS` of each joint, from ``value`` by name; negative ones become 0."""
+    """Values (J, 5), the numbers `_KINDS` of each joint, from ``value`` by name; negative: 0."""
     each = [[f"{kind}.{j + 1}" for kind in _KINDS] for j in range(joints)]
     if missing := [name for names in each for name in names if name not in value]:
         raise ExportError(f"{path}: parameters: {missing[0]} is missing: give a fit of commands")

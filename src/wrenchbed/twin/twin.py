@@ -124,9 +124,9 @@ class Twin:
         self, q: Value, t: np.ndarray, held: np.ndarray | None = None,
         warmth: np.ndarray | None = None,
     ) -> Scene:  # fmt: skip
-        """Input of effects: joint values (N, J), a `Jet` in motion, at times (N,) [s]; ``held``
-        (N,), boolean: rows that are measured, all if None; ``warmth`` (N,): rise of temperature
-        [K]."""
+        """Make the input of effects from joint values (N, J), a `Jet` in motion, at times (N,) [s];
+        ``held`` (N,), boolean: rows that are measured, all if None; ``warmth`` (N,): rise of
+        temperature [K]."""
         held = np.ones(len(t), dtype=bool) if held is None else held
         gravity = np.asarray(self.model.gravity)
         return Scene(self.model.robot, self.robot_theta, gravity, q, t, held, warmth)
@@ -150,7 +150,7 @@ class Twin:
         return EffectChain([a for a in self.active if a.effect.name not in carried])
 
     def load(self, scene: Scene, first: int = 0) -> np.ndarray:
-        """Load on the sensor (M − first, 6) [N, N·m]; at rest, of the rows from ``first`` on."""
+        """Load on the sensor (M − first, 6) [N, N·m]: at rest without the rows before ``first``."""
         scene, mechanism = self._own_scene(scene), self.mechanism
         shift = self._outside.displacement(scene)
         q, coming = (scene.q + shift)[first:], scene.coming[first:]

@@ -28,7 +28,7 @@ _DOT_M, _LINE_M = 0.008, 0.0015
 
 
 def plan_view(plan: Plan, path: str | Path) -> None:
-    """Write the rerun picture of a plan to an ``.rrd`` file. Poses are reached from home as a
+    """Write a plan as a picture for the viewer rerun (``.rrd``). Poses are reached from home as a
     recording run would; for a plan that cannot be run the poses are shown one after the other, with
     the reason. A `ParameterError` if the robot has no model, a `MissingExtraError` without
     rerun."""

@@ -28,7 +28,7 @@ Window = tuple[str, np.ndarray]
 
 
 class Canvas:
-    """Writes objects to a rerun stream: for all times, or as columns over the timeline ``axis``."""
+    """Writes objects to a rerun stream (3D viewer): for all times, or as columns over ``axis``."""
 
     def __init__(self, stream: Any, axis: str = TIME) -> None:
         self.stream, self.axis = stream, axis
@@ -115,7 +115,7 @@ def document(origin: str, name: str) -> Any:
 
 
 def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
-    """Views of the robot (around ``places`` (N, 3)), its colour bar, residuals over rows ``at``
+    """Views of the robot (around ``places`` (N, 3) [m]), its colour bar, residuals over ``at``
     (K,)."""
     title = "probability that the cause is there: 0 (grey) … 1 (dark red)"
     bar = rr.blueprint.Spatial2DView(origin="/blame", name=title)

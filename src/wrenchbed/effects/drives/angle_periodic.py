@@ -25,7 +25,7 @@ _BINS = 8.0
 
 
 def first_of(effect: str) -> tuple[str, ...]:
-    """Prefixes of names of an effect's columns at its first harmonic, which make its size."""
+    """Name prefixes of an effect's sine and cosine columns at harmonic 1, which give its size."""
     return f"{effect}.sine1", f"{effect}.cosine1"
 
 
@@ -51,7 +51,7 @@ class Wave(DriveEffect):
 
 
 def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
-    """Periods a turn above `GEAR_MOST` of most power in a residual (M,) over the angle (M,).
+    """Periods per turn above `GEAR_MOST` of most power in a residual (M,) over angle (M,) [rad].
 
     Sums over rows become a transform over bins of the angle: rows of a bin have nearly one phase.
     """
@@ -67,8 +67,8 @@ def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
 
 
 def fitting(y: np.ndarray, basis: np.ndarray, angle: np.ndarray) -> float:
-    """Periods a turn, up to `GEAR_MOST`, whose wave over an angle (M,) best fits a torque (M,)
-    beside an orthonormal basis (M, K)."""
+    """Periods per turn, up to `GEAR_MOST`, of the wave over an angle (M,) [rad] that best fits a
+    torque (M,) ``y`` beside an orthonormal basis (M, K) of other columns."""
     residual, best, period = y - basis @ (basis.T @ y), -1.0, SLOWEST
     for turn in np.arange(SLOWEST, GEAR_MOST, _STEP):
         phase = turn * angle

@@ -16,14 +16,14 @@ from wrenchbed.effects.drives.operators import direction, since_reversal
 
 
 class Size(NamedTuple):
-    """How a drive effect's published size follows from the amplitudes of its columns.
+    """How a drive effect's published size follows from the fitted amplitudes of its regressors.
 
     Attributes:
         unit: SI, for a hinge.
-        plausible: largest size with which a robot still runs, as a multiple of `Block.level`; of
-            a wrong load the least size that a user asks about.
+        plausible: largest size with which a robot still runs, over the joint's `Block.level` (its
+            friction …); of a wrong load the least size that a user asks about.
         absolute: whether that level is 1, so that ``plausible`` is in ``unit``.
-        columns: prefixes of the names of the columns whose amplitudes make the size; all if empty.
+        columns: prefixes of the names of the regressors that make the size; all if empty.
         vector: whether the size is the norm of the amplitudes, not their sum.
     """
 
@@ -137,7 +137,7 @@ class DriveRows:
 
 @dataclass(frozen=True, eq=False)
 class DriveResidual:
-    """Residual of one joint's effort at M rows, kept of all N by a filter, for `DriveEffect.scan`.
+    """Residual of one joint's effort at M of N rows, for the search `DriveEffect.scan`.
 
     Attributes:
         y: measured minus predicted effort (M,).
@@ -176,17 +176,17 @@ class DriveEffect(ABC):
     """Whether its size is never below zero: it can only add to friction, or be late."""
 
     def shapes(self, rows: DriveRows) -> Mapping[str, np.ndarray]:
-        """Effort (N,) of each column at amplitude 1, by the column's word; empty if none can
-        show."""
+        """Effort (N,) that each regressor of the effect adds at amplitude 1, by its name; empty if
+        the motion can show none."""
         return {}
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        """Columns that the effect adds; those with a standard deviation belong to every healthy
-        drive, not to the cause."""
+        """Regressors that the effect adds to a fit; those with a standard deviation belong to every
+        healthy drive, not to the cause."""
         return tuple(rows.column(word, shape) for word, shape in self.shapes(rows).items())
 
     def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
-        """Cause that frees all columns of the effect; None if the effect has none in ``rows``."""
+        """Cause that frees the effect's own among ``columns``; None if it has none in ``rows``."""
         names = tuple(c.name for c in columns if c.std is None)
         if not names:
             return None
@@ -234,5 +234,5 @@ class StatedNumber(DriveEffect):
         return self.cause(rows, tuple(c.name for c in columns))
 
     def judged(self, rows: DriveRows) -> bool:
-        """Whether an error counts as a cause: if the recording states the number."""
+        """Whether an error of the stated number counts as a cause: if the recording states it."""
         return rows.is_stated

@@ -25,7 +25,7 @@ def closest(
     """Find the lag [s] whose change of the torque, unscaled, best fits y beside other columns.
 
     Args:
-        changes: function of a time [s] to the change of the torque (M,), and columns left free.
+        changes: from a time [s] to the change of the torque (M,), then columns (M,) to fit freely.
         y: measured minus predicted torque (M,).
         basis: orthonormal basis (M, K) of the ordinary columns.
     """

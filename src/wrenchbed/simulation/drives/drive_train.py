@@ -148,9 +148,9 @@ class DriveParameters:
 
     @classmethod
     def nominal(cls, rigid: JointTorques, holding: np.ndarray) -> "DriveParameters":
-        """Default parameters of the drives of the robot in ``rigid``, from this file's tables or
-        its MJCF; else friction is a share of ``holding`` (J,), the largest torques that hold its
-        weight [N·m or N]."""
+        """Default parameters of the drives of the robot in ``rigid``, of known robots from a table,
+        else from its MJCF; else friction is a share of ``holding`` (J,), the largest torques that
+        hold its weight [N·m or N]."""
         name, likely = rigid.robot.name, np.maximum(_SHARE * holding, _LEAST)
         coulomb = np.where(rigid.coulomb > 0.0, rigid.coulomb, likely)
         viscous = np.where(rigid.viscous > 0.0, rigid.viscous, _PER_SPEED * likely)

@@ -71,8 +71,8 @@ class Fault(NamedTuple):
 
 
 def _hysteresis(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    """Add presliding friction p["size"]·z [N·m or N]: z ← s + (z − s) e^(−|dq|/p["width"]), s the
-    sign of the step dq of the joint."""
+    """Return ``torque`` (N,) plus presliding friction p["size"]·z [N·m or N], z kept in ``memory``:
+    z ← s + (z − s) e^(−|dq|/p["width"]), s the sign of a row's step dq of the joint."""
     z, last = memory.get("z", 0.0), memory.get("q", float(rows.q[0]))
     deflection = np.empty_like(rows.q)
     for k, q in enumerate(rows.q.tolist()):

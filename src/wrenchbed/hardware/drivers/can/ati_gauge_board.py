@@ -136,9 +136,9 @@ def in_si(
 
 
 class GaugeBoard(Transducer):
-    """Transducer of an ATI sensor on a NETCANOEM board, polled by the owner of its CAN bus;
-    ``base``: upper seven bits of the board's ids; ``slot``: number of the sensor's calibration, 0 …
-    15."""
+    """Transducer of an ATI sensor on a NETCANOEM board (ATI's CAN electronics), polled by the owner
+    of its CAN bus; ``base``: upper seven bits of the board's ids; ``slot``: number of the sensor's
+    calibration, 0 … 15."""
 
     name = "netcanoem"
     title = "ATI sensor on a NETCANOEM board over CAN"

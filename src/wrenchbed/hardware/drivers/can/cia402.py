@@ -37,7 +37,7 @@ SILENCE = (0x8130, 0x8250, 0x8700)
 
 
 class DriveStatus(enum.Enum):
-    """State of a CiA 402 drive; the value is the standard's name."""
+    """State of a servo drive by CiA 402, CANopen's profile of drives; values are its names."""
 
     NOT_READY = "not ready to switch on"
     DISABLED = "switch on disabled"
@@ -50,7 +50,7 @@ class DriveStatus(enum.Enum):
 
 
 class Want(enum.Enum):
-    """State that the master wants its drives to reach, or the command that it gives them."""
+    """State that this program, the CAN master, wants its drives in, or its command to them."""
 
     NOTHING = "no commands at all"
     DISABLE = "voltage off"
@@ -91,9 +91,9 @@ def state_of(statusword: int) -> DriveStatus:
 
 
 def controlword(want: Want, state: DriveStatus, last: int) -> int:
-    """Return the controlword (0x6040) that takes a drive a step from ``state`` towards ``want``;
-    ``last`` is the one sent before. The rising edge of a bit resets a fault, so other words leave
-    it 0."""
+    """Return the controlword (object 0x6040) that takes a drive a step from ``state`` towards
+    ``want``; ``last`` is the one sent before. The rising edge of a bit resets a fault, so other
+    words leave it 0."""
     if want is Want.QUICK_STOP:
         return QUICK_STOP
     if want is Want.RESET and state in IN_FAULT and last == VOLTAGE_OFF:
@@ -108,20 +108,20 @@ def error_words(code: int) -> str:
 
 @dataclass
 class DriveState:
-    """State of one drive as the master knows it from its messages.
+    """State of one CANopen drive as the master knows it from its messages.
 
     Attributes:
         node: CANopen node id.
         statusword: object 0x6041 in its last answer.
         position: object 0x6064 in its last answer [count].
         torque: object 0x6077 [1e-3 of the rated torque] in its last answer; or 0x6078, current.
-        answers, answered: number of answers so far, and whether one came since the last SYNC.
+        answers, answered: number of answers so far, and whether one came in this cycle.
         missed: consecutive rounds in which other drives answered and this one did not.
         round: number of the last round that it answered.
-        error, hint: code of its last EMCY; error code from before `connect` (0x603F); 0: none.
+        error, hint: code of its last emergency message, of one before `connect` (0x603F); 0: none.
         rebooted: whether it sent a boot-up message since it was configured.
         others: heartbeats of other drives since its own last one; a silent bus does not count.
-        nmt: NMT state in its last heartbeat.
+        nmt: state of network management (NMT) in its last heartbeat.
         sent: the last controlword sent to it.
     """
 
@@ -146,7 +146,7 @@ class DriveState:
         return state_of(self.statusword)
 
     def take_answer(self, data: bytes) -> bool:
-        """Store the data of the drive's TPDO; return False if its length is unexpected."""
+        """Store data of the drive's cyclic answer (TPDO); return False if its length is wrong."""
         if len(data) not in (6, 8):
             return False
         self.statusword, self.position = struct.unpack_from("<Hi", data)
@@ -157,12 +157,12 @@ class DriveState:
         return True
 
     def take_emergency(self, data: bytes) -> None:
-        """Store the error code of the drive's emergency message (EMCY)."""
+        """Store the error code of the drive's CANopen emergency message."""
         if len(data) == 8:
             (self.error,) = struct.unpack_from("<H", data)
 
     def take_heartbeat(self, data: bytes) -> None:
-        """Store the NMT state of the drive's heartbeat or boot-up message."""
+        """Store the network state (NMT) in the drive's heartbeat or boot-up message."""
         if len(data) == 1:
             self.others = 0
             self.nmt = data[0] & 0x7F

@@ -58,7 +58,7 @@ _SWITCH_S = 5e-4
 
 
 class CycleAnswers(NamedTuple):
-    """Answers of all drives to one SYNC.
+    """Answers of all drives to one SYNC, the frame that begins a cycle.
 
     Attributes:
         t: `time.monotonic` time of the SYNC [s].
@@ -251,7 +251,7 @@ class Cycle:
             self.answers = CycleAnswers(self._synced, q, _slope(self._recent), torque, sequence)
 
     def _count_round(self, drive: DriveState) -> None:
-        """Update every drive's missed rounds at an answer of ``drive``, by the order of answers."""
+        """Update every drive's count of missed rounds at an answer of ``drive``, by their order."""
         if drive.node in self._round:
             self._round.clear()
             self._rounds += 1

@@ -56,7 +56,7 @@ class _RefusedError(DriverError):
 
 
 class Drives:
-    """Configures the drives of a CAN bus by CANopen SDO.
+    """Configures the drives of a CAN bus by CANopen's SDO, which reads and writes their objects.
 
     Attributes:
         unguarded: node → reason why a drive has no deadline for targets, so that it would not stop
@@ -84,7 +84,7 @@ class Drives:
         link.listen(self._received)
 
     def close(self) -> None:
-        """Stop receiving the drives' SDO answers."""
+        """Stop receiving the drives' answers to reads and writes of their objects (SDO)."""
         self._link.leave(self._received)
 
     def configure(self, nodes: Sequence[int]) -> None:
@@ -109,7 +109,7 @@ class Drives:
         return self.optional(node, 0x603F) or 0
 
     def rated(self, node: int) -> float:
-        """Read a drive's rated torque [N·m or N], or current [A] if ``effort`` is current."""
+        """Read a drive's rated torque [N·m or N], or current [A] if option ``effort`` is that."""
         return self.read(node, _EFFORTS[self._options.effort][1]) * 1e-3
 
     @property
@@ -127,7 +127,7 @@ class Drives:
         self._link.send(0x000, bytes([order, node]))
 
     def _map(self, node: int) -> None:
-        """Check a drive's profile, map its PDOs of targets and answers, switch off the others."""
+        """Check a drive's profile, map its cyclic messages (PDOs) of targets and answers alone."""
         profile = self.read(node, 0x1000) & 0xFFFF
         if profile != _PROFILE:
             raise DriverError(f"node {node} has device profile {profile}, it is no CiA 402 drive")
@@ -174,7 +174,7 @@ class Drives:
             self._expecting.add(node)
 
     def _guard(self, node: int) -> None:
-        """Set and read back the deadline of a drive's targets, while its RPDO1 is switched off."""
+        """Set and read back the deadline of a drive's targets, with their message (RPDO1) off."""
         asked = round(self._options.watchdog * _MS)
         self.unguarded.pop(node, None)
         try:

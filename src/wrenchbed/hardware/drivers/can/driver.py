@@ -38,7 +38,7 @@ _STUCK = (*IN_FAULT, DriveStatus.QUICK_STOP, DriveStatus.ENABLED)
 
 
 class CanDriver(LiveDriver):
-    """Driver of MedRUE: CiA 402 drives and a sensor board on one CAN bus."""
+    """Driver of the robot MedRUE: CiA 402 servo drives and a sensor board on one CAN bus."""
 
     name = "can"
     title = "MedRUE: CiA 402 drives and ATI NETCANOEM on one CAN bus"

@@ -53,7 +53,8 @@ class GaugeReading(NamedTuple):
 
 
 def parse(arbitration_id: int, data: bytes, base: int) -> Reply | None:
-    """Decode a frame as a reply of the board at ``base`` (upper seven id bits), None if none."""
+    """Decode a CAN frame as a reply of the board at ``base`` (upper seven id bits), None if
+    none."""
     shape = _SHAPES.get(arbitration_id & 0xF)
     if arbitration_id >> 4 != base or shape is None or len(data) != shape.size:
         return None
@@ -68,7 +69,7 @@ def faults(status: int) -> tuple[str, ...]:
 
 
 class Pairs:
-    """Combines the two frames of each gauge reading, and counts lost or unexpected frames.
+    """Combines the two CAN frames of each gauge reading; counts lost or unexpected ones.
 
     Attributes:
         lost: requests without a complete answer.
@@ -95,7 +96,7 @@ class Pairs:
         return True
 
     def take(self, t: float, reply: Reply) -> GaugeReading | None:
-        """Add a gauge frame that arrived at t [s]; return the reading if it is now complete."""
+        """Add a gauge frame (CAN) that arrived at t [s]; return the reading if it is complete."""
         if reply.opcode == GAUGES:
             self._count(t)
             if not self._waiting or self._first is not None:

@@ -177,7 +177,7 @@ class CanOptions:
         """Fraction of the CAN bus's capacity that the cyclic exchange takes in the worst case.
 
         A cycle has SYNC, the sensor's poll and its two answers of 8 and 6 bytes, and for each drive
-        an RPDO of 6 bytes and a TPDO of 6, or 8 with torque; drives and master send heartbeats.
+        targets of 6 bytes and an answer of 6, or 8 with torque; drives and master send heartbeats.
         """
         lengths = np.array([0, 0, 8, 6] + _DRIVES * [6, 8 if self.torque else 6] + [1])
         bits = 47 + 8 * lengths + (33 + 8 * lengths) // 4

@@ -55,12 +55,12 @@ _END_S = 5.0
 
 @dataclass(frozen=True)
 class RtdeOptions:
-    """Options of the RTDE driver: address of the robot, sensor, rates and limits.
+    """Options of the driver of UR robots over RTDE, their controllers' data link.
 
     Attributes:
         robot: registry name.
         host: address of the robot's controller; its ports are fixed (30004, 30003, 29999).
-        sensor: empty or ``netft`` for a Net F/T box at the robot's host,
+        sensor: empty or ``netft`` for a Net F/T box (ATI's electronics) at the robot's host,
             ``netft://HOST[:PORT][?http=PORT]`` elsewhere, ``rtde`` for the robot's own wrench.
         frequency: rate of states and streamed targets [Hz]; None: the controller's own, 125 Hz on a
             CB3 and 500 Hz on an e-Series.
@@ -104,7 +104,7 @@ class RtdeOptions:
 
 
 class ControlProcess:
-    """The child process that commands the robot by ur_rtde.
+    """The child process that commands a UR robot by the library ur_rtde.
 
     Attributes:
         pid: process id.

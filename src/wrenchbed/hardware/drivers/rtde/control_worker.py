@@ -156,8 +156,8 @@ class SharedNumbers:
 
 
 def printed(lost: Callable[[str], None]) -> deque[str]:
-    """Capture what ur_rtde prints; return a deque of its last lines. ``lost`` is called with a line
-    that reports a lost link."""
+    """Capture what the library ur_rtde prints; return a deque of its last lines. ``lost`` is called
+    with a line that reports a lost link."""
     last: deque[str] = deque(maxlen=8)
     out, into = os.pipe()
     for standard in (1, 2):
@@ -221,8 +221,8 @@ class TargetStream:
 
 
 class Control:
-    """Executes the driver's commands in the control process; `serve` makes all calls of ur_rtde.
-    ``hz`` is the rate of the robot's watchdog [Hz], ``period`` that of streamed targets [s]."""
+    """Executes the driver's commands in the process that controls a UR; `serve` makes all calls of
+    the library ur_rtde. ``hz``: rate of the robot's watchdog, ``period``: that of targets [s]."""
 
     def __init__(
         self, robot: Any, shared: SharedNumbers, wire: MessageChannel, hz: float, period: float

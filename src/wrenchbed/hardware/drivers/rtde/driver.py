@@ -66,7 +66,8 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
 
 
 class Followed:
-    """Checks that the controller follows streamed targets: ur_rtde confirms even dropped ones."""
+    """Checks that the controller follows streamed targets: ur_rtde (library) confirms lost ones
+    too."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
@@ -93,9 +94,8 @@ class Followed:
 
 
 class RtdeDriver(LiveDriver):
-    """Driver of a UR robot over RTDE, with a Net F/T sensor or the robot's own wrench. Raises a
-    `ParameterError` for impossible options.
-    """
+    """Driver of a UR robot over RTDE (its data link), with a Net F/T sensor or the robot's own
+    wrench. Raises a `ParameterError` for impossible options."""
 
     name = "rtde"
     title = "a UR robot over ur_rtde, with a Net F/T sensor or its own wrench"
@@ -261,7 +261,7 @@ class RtdeDriver(LiveDriver):
         return Applied(None, why) if why else Applied(q)
 
     def _stop(self, kind: str) -> None:
-        """Brake, soft or hard, by the control process; if it is silent, stop by the dashboard."""
+        """Brake, soft or hard, by the control process; if it is silent, by the dashboard server."""
         self._followed, self._last_target = Followed(), None
         self._undelivered = ""
         control = self._control

@@ -71,7 +71,7 @@ def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
 
 
 def stated(host: str) -> dict[str, str]:
-    """Ask the dashboard for ``model``, ``serial`` and ``software``; return the answers by name."""
+    """Ask a UR's dashboard server for ``model``, ``serial``, ``software``; return name → answer."""
     answers = {}
     for name, command in _ASKED.items():
         try:

@@ -69,7 +69,7 @@ _ZERO, _NAN = (0.0,) * 6, (math.nan,) * 6
 
 
 class Outputs:
-    """Outputs that a controller streams over a connection of its own; use as a context manager.
+    """Outputs that a UR controller streams over RTDE, its data link; use as a context manager.
 
     Args:
         host: address of the controller.
@@ -159,8 +159,8 @@ class Outputs:
         self.close()
 
     def _ask(self, kind: int, body: bytes, end: float) -> bytes:
-        """Send a request of type ``kind`` with ``body``; return the body of its answer, due by
-        ``end`` (`time.monotonic`, [s]); skip text messages before it."""
+        """Send an RTDE request of type ``kind`` with ``body``; return the body of its answer, due
+        by ``end`` (`time.monotonic`, [s]); skip text messages before it."""
         try:
             self._link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
         except OSError as error:

@@ -187,10 +187,9 @@ def _done(host: str, command: str, done: Callable[[], bool], seconds: float, tro
 
 
 def clear(host: str, look: Look) -> None:
-    """Unlock a protective stop and stop any program, by the dashboard; ``look`` reads the state.
-    Raises a `StoppedError`, which says what to do, if that fails, a `LinkError` if the dashboard is
-    silent.
-    """
+    """Unlock a protective stop and stop any program by a UR's dashboard server; ``look`` reads the
+    state. Raises a `StoppedError`, which says what to do, if that fails, a `LinkError` if the
+    server is silent."""
     state, trouble = look(), problem(look())
     if safety(state) == "protective stop":
         time.sleep(max(0.0, state.protective + UNLOCK_AFTER_S - time.monotonic()))
@@ -209,10 +208,9 @@ def clear(host: str, look: Look) -> None:
 
 
 def switch_on(host: str, look: Look) -> None:
-    """Power the robot on and release its brakes, by the dashboard; ``look`` reads the state. Raises
-    a `StoppedError` if the robot does not come up in time, a `LinkError` if the dashboard is
-    silent.
-    """
+    """Power the robot on and release its brakes by a UR's dashboard server; ``look`` reads the
+    state. Raises a `StoppedError` if the robot does not come up in time, a `LinkError` if the
+    server is silent."""
     if int(look().mode) not in (IDLE, RUNNING):
         up = (lambda: int(look().mode) in (IDLE, RUNNING), _POWER_S)
         _done(host, "power on", *up, "the robot does not power on")
@@ -222,7 +220,7 @@ def switch_on(host: str, look: Look) -> None:
 
 
 def halt(host: str, timeout: float) -> str:
-    """Stop the robot's program by the dashboard; "" if confirmed in ``timeout`` [s], else why."""
+    """Stop a UR's program by its dashboard server; "" if confirmed in ``timeout`` [s], else why."""
     try:
         answer = request(host, "stop", timeout)
     except LinkError as error:

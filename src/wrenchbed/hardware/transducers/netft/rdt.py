@@ -63,7 +63,7 @@ _NO_ERROR = SATURATED | 1 << 16 | 1 << 1
 
 
 def faults(status: int) -> tuple[str, ...]:
-    """Describe the faults in a status word, one text each; the summary bit only if it is alone."""
+    """Faults in a Net F/T box's status word, one text each; the summary bit only if it is alone."""
     words = tuple(word for bit, word in _WORDS.items() if status >> bit & 1)
     unknown = status & ~_ANY & ~sum(1 << bit for bit in _WORDS)
     if unknown:
@@ -72,15 +72,15 @@ def faults(status: int) -> tuple[str, ...]:
 
 
 def broken(status: int) -> bool:
-    """Whether a status word reports an error other than a reading out of range."""
+    """Whether a Net F/T box's status word has an error other than a reading out of range."""
     errors = status & ~_NO_ERROR
     only_summary = errors == _ANY and status & _NO_ERROR
     return errors != 0 and not only_summary
 
 
 def decode(data: bytes) -> np.ndarray:
-    """Decode datagrams into RDT records (n,) with ``rdt``, ``ft``, ``status`` and ``counts`` (6,);
-    a `DriverError` if the bytes are no whole number of records."""
+    """Decode datagrams of a Net F/T box into RDT records (n,) with ``rdt``, ``ft``, ``status`` and
+    ``counts`` (6,); a `DriverError` if the bytes are no whole number of records."""
     if len(data) % SIZE:
         raise DriverError(f"{len(data)} bytes are no whole number of RDT records")
     return np.frombuffer(data, dtype=_RECORD)
@@ -92,13 +92,13 @@ def signed(difference: int) -> int:
 
 
 class Tracker:
-    """Follows one stream of RDT records and counts those lost, repeated or impossible.
+    """Follows a Net F/T box's stream of RDT records, and counts those lost, repeated or impossible.
 
     A far jump of the counters is accepted only if the next record confirms it. ``rate`` is that of
     records [Hz], ``every`` the number of the box's samples per record.
 
     Attributes:
-        last: (rdt_sequence, ft_sequence) of the newest record.
+        last: (rdt_sequence, ft_sequence) of the newest record: number of the record, of the sample.
         lost: number of records that did not come in time, known from gaps.
         disordered: number of records that came twice, or after a newer one; they are left out.
         implausible: number of records with impossible counters, left out.
@@ -114,7 +114,7 @@ class Tracker:
         self._jump: tuple[int, int] | None = None
 
     def asked(self) -> None:
-        """Note that a new request was sent, after which the counters may start again at 1."""
+        """Note a new request to the box, after which its record counters may start again at 1."""
         self._asked = True
 
     def take(self, records: np.ndarray) -> np.ndarray:
@@ -148,7 +148,7 @@ class Tracker:
         return True
 
     def _begin(self, pair: tuple[int, int]) -> None:
-        """Accept a jump to (rdt_sequence, ft_sequence); count the losses from ft_sequence."""
+        """Accept a jump to ``pair``, numbers of record and sample; count losses by the sample's."""
         if self._begun:
             samples = signed(pair[1] - self.last[1])
             if samples > 0:
@@ -187,8 +187,8 @@ class DeviceClock:
 
 @dataclass(frozen=True, eq=False)
 class Received:
-    """The newest RDT record: arrival [s], device time [s], sample number, status word, counts (6,),
-    since when the counts are unchanged [s], and for how many records."""
+    """The newest RDT record of a Net F/T box: arrival [s], device time [s], sample number, status
+    word, counts (6,), since when the counts are unchanged [s], and for how many records."""
 
     t: float
     device_time: float
@@ -200,7 +200,7 @@ class Received:
 
 
 class Receiver:
-    """Thread that receives the RDT records of one box.
+    """Thread that receives the records of a Net F/T box, which it sends over UDP (RDT).
 
     Args:
         box: host and UDP port of the box's RDT.
@@ -230,7 +230,7 @@ class Receiver:
         self._thread = threading.Thread(target=self._run, name="netft receiver", daemon=True)
 
     def start(self) -> None:
-        """Request the stream of records and start the thread."""
+        """Request the stream of records from the box and start the thread that receives it."""
         self._ask()
         self._thread.start()
 
@@ -250,7 +250,7 @@ class Receiver:
         return word
 
     def _send(self, command: int) -> None:
-        """Send an RDT request by command number; if it cannot be sent now, it is lost."""
+        """Send the box an RDT request by command number; if it cannot be sent now, it is lost."""
         with contextlib.suppress(OSError):
             self._socket.sendto(_REQUEST.pack(0x1234, command, 0), self.box)
 

@@ -71,8 +71,8 @@ relative drift of the clock, as `_PPM`."""
 
 
 def get(host: str, port: int, target: str) -> bytes:
-    """Fetch the page ``target`` (path) of a box's web server as bytes. Raises a `LinkError` if
-    nobody listens or the page is not complete in time, a `DriverError` if it is invalid or too
+    """Fetch the page ``target`` (path) of a sensor box's web server as bytes. Raises a `LinkError`
+    if nobody listens or the page is not complete in time, a `DriverError` if it is invalid or too
     long."""
     where = f"http://{host}:{port}{target}"
     link = HTTPConnection(host, port, timeout=PAGE_S)
@@ -113,11 +113,11 @@ def get_any(host: str, ports: Sequence[int], target: str) -> tuple[int, bytes]:
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """Settings that a Net F/T box reports on its web page.
+    """Settings that a Net F/T box (ATI's sensor electronics) reports on its web page.
 
     Attributes:
         per_si: (6,) counts per newton and newton metre.
-        rate, internal_rate: rates of RDT records and of ft_sequence [Hz].
+        rate, internal_rate: rates [Hz] of the records that it sends (RDT), and of its samples.
         enabled: whether RDT is on.
         bias: text of the page's software bias; empty if not shown.
         rating: (6,) full scale [N, N·m], None if not shown.
@@ -204,7 +204,8 @@ def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
 
 @dataclass(frozen=True)
 class NetftOptions:
-    """Options of a Net F/T box: host, UDP port of RDT, TCP port of its page (0: 80, then 8080)."""
+    """Options of a Net F/T box: host, UDP port of records, TCP port of its page (0: 80, then
+    8080)."""
 
     host: str
     port: int = RDT_PORT
@@ -216,8 +217,8 @@ class NetftOptions:
 
 
 class NetftTransducer(Transducer):
-    """Transducer of a Net F/T box: reads its newest RDT record, however fast the box sends. A box
-    that was switched off and on has lost its zero: `WrenchSample.bias_id` changes then."""
+    """Transducer of a Net F/T box (of ATI): reads its newest record, however fast the box sends. If
+    it was switched off and on, it has lost its zero: `WrenchSample.bias_id` changes then."""
 
     name = "netft"
     title = "ATI Net F/T over UDP (RDT)"
