@@ -50,14 +50,15 @@ Heard = Callable[[float, Frame], None]
 
 
 class Command(NamedTuple):
-    """A command of socketcand's protocol: its first word (the verb) and the words after it."""
+    """A command of socketcand's protocol (CAN over TCP): first word (the verb), words after it."""
 
     verb: str
     words: tuple[str, ...]
 
 
 def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
-    """Split received bytes into commands, the unfinished rest, and the number of invalid pieces."""
+    """Split bytes that a socketcand client sent into commands, the unfinished rest, and the number
+    of invalid pieces."""
     *pieces, rest = buffer.split(b">")
     commands: list[Command] = []
     rubbish = 0
@@ -73,7 +74,8 @@ def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
 
 
 def frame_of(words: tuple[str, ...]) -> Frame | None:
-    """Decode the words ``id length bytes…`` of a ``send`` command to a frame; None if invalid."""
+    """Decode the words ``id length bytes…`` of socketcand's ``send`` to a frame; None if
+    invalid."""
     if len(words) < 2 or len(words[0]) not in (3, 8):
         return None
     try:
@@ -98,7 +100,7 @@ def bus_off_text(t: float) -> bytes:
 
 
 class Hub:
-    """An emulated CAN bus that serves socketcand's protocol at ``host:port``.
+    """An emulated CAN bus that serves socketcand's protocol (CAN over TCP) at ``host:port``.
 
     Args:
         host: address of this machine to bind to.
@@ -162,7 +164,7 @@ class Hub:
         self._thread.soon(run)
 
     def say(self, text: bytes) -> None:
-        """Send raw protocol text to every client; call it in the bus's thread."""
+        """Send text of socketcand's protocol to every client; call it in the bus's thread."""
         for client in self._bus.clients:
             client.say(text)
 
@@ -242,7 +244,7 @@ class Hub:
 
 
 class Client(Connection):
-    """Connection of one socketcand client to the CAN bus."""
+    """Connection of one client to the CAN bus by socketcand's protocol (CAN over TCP)."""
 
     def __init__(self, number: int, hub: Hub, bus: "Listener[Client]") -> None:
         super().__init__(bus, _KERNEL)

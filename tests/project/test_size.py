@@ -15,7 +15,7 @@ WRENCHBED = {
     "data": 5394,
     "diagnosis": 13139,
     "drives": 1666,
-    "effects": 4998,
+    "effects": 4999,
     "environments": 587,
     "exports": 828,
     "files": 576,
@@ -36,9 +36,9 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78942,
-    "src/wrenchbed": 69470,
-    "src/robot_emulators": 9472,
+    "src": 78949,
+    "src/wrenchbed": 69471,
+    "src/robot_emulators": 9478,
     "tests": 37998,
     "scripts": 3476,
 }

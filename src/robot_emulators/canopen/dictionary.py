@@ -28,7 +28,7 @@ _EXPEDITED = 4
 
 
 class Abort(enum.IntEnum):
-    """SDO abort codes of CiA 301: why a node refuses to read or write an object."""
+    """Abort codes of CANopen (CiA 301): why a node refuses to read or write an object by SDO."""
 
     TOGGLE = 0x05030000
     COMMAND = 0x05040001
@@ -47,7 +47,7 @@ class Abort(enum.IntEnum):
 
 
 class AbortError(Exception):
-    """An SDO transfer that the node refuses; ``code`` is CiA 301's abort code."""
+    """A CANopen node refuses to read or write an object by SDO; ``code``: CiA 301's abort code."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"0x{code:08X}")
@@ -56,13 +56,13 @@ class AbortError(Exception):
 
 @dataclass
 class Entry:
-    """One value of a node's object dictionary, with its type and limits.
+    """One value of a CANopen node's object dictionary, with its type and limits.
 
     Attributes:
         size: bytes of a number, 0 for a text.
         signed: whether the number has a sign.
         access: ``ro``, ``rw``, ``wo`` or ``const``.
-        mapped: whether a PDO may carry it.
+        mapped: whether a PDO, a message without request, may carry it.
         default: value after a reset, a number or the bytes of a text.
         low: smallest number that may be written, None where its type decides.
         high: largest number that may be written, None where its type decides.
@@ -111,7 +111,7 @@ class Entry:
 
 class Objects:
     """Object dictionary of a CANopen node: (index, subindex) → number. It is built from the
-    ``text`` of an EDS file, in which the id ``node`` replaces ``$NODEID``."""
+    ``text`` of an EDS file (data sheet), in which the id ``node`` replaces ``$NODEID``."""
 
     def __init__(self, text: str, node: int) -> None:
         sheet = _parsed(text)
@@ -151,13 +151,14 @@ class Objects:
         return entry
 
     def pack(self, keys: Sequence[Key]) -> bytes:
-        """Concatenate the bytes of the values of the objects ``keys``, in order, as in a PDO."""
+        """Concatenate the bytes of the values of objects ``keys``, (index, subindex), in order."""
         return b"".join(self._entries[key].raw() for key in keys)
 
 
 @functools.cache
 def _parsed(text: str) -> configparser.RawConfigParser:
-    """Parse an EDS file into its sections; the result is cached and shared: do not change it."""
+    """Parse an EDS file (CANopen data sheet) into its sections; the result is shared: do not
+    change."""
     sheet = configparser.RawConfigParser()
     sheet.read_string(text)
     return sheet
@@ -210,7 +211,8 @@ class SdoServer:
             return [self._aborted(struct.unpack_from("<HB", request, 1), abort.code)]
 
     def _aborted(self, key: Key, code: int) -> bytes:
-        """Return the abort frame for an object and SDO abort code; drop the transfer under way."""
+        """Return an SDO abort frame for object ``key`` and abort code; drop the transfer under
+        way."""
         if self._transfer is not None:
             key, self._transfer = self._transfer, None
         return struct.pack("<BHBI", 0x80, *key, code)

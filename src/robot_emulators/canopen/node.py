@@ -72,7 +72,7 @@ class Node:
         """Hook: communication was reset; its objects have their defaults again."""
 
     def on_sync(self, t: float) -> None:
-        """Hook: a SYNC came at time t [s] in OPERATIONAL; received RPDO values are already set."""
+        """Hook: a cycle's SYNC came at t [s] in OPERATIONAL; values of received PDOs are set."""
 
     def on_written(self, keys: Sequence[Key]) -> None:
         """Hook: a client wrote these objects (index, subindex) of the device profile, in order."""
@@ -84,8 +84,8 @@ class Node:
         """Hook: update, at time t [s], objects that change by themselves, before they are sent."""
 
     def boot(self, everything: bool = True) -> None:
-        """Reset all objects (``everything``) or the communication's alone; boot to
-        PRE-OPERATIONAL."""
+        """Reset all objects (``everything``) or the communication's alone; boot to the CANopen
+        state PRE-OPERATIONAL."""
         with self.lock:
             if not everything and self.state == OPERATIONAL:
                 self.on_connection_lost(0)
@@ -112,7 +112,7 @@ class Node:
             self._take(t, frame)
 
     def tick(self, t: float) -> None:
-        """Send what is due at time t [s] (heartbeat, TPDOs); check other nodes' heartbeats."""
+        """Send what is due at t [s] (heartbeat, cyclic messages); check other nodes' heartbeats."""
         with self.lock:
             self.now = t
             self._watch_others(t)
@@ -135,7 +135,7 @@ class Node:
             self._emergency(0)
 
     def change(self, state: int) -> None:
-        """Enter an NMT state (CiA 301), such as `OPERATIONAL`."""
+        """Enter a CANopen network state (NMT, CiA 301), such as `OPERATIONAL`."""
         if state == self.state:
             return
         if self.state == OPERATIONAL:
@@ -260,7 +260,7 @@ class Node:
         self._ids = frozenset(always | set(self._by_id) | {0x700 + n for n in nodes})
 
     def _check_state(self, key: Key) -> None:
-        """Raise `AbortError` in OPERATIONAL if ``key`` is a PDO parameter, except event timers."""
+        """Raise `AbortError` in state OPERATIONAL if ``key`` sets up a PDO, except event timers."""
         if 0x1400 <= key[0] < 0x1C00 and self.state == OPERATIONAL and key[1] != 5:
             raise AbortError(Abort.STATE)
 

@@ -20,7 +20,7 @@ _SYNCHRONOUS, _EVENT = 240, 254
 
 
 class Pdo:
-    """A process data object (PDO): which objects of a node it carries, and when.
+    """A CANopen process data object (PDO): which objects of a node a message carries, and when.
 
     Args:
         objects: the node's object dictionary.
@@ -39,7 +39,7 @@ class Pdo:
         self.forget()
 
     def forget(self) -> None:
-        """Forget past transfers; called when the node enters or leaves OPERATIONAL."""
+        """Forget past transfers of the PDO; called when the node enters or leaves OPERATIONAL."""
         self.heard = self.sent = 0.0
         """When the PDO was last received or transmitted [s], 0 for never."""
         self.waiting: list[tuple[Key, int]] | None = None
@@ -49,7 +49,7 @@ class Pdo:
 
     @property
     def can_id(self) -> int | None:
-        """CAN id of this PDO; None while it is switched off."""
+        """CAN id of this PDO (a CANopen message); None while it is switched off."""
         value = self._objects[self.index, 1]
         return None if value & _OFF else value & _ID
 
@@ -64,7 +64,7 @@ class Pdo:
 
     @property
     def timer(self) -> float:
-        """Event timer of this PDO [s]; 0 if it is off."""
+        """Event timer of this PDO, a CANopen message [s]; 0 if it is off."""
         return self._objects[self.index, 5] / 1000.0
 
     def keys(self) -> list[Key]:
@@ -77,7 +77,7 @@ class Pdo:
         return self._objects.pack(self.keys())
 
     def unpack(self, data: bytes) -> list[tuple[Key, int]]:
-        """Decode an RPDO's data to (object, number) pairs; empty if too short or refused."""
+        """Decode a received PDO's data to (object, number) pairs; empty if too short or refused."""
         entries = [(key, self._objects.entry(key)) for key in self.keys()]
         ends = list(itertools.accumulate((entry.size for _, entry in entries), initial=0))
         if len(data) < ends[-1]:
@@ -91,7 +91,7 @@ class Pdo:
             return []
 
     def at_sync(self) -> bytes | None:
-        """Return the data that a TPDO transmits at a SYNC; None if it transmits none."""
+        """Return the data that this PDO, if it is sent by the node, has for a SYNC; else None."""
         if self.can_id is None or not self.synchronous:
             return None
         self._syncs += 1
@@ -102,7 +102,7 @@ class Pdo:
         return data
 
     def at_event(self, t: float) -> bytes | None:
-        """Return the data that an event-driven TPDO transmits at time t [s]; None if not due."""
+        """Return the data that an event-driven PDO transmits at time t [s]; None if not due."""
         if self.can_id is None or self.type < _EVENT:
             return None
         data, timer = self.pack(), self.timer
@@ -114,7 +114,7 @@ class Pdo:
         return data
 
     def late(self, t: float) -> bool:
-        """Whether, at time t [s], an RPDO's event timer has run out since it was last received."""
+        """Whether, at t [s], a received PDO's event timer has run out since it last came."""
         return self.heard > 0.0 and 0.0 < self.timer < t - self.heard
 
     def _check_id(self, value: int) -> None:
@@ -145,7 +145,7 @@ class Pdo:
         self._check_carried(entry)
 
     def _check_carried(self, word: int) -> None:
-        """Raise `AbortError` if this PDO may not carry the object in a word of its mapping."""
+        """Raise `AbortError` if this PDO may not carry the object that a mapping ``word`` names."""
         key = (word >> 16, word >> 8 & 0xFF)
         entry = self._objects.entry(key) if key in self._objects else None
         if (

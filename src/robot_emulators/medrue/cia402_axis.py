@@ -38,7 +38,7 @@ _SLOW_STOPS = (1, 5)
 
 
 class AxisState(enum.Enum):
-    """State of CiA 402's power drive system; the value is its bit pattern in the statusword."""
+    """State of a drive by CiA 402 (CANopen); the value is its bit pattern in the statusword."""
 
     DISABLED = 0x40
     READY = 0x21
@@ -50,7 +50,7 @@ class AxisState(enum.Enum):
 
 
 class Command(enum.Enum):
-    """Command of CiA 402's state machine that a controlword gives to a drive."""
+    """Command of CiA 402's state machine (CANopen drives) that a controlword gives to a drive."""
 
     VOLTAGE_OFF = enum.auto()
     QUICK_STOP = enum.auto()
@@ -60,7 +60,7 @@ class Command(enum.Enum):
 
 
 def command(word: int) -> Command | None:
-    """Decode the command of a controlword; None while its fault-reset bit (bit 7) is set."""
+    """Decode the command of a CiA 402 controlword; None while its fault-reset bit (7) is set."""
     if word & 0x80:
         return None
     if not word & 0x02:
@@ -94,8 +94,8 @@ TRANSITIONS = {
 
 
 class Axis:
-    """CiA 402 state machine and set-point [count] of one drive, without its bus; ``objects`` is its
-    object dictionary, ``position`` the initial position [count]."""
+    """State machine of CiA 402 (CANopen profile) and set-point [count] of one drive, without its
+    bus; ``objects`` is its object dictionary, ``position`` the initial position [count]."""
 
     def __init__(self, objects: Objects, position: float) -> None:
         self._set = objects

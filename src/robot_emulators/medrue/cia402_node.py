@@ -78,7 +78,7 @@ def _refuse_others(allowed: Sequence[int], value: int) -> None:
 
 
 class DriveEmulator(Node):
-    """Emulated CiA 402 drive of one axis.
+    """Emulated CANopen drive (CiA 402) of one axis.
 
     Args:
         node: CANopen id.
@@ -128,8 +128,8 @@ class DriveEmulator(Node):
         self._report()
 
     def on_connection_lost(self, code: int) -> None:
-        """React to a lost master as object 0x6007 says; ``code``: error to report, 0: RPDO
-        timeout."""
+        """React to a lost master as object 0x6007 says; ``code``: error to report, 0 if its targets
+        came too late."""
         if not self.axis.driven:
             return
         option = self.objects[0x6007, 0]

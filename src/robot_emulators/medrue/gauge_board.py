@@ -32,7 +32,7 @@ ActiveFault = Callable[[str], Mapping[str, float] | None]
 
 
 class BoardEmulator:
-    """The NETCANOEM sensor board, which answers gauge requests on a CAN bus.
+    """Emulated NETCANOEM, ATI's sensor board, which answers gauge requests on a CAN bus.
 
     Args:
         send: puts a frame on the bus.

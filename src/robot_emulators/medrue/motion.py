@@ -67,7 +67,7 @@ class Line(NamedTuple):
 
 
 class Interpolation:
-    """Path of one axis through the targets of cyclic synchronous position mode."""
+    """Path of one axis through the targets of cyclic synchronous position mode (CiA 402)."""
 
     def __init__(self) -> None:
         self._lines: deque[Line] = deque(maxlen=_LINES)

@@ -42,7 +42,7 @@ _QUICK_S = 0.1
 
 
 class BusFaults:
-    """Registers and carries out the timed faults of the CAN bus, its drives and its board."""
+    """Registers and carries out timed faults of the CAN bus, its drives and its sensor board."""
 
     def __init__(
         self, faults: Faults, hub: Hub, drives: Sequence[DriveEmulator], board: BoardEmulator
@@ -104,7 +104,7 @@ class BusFaults:
             self._impostor(Frame(base | 1, bytes(6)))
 
     def _garbage(self, fault: TimedFault) -> None:
-        """Send random CAN frames, except NMT, SYNC and those that reconfigure a node."""
+        """Send random CAN frames: none that begin a cycle or change a node's state or settings."""
         sensor = [self._board.base << 4 | k for k in range(16) if k not in _SETTING]
         ids = [*sensor, 0x181, 0x182, 0x081, 0x701, 0x581, 0x123, 0x7FF]
         for _ in range(int(fault.values["count"])):
@@ -193,7 +193,7 @@ class RealTimePlant:
 
 
 class MedrueEmulator(Emulator):
-    """Emulator of MedRUE: six CiA 402 drives and an ATI Mini40 on one CAN bus."""
+    """Emulator of the robot MedRUE: six CiA 402 drives and an ATI Mini40 sensor on one CAN bus."""
 
     name = "medrue"
     title = "MedRUE: CiA 402 drives and ATI Mini40 on CAN (socketcand)"

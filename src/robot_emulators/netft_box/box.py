@@ -39,7 +39,7 @@ _KINDS: dict[str, dict[str, dict[str, Argument]]] = {
 
 
 class Box:
-    """A Net F/T box that serves a plant's sensor readings; the caller steps the plant.
+    """An emulated Net F/T box (ATI) with a plant's sensor readings; the caller steps the plant.
 
     Args:
         body: plant whose `Plant.readings` are served.
@@ -70,9 +70,8 @@ class Box:
         self._web: Web | None = None
 
     def start(self) -> dict[str, str]:
-        """Begin to serve; return link → address of ``rdt`` and ``http``. Raises an `EmulatorError`
-        if a port is taken or not allowed.
-        """
+        """Begin to serve; return link → address of ``rdt`` (records by UDP) and ``http`` (web
+        pages). Raises an `EmulatorError` if a port is taken or not allowed."""
         try:
             self._socket = self._bind()
             self._web = self._listen()
@@ -89,7 +88,7 @@ class Box:
         return {"rdt": f"{host}:{port}", "http": "{}:{}".format(*self._web.address)}
 
     def stop(self) -> None:
-        """Close the RDT and HTTP ports; may be called twice."""
+        """Close the box's ports for records (RDT, UDP) and web pages; may be called twice."""
         if self._web is not None:
             self._web.stop()
         if self._rdt is not None:
@@ -101,7 +100,7 @@ class Box:
 
     @property
     def counters(self) -> Counter[str]:
-        """Numbers of RDT records ``sent``, ``dropped``, ``duplicated`` …, and of ``datagrams``."""
+        """Number of records (RDT) ``sent``, ``dropped``, ``duplicated`` …, and of ``datagrams``."""
         return Counter() if self._rdt is None else self._rdt.counters
 
     def _bind(self) -> socket.socket:
@@ -134,7 +133,7 @@ class Box:
 
 
 class NetftEmulator(Emulator):
-    """Emulator of a Net F/T box whose sensor is on a UR5 at rest in its home pose."""
+    """Emulator of ATI's Net F/T sensor box; the sensor is on a UR5 at rest in its home pose."""
 
     name = "netft"
     title = "ATI Net F/T: RDT over UDP, netftapi2.xml over HTTP"

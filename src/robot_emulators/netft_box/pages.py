@@ -60,7 +60,7 @@ _HOST = re.compile(r"(?:localhost|[0-9]{1,3}(?:\.[0-9]{1,3}){3})(?::([0-9]{1,5})
 
 
 class Pages:
-    """Web pages of a Net F/T box; requests to them change RDT's rate and the sensor's settings."""
+    """Web pages of a Net F/T box; requests change its record rate and the sensor's settings."""
 
     def __init__(self, settings: BoxSettings, pace: Pace, sensing: Sensing) -> None:
         self._settings, self._pace, self._sensing = settings, pace, sensing

@@ -42,14 +42,14 @@ _REQUESTS = 16
 
 
 class Request(NamedTuple):
-    """A client's RDT request: its command, and the number of samples wanted, 0 for endless."""
+    """A client's RDT request to a Net F/T box: command, number of samples wanted (0: endless)."""
 
     command: int
     samples: int
 
 
 def parse(data: bytes) -> Request | None:
-    """Decode a datagram to an RDT request; None if it is no request that the box knows."""
+    """Decode a datagram to an RDT request; None if it is no request that a Net F/T box knows."""
     if len(data) != REQUEST.itemsize:
         return None
     row = np.frombuffer(data, REQUEST)[0]
@@ -60,11 +60,11 @@ def parse(data: bytes) -> Request | None:
 
 
 def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> bytes:
-    """Return the bytes of n consecutive RDT records.
+    """Return the bytes of n consecutive RDT records, as a Net F/T box sends them by UDP.
 
     Args:
-        first: rdt_sequence of the first record; it wraps after 2³² − 1.
-        ft: (n,) ft_sequence of each record, taken modulo 2³².
+        first: rdt_sequence (number) of the first record; it wraps after 2³² − 1.
+        ft: (n,) ft_sequence, the sample's number, of each record, taken modulo 2³².
         status: (n,) status words.
         counts: (n, 6) force and torque counts, within int32.
     """
@@ -77,7 +77,7 @@ def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> 
 
 
 class FaultySender:
-    """Sends RDT records, spoilt by active faults; ``counters`` counts sent and spoilt ones."""
+    """Sends a Net F/T box's records by UDP, spoilt by active faults; ``counters`` of both."""
 
     def __init__(self, sock: socket.socket, faults: Faults, seed: int) -> None:
         self._socket, self._faults = sock, faults
@@ -154,7 +154,7 @@ class FaultySender:
 
 @dataclass
 class Pace:
-    """RDT settings: record rate [Hz], records per buffered datagram, and whether RDT is on."""
+    """How a box sends: record rate [Hz], records per buffered datagram, and whether RDT is on."""
 
     rate: float
     buffer: int = 10
@@ -167,14 +167,14 @@ class Pace:
 
 @dataclass
 class RecordStream:
-    """Records that answer one RDT request.
+    """Records that answer one client's request to a Net F/T box.
 
     Attributes:
         to: host and port of the client.
         tick, every: sample number of the next record to send, and samples from record to record.
         buffered: whether a datagram carries several records.
         left: records still to send, None for endless.
-        sequence: rdt_sequence of the next record to make.
+        sequence: number (rdt_sequence) of the next record to make.
     """
 
     to: Address
@@ -186,8 +186,9 @@ class RecordStream:
 
 
 class Rdt:
-    """RDT server: streams sensor records to the client that sent the last request to the UDP socket
-    ``sock``. Web pages change ``pace`` meanwhile; ``seed`` is that of random faults."""
+    """RDT server (ATI's UDP protocol): streams sensor records to the client that last sent a
+    request to the UDP socket ``sock``. Web pages change ``pace`` meanwhile; ``seed``: of random
+    faults."""
 
     def __init__(
         self, thread: LoopThread, sock: socket.socket, sensing: Sensing, pace: Pace, faults: Faults,
@@ -203,7 +204,7 @@ class Rdt:
         sock.setblocking(False)
 
     def start(self) -> None:
-        """Begin to answer RDT requests; call it in the loop's thread."""
+        """Begin to answer requests for sensor records (RDT); call it in the loop's thread."""
         self._loop.add_reader(self._socket, self._listen)
         self._turn(time.monotonic())
 
@@ -235,7 +236,7 @@ class Rdt:
             )
 
     def _turn(self, due: float) -> None:
-        """Send the records that are due at time ``due`` [s] and schedule the next turn."""
+        """Send the sensor records that are due at ``due`` [s] and schedule the next turn."""
         now = time.monotonic()
         self._sensing.observe()
         wait = _IDLE_S
@@ -246,7 +247,7 @@ class Rdt:
         self._timer = self._loop.call_at(due, self._turn, due)
 
     def _unmake(self) -> None:
-        """Discard records that were made ahead but not sent; they will be made anew."""
+        """Discard sensor records made ahead but not yet sent, so that they are made anew."""
         if self._stream is not None:
             made = len(self._ready) // _SIZE
             self._stream.sequence = (self._stream.sequence - made) & 0xFFFFFFFF

@@ -169,7 +169,7 @@ class Sensing:
             self.per_si, self.bias = factor * self.per_si, factor * self.bias
 
     def stamps(self, ticks: np.ndarray) -> np.ndarray:
-        """ft_sequence (n,) of samples: their numbers ``ticks`` (n,), drifting under fault skew."""
+        """Numbers (n,) that samples ``ticks`` (n,) have in records; they drift under fault skew."""
         since, stamp, last = self._skew
         wrong = self._fault("skew")
         factor = wrong["factor"] if wrong else 1.0

@@ -56,7 +56,7 @@ class Controller:
     """The emulated UR controller without its network: power, safety, program and arm.
 
     Attributes:
-        announce: called with each message for clients of the primary interface.
+        announce: called with each message for clients of the primary interface (port 30001).
         address: local address from which programs open connections; empty: any.
         popup: whether a popup waits for someone to close it.
         freedrive: whether the arm may be pushed by hand.

@@ -25,8 +25,8 @@ _TOO_EARLY = (
 
 
 class Dashboard(Conversation):
-    """One client's conversation with the dashboard server: answers its commands. The command
-    ``shutdown`` calls ``shut_down``."""
+    """One client's conversation with a UR's dashboard server: answers its commands in text. The
+    command ``shutdown`` calls ``shut_down``."""
 
     def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
         self._controller, self._peer = controller, peer
@@ -140,7 +140,7 @@ class Dashboard(Conversation):
 
     def _choose(self, name: str, known: Sequence[str], wrong: str, done: str, word: str) -> str:
         """Set the controller's attribute ``name`` to ``word`` if ``known`` has it; return the
-        answer, ``done`` or ``wrong``, in which ``{}`` stands for the word."""
+        answer ``done``, else ``wrong``; ``{}`` in an answer stands for the word."""
         if word.upper() not in known:
             return wrong.format(word)
         setattr(self._controller, name, word.upper())

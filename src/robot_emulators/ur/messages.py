@@ -21,7 +21,7 @@ PAUSED, RESUMED = "PROGRAM_XXX_PAUSED", "PROGRAM_XXX_RESUMED"
 
 @dataclass(frozen=True)
 class Event:
-    """A message about an event that clients of the primary interface receive.
+    """A message about an event that clients of the primary interface (port 30001) receive.
 
     Attributes:
         kind: message type, `SAID` … `FAULT`.

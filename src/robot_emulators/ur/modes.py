@@ -11,7 +11,7 @@ _BOOT_S = 0.5
 
 
 class RobotMode(IntEnum):
-    """State of the arm's power and brakes; the numbers are those of RTDE's ``robot_mode``."""
+    """State of the arm's power and brakes; numbers as in ``robot_mode`` of a UR's link RTDE."""
 
     POWER_OFF = 3
     POWER_ON = 4
@@ -20,7 +20,7 @@ class RobotMode(IntEnum):
 
 
 class SafetyMode(IntEnum):
-    """State of the safety system; the numbers are those of RTDE's ``safety_mode``."""
+    """State of the safety system; numbers as in ``safety_mode`` of a UR's link RTDE."""
 
     NORMAL = 1
     PROTECTIVE_STOP = 3
@@ -28,7 +28,7 @@ class SafetyMode(IntEnum):
 
 
 class Runtime(IntEnum):
-    """State of the robot program; the numbers are those of RTDE's ``runtime_state``."""
+    """State of the robot program; numbers as in ``runtime_state`` of a UR's link RTDE."""
 
     STOPPED = 1
     PLAYING = 2

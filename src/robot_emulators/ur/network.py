@@ -26,7 +26,7 @@ class Conversation(ABC):
 
 
 class Peer(Connection):
-    """TCP connection of one client to a port of the controller."""
+    """TCP/IP connection of one client to a port of the emulated UR controller."""
 
     def __init__(self, port: "Port") -> None:
         super().__init__(port, _KERNEL_HOLDS)
@@ -83,7 +83,7 @@ class Peer(Connection):
 
 
 class Port(Listener[Peer]):
-    """One listening TCP port of the controller, with its clients and faults.
+    """One listening TCP/IP port of the emulated UR controller, with its clients and faults.
 
     Args:
         thread: thread of the loop that serves it.

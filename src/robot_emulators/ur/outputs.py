@@ -36,11 +36,11 @@ _RUNNING, _OFF, _IDLE = 253, 239, 255
 
 
 class Outputs:
-    """Computes the output fields of the controller, `Controller.values`, every cycle.
+    """Computes the output fields of a UR controller, `Controller.values`, every cycle.
 
     Args:
         controller: controller whose fields are updated.
-        shared: whether ft_raw_wrench shows the flange sensor, else the arm's own measurement.
+        shared: whether field ft_raw_wrench shows the flange sensor, else the arm's own measurement.
     """
 
     def __init__(self, controller: Controller, shared: bool) -> None:
@@ -53,7 +53,7 @@ class Outputs:
         self._count = 0
 
     def update(self, timestamp: float, wanted: Set[str]) -> None:
-        """Update outputs at controller time ``timestamp`` [s]; slow ones only if in ``wanted``."""
+        """Update a UR's output fields at controller time [s]; slow ones only if in ``wanted``."""
         controller = self._controller
         self._count += 1
         outputs: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}

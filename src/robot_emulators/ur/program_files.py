@@ -60,7 +60,8 @@ def _text(path: Path) -> str:
 
 
 def _converted(data: bytes, name: str) -> str:
-    """Convert .urp file ``name`` to URScript; empty if it only has an External Control node."""
+    """Convert UR program ``name`` (.urp) to URScript; empty if it only has an External Control
+    node."""
     try:
         if data[:2] == b"\x1f\x8b":
             data = zlib.decompressobj(16 + zlib.MAX_WBITS).decompress(data, _LARGEST)
@@ -73,7 +74,7 @@ def _converted(data: bytes, name: str) -> str:
 
 
 class _Converter:
-    """Converts the node tree of a .urp program to URScript."""
+    """Converts the node tree of a .urp file, a UR robot's program, to URScript."""
 
     def __init__(self, root: ET.Element, name: str) -> None:
         self._root, self._name = root, name

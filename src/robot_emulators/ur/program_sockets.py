@@ -12,7 +12,7 @@ _HOLDS = 1 << 16
 
 
 class Link:
-    """TCP connection that a program opens without waiting; `open` says when it is established.
+    """TCP/IP connection that a program opens without waiting; `open` says when it is established.
     ``source`` is the local address to connect from; empty: any."""
 
     def __init__(self, address: str, port: int, source: str) -> None:
@@ -93,7 +93,7 @@ class Link:
 
 
 class Links:
-    """TCP connections of one program, by name.
+    """TCP/IP connections of one URScript program, by name.
 
     Args:
         source: local address to connect from; any if it is empty or 0.0.0.0.

@@ -31,13 +31,13 @@ _ENDS = {
 
 
 def size(version: Version) -> int:
-    """Return the size [byte] of the realtime interface's message in this software version."""
+    """Size [byte] of a message of a UR's realtime interface (port 30003) in a software version."""
     return next(n for since, n in reversed(_ENDS.items()) if since <= version[:2])
 
 
 def state(values: Mapping[str, Values], timestamp: float, bytes_: int) -> bytes:
-    """Return the realtime message of ``bytes_`` bytes from the outputs ``values`` by name and the
-    controller's time stamp [s]."""
+    """Return the message of a UR's realtime interface, ``bytes_`` long, from the outputs ``values``
+    by name and the controller's time stamp [s]."""
     numbers = [timestamp, *(float(x) for x in _numbers(values))][: (bytes_ - 4) // 8]
     return pack(f">i{len(numbers)}d", bytes_, *numbers)
 
@@ -57,7 +57,7 @@ class Realtime:
 
     @property
     def wanted(self) -> frozenset[str]:
-        """Names of the output fields that the next realtime message contains."""
+        """Names of the output fields that the realtime interface's next message contains."""
         return frozenset(name for name, _ in _FIELDS) if self._readers else frozenset()
 
     def answer(self, peer: Peer) -> ScriptClient:

@@ -20,9 +20,10 @@ _MOST_HELD = 1 << 22
 
 
 class Inputs:
-    """Holds the inputs of the controller that RTDE clients write, by field name. A value stays
-    until it is written again. An input belongs to the client whose accepted recipe first named it,
-    until that client disconnects. ``written`` is called with the values of each packet."""
+    """Holds the inputs of a UR controller that clients write over RTDE, by field name. A value
+    stays until it is written again. An input belongs to the client whose accepted recipe (list)
+    first named it, until that client disconnects. ``written`` is called with the values of each
+    packet."""
 
     def __init__(
         self, fields: Mapping[str, str], written: Callable[[dict[str, Values]], None]
@@ -34,8 +35,8 @@ class Inputs:
         self._owners: dict[str, Hashable] = {}
 
     def claim(self, owner: Hashable, names: Sequence[str]) -> list[str]:
-        """Reserve inputs for a client ``owner``, all or none; return for each of ``names`` its
-        type, `IN_USE` if another client has it, or `NOT_FOUND`."""
+        """Reserve inputs for an RTDE client ``owner``, all or none; return for each of ``names``
+        its type, `IN_USE` if another client has it, or `NOT_FOUND`."""
         types = [self._type(owner, name) for name in names]
         if IN_USE not in types and NOT_FOUND not in types:
             self._owners.update(dict.fromkeys(names, owner))
@@ -99,7 +100,7 @@ class Terminals:
 
 @dataclass(frozen=True)
 class Offer:
-    """Outputs and inputs that an RTDE session may use.
+    """Outputs and inputs of a UR controller that a session of its data link RTDE may use.
 
     Attributes:
         version: software version of the controller.
@@ -117,7 +118,7 @@ class Offer:
 
 
 class RtdeSession(Conversation):
-    """Session of one RTDE client: answers its packets and streams its recipe.
+    """Session of one RTDE client: answers its packets and streams the fields of its recipe (list).
 
     Attributes:
         burst: bytes of data packets that the fault ``burst`` holds back.
@@ -152,7 +153,7 @@ class RtdeSession(Conversation):
         return True
 
     def due(self) -> bool:
-        """Count one control cycle; return whether this client gets a data packet in it."""
+        """Count one control cycle; return whether this RTDE client gets a data packet in it."""
         if not self.started or self.output is None:
             return False
         self._phase += self._share
@@ -162,7 +163,7 @@ class RtdeSession(Conversation):
         return True
 
     def data(self, values: Mapping[str, Values]) -> bytes:
-        """Return a data packet: this client's recipe, filled from the outputs ``values``."""
+        """Return an RTDE data packet: the fields that this client asked for, from ``values``."""
         return b"" if self.output is None else self.output.pack(values)
 
     def end(self) -> None:
@@ -227,7 +228,7 @@ class RtdeSession(Conversation):
         self._answer(wire.PAUSE, bytes([1]))
 
     def _data(self, payload: bytes) -> None:
-        """Write a client's input data; a short payload is dropped, excess bytes are ignored."""
+        """Write the inputs that a client sent; a short payload is dropped, excess is ignored."""
         recipe = self.inputs.get(payload[0]) if payload else None
         values = None if recipe is None else recipe.unpack(payload[1:])
         if values is not None:
@@ -235,7 +236,7 @@ class RtdeSession(Conversation):
 
 
 class Rtde:
-    """RTDE server: one session for each client of its port."""
+    """Server of a UR controller's data link RTDE: one session for each client of its port."""
 
     def __init__(self, offer: Offer) -> None:
         self._offer = offer
@@ -249,12 +250,12 @@ class Rtde:
 
     @property
     def wanted(self) -> set[str]:
-        """Names of the outputs that at least one client receives."""
+        """Names of the output fields that at least one RTDE client receives."""
         recipes = [session.output for session in self._sessions.values() if session.started]
         return {name for recipe in recipes if recipe is not None for name in recipe.names}
 
     def stream(self, values: Mapping[str, Values]) -> None:
-        """Send its data packet, from output values by name, to each client that is due one."""
+        """Send its data packet, from output values by name, to each RTDE client that is due one."""
         self._sessions = {p: s for p, s in self._sessions.items() if not p.closed}
         if self._offer.fault("freeze") is None:
             self._frozen = None
@@ -274,13 +275,13 @@ class Rtde:
                     session.burst += data
 
     def hang_up(self, reset: bool) -> None:
-        """Close the connections of clients with an input recipe; ``reset``: by a TCP reset."""
+        """Close the connections of clients that write inputs; ``reset``: by a TCP reset."""
         for peer, session in self._sessions.items():
             if session.inputs:
                 peer.close(reset)
 
     def inject(self, data: bytes) -> None:
-        """Insert raw bytes into the stream of every client that receives data."""
+        """Insert raw bytes into the RTDE stream of every client that receives data."""
         for peer, session in self._sessions.items():
             if session.started:
                 peer.send(data)

@@ -95,7 +95,7 @@ def text(message: str, source: str, level: int, version: int) -> bytes:
 
 
 def names(raw: bytes) -> list[str] | None:
-    """Field names in a recipe's comma-separated text; None if it is longer than allowed."""
+    """Field names in an RTDE client's comma-separated request; None if longer than allowed."""
     if len(raw) > _LONGEST_NAMES:
         return None
     return [name for name in raw.decode("latin-1").split(",") if name]
@@ -126,7 +126,7 @@ class Splitter:
 
 
 class Recipe:
-    """Fields of an RTDE data packet, in order.
+    """Recipe of RTDE: fields of a data packet, in order.
 
     Args:
         number: recipe id; None in protocol 1, whose data packets do not carry it.

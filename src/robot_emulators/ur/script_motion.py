@@ -125,7 +125,7 @@ def optimovel(
 
 
 def _kept(program: ScriptProgram, new: M) -> M:
-    """Return the active motion if it has the class of ``new``, to continue it; else ``new``."""
+    """Return the arm's active motion, to continue it, if of the class of ``new``; else ``new``."""
     motion = program.arm.motion
     return motion if type(motion) is type(new) else new
 

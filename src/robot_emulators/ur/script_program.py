@@ -42,7 +42,7 @@ class ScriptProgram:
         name: name of the program.
         secondary: whether it runs beside the main program.
         direct: whether its commands act in the same control cycle, else in the next.
-        links: its TCP connections.
+        links: its TCP/IP connections.
     """
 
     def __init__(self, controller: "Controller", code: Code) -> None:
@@ -71,7 +71,7 @@ class ScriptProgram:
             return False
 
     def close(self) -> None:
-        """Close all TCP connections that the program opened."""
+        """Close all TCP/IP connections that the program opened."""
         self.links.close()
 
     def watch(self, name: str, frequency: float, action: str) -> None:
@@ -148,7 +148,7 @@ def dialled(
 
 
 class ExternalControl:
-    """A program whose URScript the controller fetches from a computer when it is started."""
+    """A program (External Control) whose URScript is fetched from a computer when it starts."""
 
     direct = False
     name = "external_control"

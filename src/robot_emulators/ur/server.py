@@ -45,7 +45,7 @@ _INJECT_S = 2.0
 
 
 class UREmulator(Emulator):
-    """Emulator of a Universal Robots controller with its arm, by default a UR5, and its box."""
+    """Emulator of a UR controller with its arm, by default a UR5, and a Net F/T box beside it."""
 
     name = "ur5"
     title = "Universal Robots UR5 and its kin: RTDE, dashboard and script ports"

@@ -98,7 +98,7 @@ class ControllerSettings(Settings):
 
     @property
     def computer(self) -> tuple[str, int]:
-        """Host and port from which external_control.urp fetches its program."""
+        """Host and port from which the program external_control.urp fetches its URScript."""
         host, _, port = self.external_control.rpartition(":")
         return host, int(port)
 

@@ -307,7 +307,7 @@ class Effect(ABC):
     def amplitudes(
         self, published: Mapping[str, Mapping[str, Any]]
     ) -> dict[str, Mapping[str, Any]] | None:
-        """Inverse of `publish`: value and std of amplitudes by name; None if it is impossible."""
+        """Value and std of amplitudes by name, from parameters that `publish` made; else None."""
         return dict(published)
 
     def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
@@ -322,7 +322,7 @@ class Effect(ABC):
         return theta
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """What to add to joint values (M, J) [rad or m] for effect values p (stage ``joint``)."""
+        """Displacement of joint values (M, J) [rad or m] that the effect with values p adds."""
         return 0.0
 
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
@@ -330,19 +330,19 @@ class Effect(ABC):
         return pose
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Wrench (M, 6) [N, N·m], sensor axes, that the effect adds to a load (stage ``load``)."""
+        """Wrench (M, 6) [N, N·m], sensor axes, that the effect with values p adds to ``load``."""
         return np.zeros_like(load)
 
     def sense(self, torque: np.ndarray, p: Values) -> np.ndarray:
-        """Joint torques (M, J) [N·m, of slides N] as read with the effect (stage ``effort``)."""
+        """Joint torques (M, J) [N·m, of slides N] as read by sensors with the effect, values p."""
         return torque
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        """Readings (M, 6) [N, N·m] with the effect on them (stages ``reading``, ``timing``)."""
+        """Readings (M, 6) [N, N·m] with the effect of values p acting on ``reading`` (M, 6)."""
         return reading
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
-        """Readings (N, 6) at t (N,) [s] with the effect's random part added (stage ``row``)."""
+        """Readings ``rows`` (N, 6) at t (N,) [s] with the effect's random part, values p, added."""
         return rows
 
     # ---- MuJoCo ----------------------------------------------------------------------------
@@ -350,7 +350,7 @@ class Effect(ABC):
     def edit_spec(  # noqa: B027 - most effects have nothing to write
         self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values
     ) -> None:
-        """Write the effect (values p) into a MuJoCo model, if it can be; by default do nothing."""
+        """Write the effect, values p, into a MuJoCo model if it can be; by default do nothing."""
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
         """Robot's parameters (P,) changed so that they equal the effect; None if none can."""
@@ -456,7 +456,8 @@ class RowEffect(Effect):
 def alike(
     names: Sequence[str], unit: str, size: float, bound: float, text: str
 ) -> tuple[Parameter, ...]:
-    """Make parameters ``names`` of nominal 0, typical ``size``, range ±``bound`` and a ``text``."""
+    """Make parameters ``names``: nominal 0, typical ``size``, range ±``bound``, meaning
+    ``text``."""
     return tuple(Parameter(n, 0.0, unit, size, -bound, bound, text) for n in names)
 
 

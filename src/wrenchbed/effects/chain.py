@@ -124,8 +124,8 @@ class EffectChain:
         return reading
 
     def placed(self, scene: Scene) -> tuple[Pose, np.ndarray]:
-        """Pose of the sensor and the rigid tool's load on it (M, 6) [N, N·m] after stages
-        ``model``, ``joint`` and ``pose``, before effects add wrenches."""
+        """Sensor's pose and the rigid tool's load on it (M, 6) [N, N·m], with effects on the
+        robot's parameters, joints and pose, before effects add wrenches."""
         theta = self.theta(scene.robot, scene.theta)
         pose = self.pose(scene, theta)
         as_stated = pose.rotation is scene.pose[0] and pose.position is scene.pose[1]

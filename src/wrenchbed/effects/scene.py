@@ -142,7 +142,7 @@ class Scene:
 
     @cached_property
     def inertial(self) -> np.ndarray:
-        """Inertial load of the tool (M, 6) [N, N·m] by accelerations in ``extra``; 0 without."""
+        """Tool's inertial load (M, 6) [N, N·m] by measured accelerations; 0 where none are."""
         if ACCELERATION not in self.extra:
             return np.zeros((len(self), 6))
         tool, spin = self.tool, self.extra[SPIN]

@@ -56,7 +56,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def causes(self) -> Sequence[Claim]:
-        """The causes that the diagnosis claims, in words, in the order of ``which``."""
+        """The causes that the diagnosis claims, in words, in the order of its JSON's ``which``."""
 
     @property
     @abstractmethod
@@ -197,7 +197,7 @@ class Answer(ABC):
 
     @property
     def stays(self) -> str:
-        """Sentences for the sim-to-real gap where no cause is named."""
+        """Sentences that say that the sim-to-real gap stays, where no cause is named."""
         own = f" {numbers.gap(self.d.gap.floor)} of it is how single rows scatter beyond noise."
         own *= self.d.gap.floor >= LEAST_SCATTER
         return f"It stays {self.on}: without a cause there is nothing to close it with.{own}"

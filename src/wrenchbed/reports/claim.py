@@ -73,7 +73,7 @@ class Claim:
 
     @property
     def names(self) -> str:
-        """Name of the effect and of its rivals: ``base.tilt or cable.pull``."""
+        """Names of the effect and of those that look alike, as ``base.tilt or cable.pull``."""
         return " or ".join((self.name, *(name for name, _ in self.rivals)))
 
     @property

@@ -87,7 +87,7 @@ class HeldOutReadings:
         ]
 
     def of(self, twin: Twin) -> np.ndarray:
-        """Readings (H, C) of a simulator, a `Twin`, at the observations."""
+        """Readings (H, C) of a simulator, a `Twin`, at the H observations, in C channels."""
         return simulated(self.prepared, twin)[self.prepared.scene.held]
 
 

@@ -123,8 +123,8 @@ class WrenchAnswer(Answer):
 
     @property
     def _most(self) -> Mapping[str, Any] | None:
-        """Entry of ``where`` in diagnosis.json with the largest share of the gap; None if none has
-        one."""
+        """Entry of ``where`` in diagnosis.json (joints, channels …) with the largest share of the
+        gap; None if none has one."""
         shares = (w for w in self.d.where if float(w["share"]) > 0.0)
         return max(shares, key=lambda w: float(w["share"]), default=None)
 

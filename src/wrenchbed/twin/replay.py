@@ -135,7 +135,7 @@ class Playback:
         self._extend(q, t[0] + share * (t[1] - t[0]))
 
     def rest(self, t: np.ndarray, q: np.ndarray, push: np.ndarray) -> np.ndarray:
-        """Readings (n, 6) at times t (n,) [s] of a rest at q (J,); ``push`` (6,): further load."""
+        """Readings (n, 6) at times t (n,) [s] at rest at q (J,); ``push`` (6,): further load."""
         self._extend(q[None], t[:1])
         self._load[-1] += push
         last = len(self._q) - 1

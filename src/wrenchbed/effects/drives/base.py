@@ -208,12 +208,12 @@ class DriveEffect(ABC):
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        """Columns and cause at a time or period searched on a residual; None if none is sought."""
+        """Regressors and cause with a lag or period searched on a residual; None if it has none."""
         return None
 
 
 class StatedNumber(DriveEffect):
-    """Effect that is an error of a stated drive parameter; if unstated every fit frees it."""
+    """Error of a drive parameter that the metadata state; where unstated, every fit frees it."""
 
     word: ClassVar[str]
     """Name of its column, before the joint's number."""

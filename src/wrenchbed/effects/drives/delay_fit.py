@@ -45,7 +45,7 @@ def closest(
 
 
 class Lag(DriveEffect):
-    """Delay or filter of the effort by a lag [s], its size; linear about the lag `Block.value`.
+    """Delay or filter of the effort; its size is a lag [s], linearised about `Block.value` [s].
 
     Friction changes sign within an unstated distance after each reversal: a free column.
     """

@@ -12,7 +12,7 @@ WIDTHS = (1e-2, 3e-2, 1e-1)
 class DriveHysteresis(DriveEffect):
     """τ → τ + Σ a z_w(q), z_w stop operators of several half widths w (Prandtl–Ishlinskii model).
 
-    Seen in: slow motion with reversals after short and long ways.
+    Seen in: slow motion with reversals after short and long travel.
     """
 
     name = "drive.hysteresis"

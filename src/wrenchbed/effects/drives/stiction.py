@@ -14,7 +14,7 @@ ROUNDED = 3e-3
 class DriveStiction(DriveEffect):
     """τ → τ + Σ a sign q̇ exp(−s/w), s the distance since the last reversal, over several widths w.
 
-    The shortest widths belong to every healthy drive, whose bristles nobody states.
+    Terms of the shortest widths occur in every healthy drive, unstated (presliding).
 
     Seen in: slow motion with many reversals.
     """

@@ -244,7 +244,7 @@ class Receiver:
         self._socket.close()
 
     def flagged(self) -> int:
-        """Return the status bits of all records since the last call, combined by "or"."""
+        """Return the status bits of all the box's records since the last call, combined by "or"."""
         with self._lock:
             word, self._status = self._status, 0
         return word
