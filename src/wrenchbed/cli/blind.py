@@ -22,7 +22,7 @@ _PUBLISH = "publish with the cases: SHA-256 of commitments.json"
 
 @dataclass(frozen=True)
 class FamilyArguments:
-    """Options of `blind make`: number, robot and kind of the sealed cases."""
+    """Options of `blind make`: number, robot and kind of the sealed cases (hidden answers)."""
 
     cases: int = 300  # Number of cases.
     robot: str = "ur5"  # Name of a simulated robot.
@@ -32,7 +32,7 @@ class FamilyArguments:
     world: Literal["referee", "look-alikes", "efforts", "both"] = "referee"
 
     def family(self, seed: int) -> "Family":
-        """Settings of the sealed benchmark cases that these options and a seed determine."""
+        """Settings of benchmark cases with hidden answers that these options and a seed make."""
         from wrenchbed.benchmark.sealed.make import EffortFamily, Family, LookalikeFamily
 
         if self.world in ("efforts", "both"):
@@ -153,7 +153,7 @@ def score(
 
 
 def blind() -> None:
-    """The sealed benchmark: blind make, blind run, blind score."""
+    """The sealed benchmark, with hidden answers: blind make, blind run, blind score."""
 
 
 VERBS: dict[str, Callable[..., Any]] = {"make": make, "run": run, "score": score}

@@ -45,7 +45,7 @@ class DataArguments:
     touch_std: float | None = None
 
     def read(self) -> wb.Touches | None:
-        """Read the touches from the file that ``--touches`` names; None without one."""
+        """Read touches (tip on known points) from the file of ``--touches``; None without one."""
         if self.touches is None:
             if self.touch_std is not None:
                 raise ParameterError("--touch-std goes with --touches")

@@ -117,7 +117,7 @@ class RobotArguments:
     seed: int = 0  # Seed of everything random.
 
     def fleet(self, robot: str) -> "wb.Fleet":
-        """Make the settings of a campaign of simulated robots, which determine its table."""
+        """Make the settings of a campaign (many simulated robots), which determine its table."""
         words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
         plan = None if self.plan is None else wb.Plan.read(self.plan)
         return wb.Fleet(robot, self.robots, words, self.poses, self.samples, self.seed, plan)

@@ -398,7 +398,7 @@ class LoadEffect(Effect):
     stage = "load"
 
     def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
-        """Largest force (else torque) on the tool, for effects that act on it from outside."""
+        """Largest force, else torque, that an external effect with values p puts on the tool."""
         if self.family != "external":
             return {}
         load = self.pull(scene, Pose(*scene.pose), scene.load, p)[scene.held]
@@ -456,8 +456,7 @@ class RowEffect(Effect):
 def alike(
     names: Sequence[str], unit: str, size: float, bound: float, text: str
 ) -> tuple[Parameter, ...]:
-    """Make parameters ``names``: nominal 0, typical ``size``, range ±``bound``, meaning
-    ``text``."""
+    """Make parameters ``names`` [``unit``]: nominal 0, typical ``size``, ±``bound``, a ``text``."""
     return tuple(Parameter(n, 0.0, unit, size, -bound, bound, text) for n in names)
 
 
@@ -480,8 +479,8 @@ def channel_parameters(
 def channel_variants(
     stem: str, at: Values | None = None, shape: tuple[str, ...] = ()
 ) -> list[Variant]:
-    """Variants that free ``stem.fx`` …: one, forces, torques, all; ``at``, ``shape``: start,
-    fitted."""
+    """Variants that free ``stem.fx`` …: one, forces, torques, all; they begin at shape values
+    ``at``, of which those named ``shape`` are fitted."""
     names = per_channel(stem)
     where = dict(at or {})
     single = [
@@ -609,7 +608,7 @@ def joint_stems(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def of_joint(given: Mapping[str, Any], names: Sequence[str], joints: int) -> dict[str, Any]:
-    """Add the joint to short ``names``: {"joint": 2, "offset": x} becomes {"offset.q2": x}.
+    """Complete names of ``given`` to ``names``: {"joint": 2, "offset": x} becomes {"offset.q2": x}.
 
     Raises:
         ParameterError: there is no such joint among ``joints``, their number.

@@ -83,7 +83,7 @@ def single(names: Sequence[str]) -> list[Variant]:
 
 
 def together(label: str, names: Sequence[str], weight: float = 1.0) -> Variant:
-    """Variant, of a prior weight, that frees several of the robot's parameters together."""
+    """Variant ``label``, of prior ``weight``, that frees robot's parameters ``names`` together."""
     return Variant(label, tuple(map(public, names)), weight=weight)
 
 

@@ -116,7 +116,7 @@ class SensorTemperature(ReadingEffect):
 
 
 def _bent(warm: np.ndarray, extent: float, order: int) -> np.ndarray:
-    """Square (order 0) or cube (1) of temperatures ``warm`` [K] over ``extent`` [K], × extent."""
+    """Square (order 0) or cube (1) of temperatures ``warm`` (P,) [K] over ``extent``, × extent."""
     return np.asarray(warm * (warm / extent) ** (order + 1))
 
 

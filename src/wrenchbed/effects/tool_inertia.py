@@ -53,7 +53,7 @@ class ToolInertia(ModelEffect):
         return added(robot, theta, {f"tool.{n}": p[n] for n in NAMES})
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Share of the tool's inertial load at measured accelerations (M, 6) [N, N·m]; else 0."""
+        """``share`` in p of the tool's inertial load by measured accelerations (M, 6); else 0."""
         return p.get(SHARE, 0.0) * scene.inertial
 
 

@@ -239,7 +239,7 @@ def thinned(
 
 
 def _kept(s: Series, most: int) -> np.ndarray:
-    """Indices of at most ``most`` points to draw: extremes; in scatter plots also evenly spaced
+    """Indices (≤ most,) of the points to draw: extremes; in scatter plots also evenly spaced
     ones."""
     if s.kind != "points" or len(s.x) <= most:
         return extremes(s.y, most)

@@ -71,8 +71,8 @@ def exp(x: Value, y: Value, z: Value) -> Value:
 
 
 def _series(square: Value, odd: int) -> Value:
-    """Series in ``square`` (φ²) of sin(φ)/φ (``odd`` 0) or (1 − cos φ)/φ² (``odd`` 1), to rounding
-    for |φ| ≤ π."""
+    """Series (…) in ``square`` φ² (…) of sin(φ)/φ (``odd`` 0) or (1 − cos φ)/φ² (``odd`` 1), to
+    rounding for |φ| ≤ π."""
     total: Value = 1.0 / (1 + odd) + 0.0 * square
     term: Value = total
     for k in range(1, _TERMS):
@@ -119,7 +119,7 @@ def matrix(quaternion_wxyz: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross product over the last axis; `np.cross` spends ten times as long on small arrays."""
+    """Cross product (…, 3) over the last axis; numpy's takes ten times as long on small arrays."""
     return np.stack(
         [
             a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],

@@ -120,7 +120,7 @@ def atan2(y: Value, x: Value) -> Value:
 
 
 def stack_jets(parts: Sequence[Value]) -> Value:
-    """Stack arrays or `Jet`s (with time derivatives) along a new last axis; they broadcast."""
+    """Stack arrays or `Jet`s (…) (with time derivatives) along a new last axis; they broadcast."""
     if any(isinstance(p, Jet) for p in parts):
         jets = [_as_jet(p) for p in parts]
         return Jet(

@@ -97,7 +97,7 @@ class Mix:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """Design problem of `reach`: candidate poses and touches, unknown parameters, target.
+    """Design problem of `reach`: candidate poses and touches of points, unknown parameters, target.
 
     Attributes:
         columns: indices of the unknown parameters (K,).
@@ -123,13 +123,13 @@ class _Task:
 
     def assured(self, chosen: Chosen) -> float:
         """Position error [m] below which ``options.share`` of robots stay when calibrated on poses
-        and touches at indices ``chosen``."""
+        and touches of known points at indices ``chosen``."""
         covariance = np.linalg.inv(self.information(chosen)) * np.outer(self.scale, self.scale)
         return self.goal.quantile(covariance, self.options.share)
 
     def best(self, kind: int, information: np.ndarray, used: list[int]) -> tuple[int, float]:
-        """Find the unused candidate of a kind (0 pose, 1 touch) whose information raises the design
-        criterion most: its index, and the criterion with it added to ``information`` (K, K)."""
+        """Find the unused candidate of a kind (0 pose, 1 touch of a point) whose information raises
+        the criterion most: its index, and the criterion with it added to ``information`` (K, K)."""
         pool = self.pools[kind]
         slope = pool.slopes(self.criterion.gradient(information))
         slope[used] = -np.inf
@@ -138,8 +138,8 @@ class _Task:
         return int(some[np.argmax(value)]), float(value.max())
 
     def grow(self, chosen: Chosen) -> None:
-        """Add to ``chosen`` (indices of poses, of touches) the candidate that lowers log(error)
-        most per cost."""
+        """Add to ``chosen`` (indices of poses, of touches of points) the candidate that lowers
+        log(error) most per cost."""
         information = self.information(chosen)
         now = float(self.criterion.values(information))
         (pose, with_pose), (touch, with_touch) = (
@@ -151,8 +151,8 @@ class _Task:
             chosen[0].append(pose)
 
     def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
-        """Drop touches, then poses, from those ``chosen`` (indices) while the others still reach
-        ``accuracy`` [m]; return what is kept."""
+        """Drop touches of points, then poses, from those ``chosen`` (indices) while the others
+        reach ``accuracy`` [m]; return what is kept."""
         for kind, least in ((1, 0), (0, self.options.least_poses)):
             while len(chosen[kind]) > least:
                 blocks = self.pools[kind].blocks[chosen[kind]]
@@ -166,7 +166,7 @@ class _Task:
         return chosen
 
     def exchanged(self, chosen: Chosen) -> Chosen:
-        """Improve ``chosen`` indices by swapping poses for poses and touches for touches."""
+        """Improve ``chosen`` by swapping poses for other poses, touches of points for others."""
         for kind in (1, 0) * _TURNS:
             if not chosen[kind]:
                 continue

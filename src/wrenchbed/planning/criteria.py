@@ -41,7 +41,8 @@ class Criterion(ABC):
         """Derivative (m, m) of the criterion with respect to a non-singular information matrix."""
 
     def screen(self, information: np.ndarray) -> np.ndarray:
-        """Matrix G (m, m): the larger trace(G JᵢᵀJᵢ), the more promising is configuration i."""
+        """Matrix G (m, m): the larger trace(G JᵢᵀJᵢ), Jᵢ the Jacobian, the better configuration
+        i."""
         return self.gradient(information)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:

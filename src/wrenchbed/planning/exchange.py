@@ -243,7 +243,7 @@ def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Cert
 
 
 def heaviest(certificate: Certificate, n: int) -> np.ndarray:
-    """Indices of the n configurations of largest weight (fewer if the certificate has fewer)."""
+    """Indices (≤ n,) of the n configurations of largest weight, or of all if there are fewer."""
     return certificate.support[np.argsort(-certificate.weight)[:n]]
 
 

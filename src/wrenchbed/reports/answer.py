@@ -264,7 +264,7 @@ class Answer(ABC):
 
     @property
     def nearest(self) -> tuple[str, float]:
-        """(name, probability) of the likeliest effect or group of look-alikes; ("", 0) if none."""
+        """(name, probability) of the likeliest effect or look-alike effects; ("", 0) if none."""
         known = {k: p for k, p in self.d.probabilities.items() if k not in _MEANING}
         return max(known.items(), key=lambda kv: kv[1], default=("", 0.0))
 

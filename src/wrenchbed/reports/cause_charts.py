@@ -239,7 +239,7 @@ def _variables(e: HeldOutReadings, channel: int) -> Iterator[tuple[Axis, np.ndar
 
 def scatter(e: HeldOutReadings, entry: Mapping[str, Any], name: str) -> Chart:
     """Chart ``name`` of rows minus their mean over time, for a cause (``entry`` of diagnosis.json)
-    that means do not show; of a motion also as a spectrum: a vibration is a peak, noise is flat."""
+    that shows in no mean; of a motion also as a spectrum: a vibration is a peak, noise is flat."""
     rows = e.prepared.excerpt
     stated = np.asarray(rows.metadata.sensor.noise_std or (0.0,) * 6, dtype=float)
     noise = np.where(stated > 0.0, stated, e.std)

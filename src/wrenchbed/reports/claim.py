@@ -176,14 +176,15 @@ def joints(entry: Mapping[str, Any]) -> list[int]:
 
 
 def joints_or(entry: Mapping[str, Any]) -> list[int]:
-    """Numbers, from 1, of the joints of which one is the cause, not known which; else empty."""
+    """Numbers, from 1, of the joints one of which, unknown which, is cause ``entry``; or empty."""
     joint = entry["parameters"].get("joint", {})
     value = joint.get("value")
     return sorted([value, *joint.get("rivals", [])]) if isinstance(value, int) else []
 
 
 def _one_of_joints(entry: Mapping[str, Any]) -> str:
-    """Text ``2, 3 or 4`` of the joints one of which, unknown which, is the cause; else empty."""
+    """Text ``2, 3 or 4`` of the joints one of which, unknown which, is cause ``entry``, or
+    empty."""
     numbered = [str(k) for k in joints_or(entry)]
     return listed(numbered, " or ") if numbered else ""
 

@@ -34,7 +34,7 @@ class WrenchAnswer(Answer):
     """A diagnosis of a wrench in words.
 
     Attributes:
-        row_effects: names of claimed effects that show in single rows, not in means.
+        row_effects: names of claimed effects that show in single rows, not in poses' means.
         row_sentences: sentences on all effects that show in single rows only.
         variable: phrase for the variable on which an unexplained residual depends most.
     """
@@ -223,7 +223,7 @@ class WrenchAnswer(Answer):
 
     @property
     def _unexplained(self) -> str:
-        """Phrase for what no effect explains: the gap, or single rows if means have no gap."""
+        """Phrase for what no effect explains: the gap, or single rows if poses' means have none."""
         if self.d.verdict == UNKNOWN and small(self.d.gap):
             if self.findings.scattered:
                 return "how rows scatter"

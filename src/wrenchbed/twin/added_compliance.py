@@ -194,7 +194,7 @@ class Mechanism:
 
     @property
     def smooth(self) -> np.ndarray:
-        """Whether each of E added joints moves without jumps (boolean), so that it has a speed."""
+        """Boolean (E,): whether each added joint moves without jumps, so that it has a speed."""
         return np.array(
             [not a.in_tool and (a.half is None or a.name.endswith(ROUND)) for a in self._added]
         )
@@ -287,7 +287,8 @@ class Mechanism:
         return result
 
     def _force(self, q: Value, give: np.ndarray) -> np.ndarray:
-        """Force on the added joints (M, E) [N·m or N], springs included, with loops kept closed."""
+        """Force on added joints (M, E) [N·m or N] at ``give`` (M, E), with springs, loops
+        closed."""
         rows = _moving(self._place(q, give))
         result, asked = np.empty(give.shape), np.empty(self.model.nv)
         data = self.data
@@ -303,8 +304,8 @@ class Mechanism:
         return result
 
     def _turns(self, columns: list[int]) -> np.ndarray:
-        """Derivative −J_p⁺ J of the loops' passive joints by the joints at ``columns``; J, J_p:
-        Jacobians of the loops' gaps."""
+        """Derivative −J_p⁺ J (passive, columns) of the loops' passive joints by those at
+        ``columns``; J, J_p: Jacobians of the loops' gaps."""
         data = self.data
         loops = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         jacobian = np.asarray(data.efc_J).reshape(data.nefc, self.model.nv)[loops]

@@ -133,7 +133,7 @@ class Twin:
 
     @cached_property
     def robot_theta(self) -> np.ndarray:
-        """Parameters of the robot alone: the first ones of ``theta``, without the sensor's."""
+        """Parameters of the robot alone: the first ones of ``theta`` (P,), without the sensor's."""
         return self.model.robot.robot_theta(self.theta)
 
     @cached_property

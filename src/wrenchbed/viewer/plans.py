@@ -79,9 +79,9 @@ def _course(robot: SimulatedRobot, plan: Plan) -> tuple[str, np.ndarray, np.ndar
 def along(
     robot: SimulatedRobot, legs: Sequence[Leg], dwell: np.ndarray, speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values (K, J), times (K,) [s] of a recording run from home: moves at a fraction
-    ``speed`` of top speed, a stay at each pose (``dwell`` by row of the plan [s]; `STAY_S` where it
-    is 0)."""
+    """Joint values (K, J), times (K,) [s] of a recording run from home along ``legs``: moves at a
+    fraction ``speed`` of top speed, a stay at each pose (``dwell`` by row of the plan [s]; `STAY_S`
+    where it is 0)."""
     here, now = np.asarray(robot.home, dtype=float), 0.0
     q, at = [here], [now]
     for leg in legs:

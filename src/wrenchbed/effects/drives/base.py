@@ -186,7 +186,7 @@ class DriveEffect(ABC):
         return tuple(rows.column(word, shape) for word, shape in self.shapes(rows).items())
 
     def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
-        """Cause that frees the effect's own among ``columns``; None if it has none in ``rows``."""
+        """Cause that frees those ``columns`` of the effect that have no prior; None if none has."""
         names = tuple(c.name for c in columns if c.std is None)
         if not names:
             return None

@@ -26,7 +26,8 @@ def direction(speed: np.ndarray, rest: float = REST) -> np.ndarray:
 
 
 def moving(speed: np.ndarray, rate: float) -> np.ndarray:
-    """Whether (N,) the joint moves in all rows within `_MEMORY_S` of a row; ``rate`` [Hz]."""
+    """Whether (N,) a joint of ``speed`` (N,) moves in all rows within `_MEMORY_S`; ``rate``
+    [Hz]."""
     still = np.abs(speed) <= REST * np.abs(speed).max()
     width = 2 * max(1, round(_MEMORY_S * rate)) + 1
     return np.asarray(np.convolve(still, np.ones(width), mode="same") < 0.5)

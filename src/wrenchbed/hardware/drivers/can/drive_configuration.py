@@ -189,7 +189,7 @@ class Drives:
             )
 
     def _try(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
-        """Write ``size`` bytes to an object that a drive may lack; note a refusal, return False."""
+        """Write ``value``, ``size`` bytes, to an object that a drive may lack; False if refused."""
         without = self._lacking.setdefault(index, set())
         without.discard(node)
         try:
@@ -199,20 +199,20 @@ class Drives:
         return node not in without
 
     def read(self, node: int, index: int, sub: int = 0) -> int:
-        """Read an object of a drive as a number. Raises a `LinkError` if the drive does not answer,
-        a `DriverError` if it refuses."""
+        """Read object (``index``, ``sub``) of a drive as a number. Raises a `LinkError` if the
+        drive does not answer, a `DriverError` if it refuses."""
         raw = self._transfer(node, index, sub, None)
         return int.from_bytes(raw, "little", signed=index == 0x607D)
 
     def optional(self, node: int, index: int, sub: int = 0) -> int | None:
-        """Read an object of a drive as a number; None if the drive refuses."""
+        """Read object (``index``, ``sub``) of a drive as a number; None if the drive refuses."""
         with contextlib.suppress(_RefusedError):
             return self.read(node, index, sub)
         return None
 
     def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
-        """Write a number of ``size`` bytes to an object of a drive. Raises a `LinkError` if the
-        drive does not answer, a `DriverError` if it refuses."""
+        """Write a number of ``size`` bytes to object (``index``, ``sub``) of a drive. Raises a
+        `LinkError` if the drive does not answer, a `DriverError` if it refuses."""
         self._transfer(node, index, sub, struct.pack("<Q", value)[:size])
 
     def _transfer(self, node: int, index: int, sub: int, raw: bytes | None) -> bytes:

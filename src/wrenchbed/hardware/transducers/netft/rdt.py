@@ -174,7 +174,8 @@ class DeviceClock:
         return self._fit.ppm
 
     def take(self, host: float, stamp: int) -> tuple[float, float]:
-        """Add a reading's arrival [s] and counter; return device time and undelayed arrival [s]."""
+        """Add a reading's arrival [s] and counter ``stamp``; return device time, arrival
+        undelayed."""
         step = 0 if self._stamp is None else signed(stamp - self._stamp)
         if step < 0:
             self._fit.clear()
