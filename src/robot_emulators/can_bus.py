@@ -285,7 +285,7 @@ class Client(Connection):
         self._out += f"< {text} >".encode("ascii")
 
     def say(self, text: bytes) -> None:
-        """Queue protocol text for this client, if it is in raw mode and not bus off."""
+        """Queue text for this socketcand client if it is in raw mode (gets frames), not bus off."""
         if self.raw and not self.off:
             queue = self._held if self._quiet_until else self._out
             queue += text

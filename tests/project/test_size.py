@@ -19,7 +19,7 @@ WRENCHBED = {
     "environments": 588,
     "exports": 828,
     "files": 576,
-    "hardware": 6683,
+    "hardware": 6685,
     "jobs": 555,
     "monitoring": 1388,
     "pages": 1255,
@@ -36,9 +36,9 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78954,
-    "src/wrenchbed": 69476,
-    "src/robot_emulators": 9478,
+    "src": 78957,
+    "src/wrenchbed": 69478,
+    "src/robot_emulators": 9479,
     "tests": 37998,
     "scripts": 3476,
 }

@@ -145,7 +145,7 @@ class Node:
             pdo.forget()
 
     def _forget(self) -> None:
-        """Forget all errors, other nodes' heartbeats and PDO timers, as after power-up."""
+        """Forget all errors, other nodes' heartbeats and messages' timers, as after power-up."""
         self._errors: set[int] = set()
         self._beat_due = 0.0
         self._heard: dict[int, float] = {}

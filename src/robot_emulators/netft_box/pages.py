@@ -109,7 +109,8 @@ class Pages:
         }  # fmt: skip
 
     def _scale(self, kind: str) -> dict[str, str]:
-        """XML elements (name → text) of units, counts, ratings; prefix ``kind`` is cfg or cal."""
+        """XML elements of a box's page, name → text, of units, counts …; prefix ``kind`` cfg,
+        cal."""
         s = self._settings
         si = np.repeat([units.NEWTON[s.force_unit], units.NEWTON_METRE[s.torque_unit]], 3)
         counts = self._sensing.per_si * si

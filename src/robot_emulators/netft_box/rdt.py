@@ -77,7 +77,7 @@ def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> 
 
 
 class FaultySender:
-    """Sends a Net F/T box's records by UDP, spoilt by active faults; ``counters`` of both."""
+    """Sends a Net F/T box's records by UDP, spoilt by active faults; ``counters`` count both."""
 
     def __init__(self, sock: socket.socket, faults: Faults, seed: int) -> None:
         self._socket, self._faults = sock, faults
@@ -154,7 +154,7 @@ class FaultySender:
 
 @dataclass
 class Pace:
-    """How a box sends: record rate [Hz], records per buffered datagram, and whether RDT is on."""
+    """How a Net F/T box sends: record rate [Hz], records per datagram if buffered, if RDT is on."""
 
     rate: float
     buffer: int = 10

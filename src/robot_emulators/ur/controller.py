@@ -282,7 +282,7 @@ class Controller:
 
 
 def functions(version: Version) -> Table:
-    """Return name → function that URScript programs may call in this software version."""
+    """Return name → function that URScript programs may call in a UR software version."""
     generation = 0 if version[0] < 5 else 1 if version[0] < 10 else 2
     missing = {
         name for names, since in _SINCE.items() if version[:2] < since[generation]

@@ -93,7 +93,7 @@ def _flat(rows: Iterable[Iterable[float]]) -> list[float]:
 
 
 class Primary:
-    """Servers of the primary and secondary interfaces, ports 30001 and 30002."""
+    """Servers of a UR controller's primary and secondary interfaces, ports 30001 and 30002."""
 
     def __init__(self, controller: Controller, clock: Timestamp) -> None:
         self._controller, self._clock = controller, clock

@@ -48,7 +48,7 @@ def _numbers(values: Mapping[str, Values]) -> Iterator[float]:
 
 
 class Realtime:
-    """Server of the realtime interface, port 30003."""
+    """Server of a UR controller's realtime interface, port 30003."""
 
     def __init__(self, controller: Controller, clock: Timestamp) -> None:
         self._controller, self._clock = controller, clock

@@ -154,7 +154,7 @@ def _milli(value: float) -> str:
 
 
 def _sure(value: float, std: float) -> str:
-    """Text of value ± standard uncertainty, both times 1000, with two digits of uncertainty."""
+    """Text of value ± standard uncertainty, in thousandths, with two digits of uncertainty."""
     places = max(0, 1 - math.floor(math.log10(1e3 * std))) if std > 0.0 else 3
     return f"{1e3 * value:.{places}f} ± {1e3 * std:.{places}f}"
 

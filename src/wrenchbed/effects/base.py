@@ -353,7 +353,7 @@ class Effect(ABC):
         """Write the effect, values p, into a MuJoCo model if it can be; by default do nothing."""
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
-        """Robot's parameters (P,) changed so that they equal the effect; None if none can."""
+        """Robot's parameters (P,) changed so as to give the effect of values p; else None."""
         return None
 
 
@@ -608,7 +608,7 @@ def joint_stems(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def of_joint(given: Mapping[str, Any], names: Sequence[str], joints: int) -> dict[str, Any]:
-    """Complete names of ``given`` to ``names``: {"joint": 2, "offset": x} becomes {"offset.q2": x}.
+    """Complete names in ``given`` to ``names``: {"joint": 2, "offset": x} gives {"offset.q2": x}.
 
     Raises:
         ParameterError: there is no such joint among ``joints``, their number.

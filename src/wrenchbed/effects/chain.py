@@ -68,7 +68,7 @@ class EffectChain:
         return frozenset(s for s, active in self._at.items() if active)
 
     def theta(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
-        """Parameters (P,) of the robot with the effects at stage ``model``."""
+        """Robot's parameters ``theta`` (P,) as changed by the effects that act on them."""
         for a in self._at["model"]:
             theta = a.effect.theta(robot, theta, a.values)
         return theta

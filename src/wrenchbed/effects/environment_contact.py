@@ -146,7 +146,7 @@ def _from(normal: np.ndarray, begin: Values, weight: float) -> Variant:
 
 
 def _depth(scene: Scene, pose: Pose, p: Values) -> np.ndarray:
-    """Depth (M,) [m] of the contact point behind the plane of p, negative in front of it."""
+    """Depth (M,) [m] of the contact point behind the plane of values p; negative before it."""
     at = value(pose.position) + apply(value(pose.rotation), touching(scene, p))
     return np.asarray(p["depth"] - at @ direction(p, NORMAL))
 

@@ -120,8 +120,8 @@ class JointClearance(JointEffect):
 
 
 def _moved(scene: Scene, links: np.ndarray, slack: Values) -> np.ndarray:
-    """Shift δE (M, 2) [m] of a five-bar's tip by ``slack`` [m] of ``links`` (M, 2, 2; unit
-    rows)."""
+    """Shift δE (M, 2) [m] of a five-bar's tip by clearances ``slack`` [m], by name, of ``links``
+    (M, 2, 2), whose rows are unit vectors along them."""
     longer = np.zeros(links.shape[:2])
     for k, (name, half) in enumerate(slack.items()):
         if half:

@@ -70,7 +70,7 @@ class JointGearError(JointEffect):
         return {"amplitude": (float(amplitude), "rad"), "waves_a_turn": (p["order"], "1")}
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """Displacement of the joints (M, J); in motion a `Jet` with exact derivatives."""
+        """Displacement of joints (M, J) [rad or m]; in motion a `Jet` with exact derivatives."""
         a, b = (
             np.array([p.get(n, 0.0) for n in each_joint(part, scene.robot)])
             for part in ("sin", "cos")

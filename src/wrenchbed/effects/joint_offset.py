@@ -28,7 +28,7 @@ class JointOffset(JointEffect):
         return np.broadcast_to(vector(p, each_joint("offset", scene.robot)), scene.joints.shape)
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
-        """Parameters (P,) with the offsets added to the joints' zeros; None if it has no zeros."""
+        """Parameters (P,) with the offsets added to joints' zeros; None if the robot has none."""
         offsets = {n: p[f"offset.q{k}"] for k, n in enumerate(robot.zero_names, start=1)}
         return added(robot, theta, offsets) if offsets else None
 

@@ -127,17 +127,17 @@ class Scene:
 
     @cached_property
     def pose(self) -> tuple[Value, Value]:
-        """Sensor's rotation R_world_sensor (M, 3, 3), origin (M, 3) [m], as configured."""
+        """Sensor's rotation R_world_sensor (M, 3, 3) and origin (M, 3) [m], from ``theta``."""
         return self.robot.sensor_pose(self.q, self.theta)
 
     @cached_property
     def tool(self) -> Tool:
-        """Tool as configured, from ``theta``."""
+        """Tool (mass, centre of gravity, inertia) as stated by the parameters ``theta``."""
         return self.robot.tool(self.theta)
 
     @cached_property
     def load(self) -> np.ndarray:
-        """Wrench on the sensor (M, 6) [N, N·m], as configured."""
+        """Wrench on the sensor (M, 6) [N, N·m] by the tool as ``theta`` states it."""
         return wrench(*self.pose, self.tool, self.gravity)
 
     @cached_property
@@ -174,12 +174,12 @@ class Scene:
 
     @cached_property
     def joint_torque(self) -> np.ndarray:
-        """Torque of weight on each joint (M, J) [N·m; N on a slide], as configured."""
+        """Torque of weight on each joint (M, J) [N·m; N on a slide], by parameters ``theta``."""
         return self.robot.gravity_torque(self.q, self.theta, self.gravity)
 
     @cached_property
     def base_moment(self) -> np.ndarray:
-        """Moment of weight about the base's origin (M, 3) [N·m], as configured."""
+        """Moment of weight about the base's origin (M, 3) [N·m], by parameters ``theta``."""
         return self.robot.base_moment(self.q, self.theta, self.gravity)
 
 

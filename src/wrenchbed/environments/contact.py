@@ -182,8 +182,8 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Move the tip by ``action`` (3,); return observation, reward, ended, truncated and
-        info."""
+        """Move the tip for `STEP_S` as ``action`` (3,) says; return observation (13,), reward,
+        whether it ended, whether it was truncated, and info."""
         wish = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
         for q in self.hand.move(SPEED * STEP_S * wish, CYCLES):
             self.body.step(q)

@@ -74,7 +74,7 @@ class Parts:
         return sorted(int(n) for n in names if n.isdecimal())
 
     def readable(self, number: int) -> bool:
-        """Whether the file of this part exists and can be read."""
+        """Whether the file of part ``number`` exists and can be read."""
         try:
             read_table(self.path(number))
         except (OSError, pa.ArrowException) as cause:
@@ -83,7 +83,7 @@ class Parts:
         return True
 
     def write(self, number: int, rows: Iterable[Row]) -> None:
-        """Write the rows of a part to its file atomically."""
+        """Write the rows of part ``number`` to its file atomically."""
         write_table(self.path(number), pa.Table.from_pylist(list(rows), schema=self.schema))
 
     def table(self, numbers: Sequence[int] | None = None) -> pa.Table:

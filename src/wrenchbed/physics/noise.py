@@ -255,8 +255,8 @@ def _mix(rows: Array, root: Array) -> Array:
 def _rates(f_low: float, f_high: float) -> tuple[Array, float]:
     """Rates (K,) [rad/s] of unit processes and their common factor, to sum to 1/f of level 1.
 
-    From f_low to f_high [Hz]. An Ornstein–Uhlenbeck process of variance v, rate a has the density
-    4va/(a² + ω²). With variance d(ln a) it integrates to 2π/ω = 1/f; K midpoints of ln a are used.
+    From f_low to f_high [Hz]. An Ornstein–Uhlenbeck process of variance v, rate a has the one-sided
+    density 4va/(a² + ω²). With variance d(ln a) it integrates to 1/f; K midpoints of ln a are used.
     """
     span = np.log(f_high / f_low)
     count = max(1, int(np.ceil(span / (_DECADES * np.log(10.0)))))

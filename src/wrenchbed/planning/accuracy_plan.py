@@ -117,7 +117,7 @@ class _Task:
     criterion: Criterion
 
     def information(self, chosen: Chosen) -> np.ndarray:
-        """Information matrix (K, K) of priors and the measurements at indices ``chosen``."""
+        """Information matrix (K, K), per tolerances, of priors and measurements ``chosen``."""
         seen = [pool.information(some) for pool, some in zip(self.pools, chosen, strict=True)]
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 

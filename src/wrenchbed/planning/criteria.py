@@ -41,8 +41,8 @@ class Criterion(ABC):
         """Derivative (m, m) of the criterion with respect to a non-singular information matrix."""
 
     def screen(self, information: np.ndarray) -> np.ndarray:
-        """Matrix G (m, m): the larger trace(G JᵢᵀJᵢ), Jᵢ the Jacobian, the better configuration
-        i."""
+        """Matrix G (m, m) at an ``information`` matrix: configuration i, Jacobian Jᵢ, is the more
+        promising, the larger trace(G JᵢᵀJᵢ) is."""
         return self.gradient(information)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:

@@ -51,7 +51,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def about(self) -> str:
-        """Text on recordings, robot and duration."""
+        """Text on the diagnosed recordings, their robot and duration."""
 
     @property
     @abstractmethod

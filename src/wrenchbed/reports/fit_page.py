@@ -59,7 +59,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
 
 
 def _verdict(fit: Fit) -> tuple[str, str]:
-    """(colour key, text) of a fit's badge."""
+    """(colour key, text) of the badge on a fit's page, which states its verdict."""
     if fit.refuted is not None:
         return "unknown", "✗ refuted"
     if not fit.converged:

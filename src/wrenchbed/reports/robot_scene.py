@@ -38,7 +38,7 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
     """Probability (0 … 1) that each part is a cause, by name, from the JSON of a diagnosis.
 
     Joints that a cause names, or whose drives it names, are parts of their own, ``joint 2``.
-    Indistinguishable rivals share the probability of their class.
+    Indistinguishable rivals share the probability of their group.
     """
     shares: dict[str, float] = {}
     known = diagnosis["probabilities"]

@@ -130,8 +130,8 @@ class WrenchAnswer(Answer):
 
     @property
     def _agrees(self) -> bool:
-        """False if ``where`` puts another variable first than that which explains the residual
-        best."""
+        """False if ``where`` in diagnosis.json puts another variable first than that which explains
+        the residual best."""
         leading = "" if self._most is None else str(self._most["detail"])
         others = {f.variable for f in self.findings.places} - {self._kernel}
         return leading not in others or self._kernel.startswith(f"{leading} ")

@@ -172,12 +172,12 @@ class Model:
         return names.vector(stated, start=theta)
 
     def true_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Load on the sensor (…, N, 6) [N, N·m] at q (N, J), without its gains and bias."""
+        """Load on the sensor (…, N, 6) [N, N·m] at joint values (N, J), without gains and bias."""
         compiled = self._compiled.readings(q, theta, sensed=False)
         return self.plain_wrench(q, theta) if compiled is None else compiled
 
     def plain_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Load (…, N, 6) [N, N·m] on the sensor by numpy alone: compiled code is tested by it."""
+        """Load (…, N, 6) [N, N·m] on the sensor by numpy alone, against which C code is tested."""
         return self._load(self._seen(q, theta), theta)
 
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:

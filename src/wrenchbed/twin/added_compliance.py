@@ -220,8 +220,8 @@ class Mechanism:
         return give
 
     def load(self, q: Value, give: Value) -> np.ndarray:
-        """Load on the sensor (M, 6) [N, N·m] at q (M, J); ``give`` (M, E): added joints'
-        positions."""
+        """Load on the sensor (M, 6) [N, N·m] at joint values q (M, J) and positions ``give`` (M, E)
+        of the joints that effects added."""
         rows = _moving(self._place(q, give))
         result = np.empty((len(rows.v), 6))
         for i in range(len(result)):
@@ -287,8 +287,8 @@ class Mechanism:
         return result
 
     def _force(self, q: Value, give: np.ndarray) -> np.ndarray:
-        """Force on added joints (M, E) [N·m or N] at ``give`` (M, E), with springs, loops
-        closed."""
+        """Force on the joints that effects added (M, E) [N·m or N], at joint values q (M, J) and
+        added joints' positions ``give`` (M, E); springs included, loops kept closed."""
         rows = _moving(self._place(q, give))
         result, asked = np.empty(give.shape), np.empty(self.model.nv)
         data = self.data

@@ -18,8 +18,8 @@ from wrenchbed.viewer.robot import log_scene
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
-    """Write a diagnosis as a picture for rerun (``.rrd``), which states its command line
-    ``command``."""
+    """Write a diagnosis as a picture for the viewer rerun (``.rrd``); ``command``, the command line
+    that made it, is stated in it."""
     readings, view, axis = HeldOutReadings(findings), None, None
     scene, shares = wrench_scene(readings), dict[str, float]()
     if scene is not None:

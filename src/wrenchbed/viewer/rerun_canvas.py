@@ -115,8 +115,8 @@ def document(origin: str, name: str) -> Any:
 
 
 def blamed(robot: str, at: np.ndarray, places: np.ndarray) -> Any:
-    """Views of the robot (around ``places`` (N, 3) [m]), its colour bar, residuals over ``at``
-    (K,)."""
+    """Make views of the robot around ``places`` (N, 3) [m], of its colour bar (probability that a
+    part is the cause) and of residuals over rows ``at`` (K,)."""
     title = "probability that the cause is there: 0 (grey) … 1 (dark red)"
     bar = rr.blueprint.Spatial2DView(origin="/blame", name=title)
     residual = curves("/residual", "residual of all channels, rms [noise of a row]", (ROW, at))

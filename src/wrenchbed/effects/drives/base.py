@@ -131,7 +131,7 @@ class DriveRows:
     def column(
         self, word: str, data: np.ndarray, std: float | None = None, *, free: bool = False
     ) -> Column:
-        """Make a regressor ``word.joint`` from data (N,); ``std`` and ``free`` as of `Column`."""
+        """Make a regressor ``word.joint`` of data (N,); ``std``: prior; ``free``: in every fit."""
         return Column(f"{word}.{self.joint}", data, std or None, free)
 
 

@@ -26,8 +26,8 @@ def direction(speed: np.ndarray, rest: float = REST) -> np.ndarray:
 
 
 def moving(speed: np.ndarray, rate: float) -> np.ndarray:
-    """Whether (N,) a joint of ``speed`` (N,) moves in all rows within `_MEMORY_S`; ``rate``
-    [Hz]."""
+    """Whether (N,), boolean, a joint of speeds ``speed`` (N,) at ``rate`` [Hz] moves in all rows
+    within `_MEMORY_S` of each row."""
     still = np.abs(speed) <= REST * np.abs(speed).max()
     width = 2 * max(1, round(_MEMORY_S * rate)) + 1
     return np.asarray(np.convolve(still, np.ones(width), mode="same") < 0.5)
@@ -100,7 +100,7 @@ def _path(x: np.ndarray, width: float) -> np.ndarray:
 
 
 def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
-    """Change (N,) of a torque (N,) sampled at t (N,) when it is delayed by ``delay`` [s]."""
+    """Change (N,) of a torque (N,) sampled at times t (N,) [s] when it is late by ``delay`` [s]."""
     return np.asarray(np.interp(t - delay, t, torque) - torque)
 
 
@@ -117,6 +117,6 @@ def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
 
 
 def slow(torque: np.ndarray, rate: float, time: float) -> np.ndarray:
-    """Change (N,) of a torque (N,), ``rate`` [Hz], by a low-pass of time constant ``time``."""
+    """Change (N,) of a torque (N,) at ``rate`` [Hz] by a low-pass of time constant ``time`` [s]."""
     clock = np.arange(len(torque)) / rate
     return np.asarray(lagging(torque[:, None], clock, time)[:, 0] - torque)

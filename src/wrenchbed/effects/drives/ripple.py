@@ -7,7 +7,7 @@ from wrenchbed.effects.drives.base import DriveResidual, Size
 class DriveRipple(Wave):
     """τ → τ + Σ_k a_k sin(k n q) + b_k cos(k n q), n (few) periods per turn of joint angle q.
 
-    A slow period looks like other causes: it is searched beside what every fit leaves free.
+    A slow period looks like other causes: columns that every fit frees are fitted beside it.
 
     Seen in: motion over more than a turn.
     """

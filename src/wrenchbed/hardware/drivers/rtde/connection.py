@@ -150,7 +150,8 @@ class ControlProcess:
             raise LinkError(why)
 
     def send(self, do: str, **more: Any) -> bool:
-        """Send command ``do`` and its values, do not wait; return False if the channel was full."""
+        """Send the process command ``do`` with values ``more``; return False if the channel is
+        full."""
         return self._wire.send({"do": do} | more)
 
     def ask(self, do: str, timeout: float, **more: Any) -> str:
@@ -186,21 +187,21 @@ class ControlProcess:
         return f"the control process ended with code {code}"
 
     def quit(self, timeout: float) -> None:
-        """Ask the process to end, kill it after the timeout [s], and release its resources."""
+        """Ask the control process to end, kill it after the timeout [s], release its resources."""
         self.send("quit")
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout)
         self.kill()
 
     def kill(self, why: str = "") -> None:
-        """Kill the process, note the reason and release its resources; may be called twice."""
+        """Kill the control process, note why, and release its resources; may be called twice."""
         self._why = self._why or self.gone() or why
         self._kill()
         with self._lock:
             self._wire.close()
 
     def _drain(self) -> None:
-        """Read the messages that the process sent; store the last eight answers."""
+        """Read the messages that the control process sent; store the last eight answers."""
         with self._lock, contextlib.suppress(Closed):
             while (message := self._wire.receive(0.0)) is not None:
                 why = str(message.get("why", ""))

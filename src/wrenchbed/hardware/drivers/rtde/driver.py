@@ -66,8 +66,8 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
 
 
 class Followed:
-    """Checks that the controller follows streamed targets: ur_rtde (library) confirms lost ones
-    too."""
+    """Checks that the controller follows streamed targets: the library ur_rtde reports success even
+    for targets that the controller dropped."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[float, np.ndarray, np.ndarray]] = deque()

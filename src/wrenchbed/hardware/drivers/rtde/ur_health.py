@@ -179,8 +179,8 @@ def _line(link: socket.socket, end: float) -> bytes:
 
 
 def _done(host: str, command: str, done: Callable[[], bool], seconds: float, trouble: str) -> None:
-    """Send a dashboard command and wait for ``done``; after ``seconds`` raise `StoppedError`, whose
-    text begins with ``trouble``."""
+    """Send a command to a UR's dashboard server and wait for ``done``; after ``seconds`` raise
+    `StoppedError`, whose text begins with ``trouble``."""
     answer = request(host, command)
     if not wait_until(done, seconds):
         raise StoppedError(f"{trouble}, the dashboard says {answer!r}")

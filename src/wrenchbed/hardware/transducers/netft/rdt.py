@@ -174,8 +174,8 @@ class DeviceClock:
         return self._fit.ppm
 
     def take(self, host: float, stamp: int) -> tuple[float, float]:
-        """Add a reading's arrival [s] and counter ``stamp``; return device time, arrival
-        undelayed."""
+        """Add a reading's arrival [s] and 32-bit counter ``stamp``; return device time [s] and the
+        arrival that it would have had without delay [s]."""
         step = 0 if self._stamp is None else signed(stamp - self._stamp)
         if step < 0:
             self._fit.clear()

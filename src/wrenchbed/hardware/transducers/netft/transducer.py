@@ -266,7 +266,7 @@ class NetftTransducer(Transducer):
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """Read serial numbers and settings from the page anew: the calibration may have changed."""
+        """Read serial numbers and settings from the box's page anew: they may have changed."""
         with contextlib.suppress(DriverError):  # it stated itself before
             if self._connected:
                 self._page = replace(self._page, identity=parse(get(*self._web)).identity)
