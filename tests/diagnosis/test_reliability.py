@@ -45,18 +45,19 @@ def claims(truth, count, rng):
 
 def test_the_map_learns_what_speaks_for_a_claim_and_never_takes_more_of_it_for_less():
     rng = np.random.default_rng(0)
-    model = learnt(claims([-1.0, 3.0, -2.0, 0.0], 4000, rng), "")
-    _, evidence, closed, _ = model.claim
+    model = learnt(claims([-1.0, 3.0, -2.0, 1.0, 0.0], 4000, rng), "")
+    _, evidence, closed, complete, _ = model.claim
     assert evidence == pytest.approx(3.0, abs=0.4)
     assert closed == 0.0  # the truth falls with it, a monotone map does not
-    free = learnt(claims([-1.0, 3.0, 2.0, 1.0], 4000, rng), "")
-    assert free.claim == pytest.approx([-1.0, 3.0, 2.0, 1.0], abs=0.4)
+    assert complete == pytest.approx(1.0, abs=0.4)
+    free = learnt(claims([-1.0, 3.0, 2.0, 1.0, 1.0], 4000, rng), "")
+    assert free.claim == pytest.approx([-1.0, 3.0, 2.0, 1.0, 1.0], abs=0.4)
     with pytest.raises(DiagnosisError, match="nothing to learn"):
         learnt([], "")
 
 
 def test_a_case_that_stands_for_three_counts_as_three():
-    few = [taught((1, 0.5, 0.5, 1), k > 0, weight=3.0) for k in range(9)]
+    few = [taught((1, 0.5, 0.5, 0.5, 1), k > 0, weight=3.0) for k in range(9)]
     many = [replace(x, weight=1.0) for x in few for _ in range(3)]
     assert learnt(few, "").claim == pytest.approx(learnt(many, "").claim, rel=1e-9)
 
@@ -119,14 +120,12 @@ def test_the_map_holds_on_arms_that_taught_none_of_it():
     arms = sorted({x.arm for x in every})
     assert len(arms) >= 6
     assert {round(x.design[0]) for x in every} == {6, 7}
-    p, right, weight = [], [], []
+    rows = []
     for arm in arms:
         others = learnt([x for x in every if x.arm != arm], "")
-        own = [x for x in every if x.arm == arm and x.features]
-        p += [others.of(x.features) for x in own]
-        right += [x.right for x in own]
-        weight += [x.weight for x in own]
-    p, right, weight = np.array(p), np.array(right), np.array(weight)
+        claims = [x for x in every if x.arm == arm and x.features]
+        rows += [(others.of(x.features), x.right, x.weight, x.mode == "dynamic") for x in claims]
+    p, right, weight, moving = map(np.array, zip(*rows, strict=True))
     brier, log = scores(p, right, weight)
     flat_brier, flat_log = scores(np.full(len(p), RIGHT_ELSEWHERE), right, weight)
     assert brier < flat_brier
@@ -134,6 +133,7 @@ def test_the_map_holds_on_arms_that_taught_none_of_it():
     assert abs(np.average(p, weights=weight) - np.average(right, weights=weight)) < 0.03
     sure = p > 0.9
     assert np.average(right[sure], weights=weight[sure]) > 0.95
+    assert np.count_nonzero(sure & moving) >= 20  # a motion is not doubted as such
 
 
 def still(seed=0, poses=24):
@@ -143,7 +143,7 @@ def still(seed=0, poses=24):
 
 
 def test_look_alikes_teach_beside_other_cases(monkeypatch):
-    weak = (1.0, 0.1, 0.1, 1.0)
+    weak = (1.0, 0.1, 0.1, 0.1, 1.0)
     known = [taught(weak, k % 4 > 0) for k in range(20)]
     known = [replace(x, design=lessons()[0].design) for x in known]
 

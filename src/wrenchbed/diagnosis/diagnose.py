@@ -315,8 +315,7 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
 
     def right(verdict: Verdict[Explanation], gap: Closure) -> float:
-        so_often = known.right(verdict, gap.closed_least, a.prepared.scene.mode)
-        return so_often if verdict.word == PARTIAL else so_often * gap.closed_beside(LARGEST_NONE)
+        return known.right(verdict, gap.closed_least, gap.left, a.prepared.scene.mode)
 
     seen = (sensor_saturation.EFFECT.name,) if a.prepared.at_limits.any() else ()
     return facts_of(a.ranking, claims.gap, right, least=least, own_rest=own_rest, seen=seen)
@@ -358,7 +357,7 @@ def _without_outliers(
     weighed, outliers = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
         decision = weighed.decision
-        if decision.settled and decision.rest < LEFT:
+        if decision.settled and decision.gap.left < LEFT:
             break
         claims = Claims(weighed.analysis, seed)
         claim = claims.claimed(decision.verdict) if decision.settled else None
@@ -368,7 +367,7 @@ def _without_outliers(
             break
         again = weigh(prepared.aside(rows), known, seed)
         described = outliers_.described(prepared, rows, simulated(prepared, again.twin))
-        if not described or again.decision.rest > CLEARER * decision.rest:
+        if not described or again.decision.gap.left > CLEARER * decision.gap.left:
             break
         outliers, all_rows = described, np.any([o.rows for o in described], axis=0)
         weighed = again

@@ -350,11 +350,10 @@ def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
 def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tuple[str, ...]:
     """Notes on the gap left and effects ``between`` rows; ``unknown``: whether the verdict is."""
     result = []
-    rest = None if gap.with_effects is None else gap.with_effects.value - max(gap.floor, 0.0)
-    if rest is not None and rest > max(1.0, UNEXPLAINED * gap.excess):
+    if gap.with_effects is not None and gap.left > max(1.0, UNEXPLAINED * gap.excess):
         result.append(
-            f"the named causes leave a gap of {rest:.3g} on held-out rows: there is another cause, "
-            "or the model of these is wrong; do not trust the twin"
+            f"the named causes leave a gap of {gap.left:.3g} on held-out rows: there is another "
+            "cause, or the model of these is wrong; do not trust the twin"
         )
     if between and unknown:
         result.append(

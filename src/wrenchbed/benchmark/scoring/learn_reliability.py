@@ -71,7 +71,7 @@ def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: flo
     weighed = weigh(gathered(recording(design, case)), UNLEARNT, 0)
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
     mode = a.prepared.scene.mode
-    claimed = features(verdict, gap.closed_least, mode) if verdict.causes else ()
+    claimed = features(verdict, gap.closed_least, gap.left, mode) if verdict.causes else ()
     probabilities = {k: p for k, p in verdict.probabilities.items() if p > 0.0}
     shown = set(case.causes) - set(case.rows)
     true = tuple(k for k in probabilities if shown & set(k.split("|")))

@@ -27,11 +27,6 @@ class Decision(Generic[S]):
         """Whether the verdict says that no cause is missing: none, identified or ambiguous."""
         return self.verdict.word in (NONE, "identified", "ambiguous")
 
-    @property
-    def rest(self) -> float:
-        """Gap beyond noise that the causes leave, on rows that no fit used."""
-        return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
-
 
 @dataclass(frozen=True, eq=False)
 class Facts(Generic[S]):

@@ -17,13 +17,14 @@ import numpy as np
 from scipy.special import betainc, expit
 
 from wrenchbed.diagnosis.explain import familiarity
+from wrenchbed.diagnosis.explain.claims import REST
 from wrenchbed.diagnosis.explain.verdict import NONE, UNKNOWN, Verdict
 from wrenchbed.errors import DiagnosisError
 
-NAMES = ("constant", "evidence", "closed", "still")
+NAMES = ("constant", "evidence", "closed", "complete", "still")
 """Features of a claim, each 0 … 1: a constant 1, scaled log odds of the evidence, least share of
-the gap that it closes on held-out rows, and whether the robot was at rest. Ten features separated
-no better (six arms, each judged by the others)."""
+the gap that it closes on held-out rows, 1 less the gap left there over `REST`, and whether the
+robot was at rest. Ten others separated no better (six arms, each judged by the others)."""
 MOST_ODDS = 30.0
 """Log odds beyond which evidence is as sure as it can be: less likely structures are dropped."""
 PRIOR_STD = 3.0
@@ -102,12 +103,11 @@ class Reliability:
     believed: float = 1.0
     designs: Mapping[str, np.ndarray] = field(default_factory=dict)
 
-    def right(self, verdict: Verdict[Any], closed: float, mode: str) -> float:
-        """Share of answers like a verdict that are right, 0 … 1; ``closed`` is the least share of
-        the gap that it closes on held-out rows, ``mode`` is ``static`` or ``dynamic``."""
+    def right(self, verdict: Verdict[Any], closed: float, left: float, mode: str) -> float:
+        """Share of answers like a verdict that are right, 0 … 1; arguments as of `features`."""
         if not verdict.causes:
             return self.none if verdict.word == NONE else self.unknown
-        return self.of(features(verdict, closed, mode))
+        return self.of(features(verdict, closed, left, mode))
 
     def of(self, features: Sequence[float]) -> float:
         """Probability that a claim with these `features` is right."""
@@ -135,13 +135,14 @@ class Reliability:
         return replace(self, believed=believed, spread=spread)
 
 
-UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
+UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
 """Model that believes the evidence as it is; `Lesson`s are made with it."""
 
 
-def features(verdict: Verdict[Any], closed: float, mode: str) -> tuple[float, ...]:
-    """Features (F,), as `NAMES`, of a verdict's leading claim; ``closed``: least share of the gap
-    that it closes on held-out rows; ``mode``: ``static`` or ``dynamic``."""
+def features(verdict: Verdict[Any], closed: float, left: float, mode: str) -> tuple[float, ...]:
+    """Features (F,), in the order of `NAMES`, of a verdict's leading claim. ``closed``: least share
+    of the gap that its causes close on held-out rows; ``left``: gap beyond noise that they leave
+    there; ``mode``: ``static`` or ``dynamic``."""
     lead = key_of(verdict)
     others = sum(p for name, p in verdict.probabilities.items() if name != lead)
     odds = np.log(max(verdict.probabilities[lead], 1e-300) / max(others, 1e-300))
@@ -149,6 +150,7 @@ def features(verdict: Verdict[Any], closed: float, mode: str) -> tuple[float, ..
         1.0,
         float(np.log1p(np.clip(odds, 0.0, MOST_ODDS)) / np.log1p(MOST_ODDS)),
         float(np.clip(closed, 0.0, 1.0)),
+        float(np.clip(1.0 - left / REST, 0.0, 1.0)),
         float(mode == "static"),
     )
 

@@ -63,6 +63,11 @@ class Closure:
         """Lower end of the share that the effects close; 0 without effects."""
         return 0.0 if self.closed is None else self.closed.low
 
+    @property
+    def left(self) -> float:
+        """Gap beyond noise that the claimed effects leave; without any, the calibrated gap."""
+        return (self.with_effects or self.calibrated).value - max(self.floor, 0.0)
+
     def closed_beside(self, counts: float) -> float:
         """Share of the gap that the effects close, 0…1, if they surely leave a gap above
         ``counts``, since they may then only resemble the true ones; else 1."""
