@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from inspect import isfunction
 from types import ModuleType
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -22,7 +22,7 @@ from wrenchbed.robots.base import INERTIA_AXES, Robot
 Rng = np.random.Generator
 Drawn = TypeVar("Drawn")
 Shake = TypeVar("Shake")
-P = ParamSpec("P")
+
 KINDS = ("none", "single", "pair", "outside")
 """Nothing wrong, one effect of the library, two of different subsystems, a fault of no library."""
 NEEDED = {"none": 0.0, "single": 1.0, "pair": 1.5, "outside": 2.0}
@@ -164,12 +164,9 @@ class Fault:
     name: str = field(default="", kw_only=True)
 
 
-AnyFault = TypeVar("AnyFault", bound=Fault)
-
-
-def named(name: str, draw: Callable[P, AnyFault], *args: P.args, **options: P.kwargs) -> AnyFault:
+def named(name: str, draw: Callable[..., Any], *args: Any) -> Any:
     """Call a function that draws a fault, and give the fault a name."""
-    return replace(draw(*args, **options), name=name)
+    return replace(draw(*args), name=name)
 
 
 def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]]:
@@ -234,14 +231,6 @@ def at_times(y: np.ndarray, t: np.ndarray, times: np.ndarray) -> np.ndarray:
 def elapsed(t: np.ndarray) -> np.ndarray:
     """Share of the run that has elapsed (T,), 0 … 1, at each instant t (T,)."""
     return np.asarray((t - t[0]) / max(float(t[-1] - t[0]), 1e-9))
-
-
-def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
-    """Means (H, …) of rows (N, …) by pose; ``hold`` (N,): number of each row's pose, ascending."""
-    count = np.bincount(hold)
-    starts = np.concatenate([[0], np.cumsum(count)[:-1]])
-    total = np.add.reduceat(np.asarray(rows, dtype=float), starts, axis=0)
-    return np.asarray(total / count.reshape(-1, *[1] * (rows.ndim - 1)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ MODES = ("static", "dynamic")
 ROBOT_MODEL, SENSOR_MODEL = "robot_model", "sensor_model"
 """Metadata entries that hold the model of a user's own robot or sensor (docs/contracts.md)."""
 _MODELS = {"robots": ROBOT_MODEL, "sensors": SENSOR_MODEL}
-_UNIT_LENGTH = 1e-3
+UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 _LEAST_GRAVITY, _MOST_GRAVITY = 1.0, 30.0
 """Range of a plausible gravity [m/s²]: the Moon's is inside, 1 g and 9,807 mm/s² are not."""
@@ -115,7 +115,7 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
     if inertia is not None and not physical_inertia(inertia):
         raise tool.error("inertia", "is not the inertia of any body")
     pose = sensor.numbers("pose_flange", 7)
-    if pose is not None and abs(math.hypot(*pose[3:]) - 1.0) > _UNIT_LENGTH:
+    if pose is not None and abs(math.hypot(*pose[3:]) - 1.0) > UNIT_LENGTH:
         raise sensor.error("pose_flange", "must end in a unit quaternion w, x, y, z")
     gravity = fields.numbers("gravity", 3)
     if gravity is not None and not _LEAST_GRAVITY < math.hypot(*gravity) < _MOST_GRAVITY:

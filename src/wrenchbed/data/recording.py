@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from wrenchbed.data import parquet
-from wrenchbed.data.metadata import Metadata, parse
+from wrenchbed.data.metadata import UNIT_LENGTH, Metadata, parse
 from wrenchbed.errors import RecordingError, WrenchbedWarning, raise_shortage
 from wrenchbed.files import set_aside
 from wrenchbed.physics.rotations import matrix
@@ -35,8 +35,7 @@ COMMAND = "q_target"
 """Column prefix of joint targets."""
 _LARGEST = 1e30
 """Largest value of a column in any unit: beyond nanoseconds since 1970; larger squares overflow."""
-_UNIT_LENGTH = 1e-3
-"""Largest error of a unit quaternion's length: four digits are enough."""
+
 JOURNAL = ".journal"
 """Suffix of the journal beside a recording while it is written."""
 
@@ -267,7 +266,7 @@ def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
     if not joints:
         norm = np.sqrt(sum(columns[c].astype(float) ** 2 for c in QUATERNION))
         why = "is not the length of a unit quaternion"
-        yield from _bad_rows("qw qx qy qz", np.abs(norm - 1.0) > _UNIT_LENGTH, norm, why)
+        yield from _bad_rows("qw qx qy qz", np.abs(norm - 1.0) > UNIT_LENGTH, norm, why)
 
 
 def _bad_rows(column: str, bad: np.ndarray, values: np.ndarray, why: str) -> Iterator[str]:

@@ -130,6 +130,12 @@ class ArmTree:
         closures = [self._closure(n, frames, segment) for n in range(len(self.equalities))]
         turn, origin = frames[last + 1]
         end, at = _axes(data.site_xmat[self.site]), data.site_xpos[self.site]
+        carried, load = np.array(sorted(self.behind), dtype=int), None
+        mass, cog, inertia = self._together(carried, end, at)
+        if mass > 0.0:
+            numbers = tuple(cog.tolist()), tuple(six_of(inertia).tolist())
+            names = tuple(model.body(b).name for b in carried)
+            load = Load(mass, *numbers, names, self._shapes(carried, end, at))
         gravity = (0.0, 0.0, -9.80665) if self.source.urdf else model.opt.gravity
         stated = str(self.source.root.get("model") or self.source.root.get("name") or "MuJoCo")
         name = self.source.path.stem if "MuJoCo" in stated else stated
@@ -138,7 +144,7 @@ class ArmTree:
             base_turn=frames[0][0], base_shift=frames[0][1],
             base_shapes=self._shapes(np.flatnonzero(segment == 0), *frames[0]),
             links=_distinct(links), end_turn=turn.T @ end, end_shift=turn.T @ (at - origin),
-            load=self._load(end, at), gravity=tuple(float(g) for g in gravity),
+            load=load, gravity=tuple(map(float, gravity)),
             parents=parents, end=last, driven=driven, closures=tuple(closures),
         )  # fmt: skip
 
@@ -318,15 +324,6 @@ class ArmTree:
             inertia += model.body_mass[b] * (r @ r * np.eye(3) - np.outer(r, r))
         return mass, turn.T @ (centre - origin), turn.T @ inertia @ turn
 
-    def _load(self, turn: np.ndarray, origin: np.ndarray) -> Load | None:
-        bodies = np.array(sorted(self.behind), dtype=int)
-        mass, cog, inertia = self._together(bodies, turn, origin)
-        if mass <= 0.0:
-            return None
-        names = tuple(self.model.body(b).name for b in bodies)
-        shapes = self._shapes(bodies, turn, origin)
-        return Load(mass, _floats(cog), _floats(six_of(inertia)), names, shapes)
-
     def _shapes(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[Shape, ...]:
@@ -347,7 +344,8 @@ class ArmTree:
                 size, colour, material = model.geom_size[g], model.geom_rgba[g], model.geom_matid[g]
                 if material >= 0 and np.allclose(colour, [0.5, 0.5, 0.5, 1.0]):
                     colour = model.mat_rgba[material]
-                shape = Shape(kind, _floats(size), _floats(pos), _floats(quat), _floats(colour))
+                numbers = (tuple(x.tolist()) for x in (size, pos, quat, colour))
+                shape = Shape(kind, *numbers)
                 shapes.append(shape if kind != "mesh" else self._with_mesh(shape, int(g)))
         return tuple(shapes)
 
@@ -359,16 +357,12 @@ class ArmTree:
             np.array(model.mesh_vert[first : first + count], dtype=float),
             np.array(model.mesh_face[face : face + faces]),
         )
-        rounded = tuple(tuple(round(float(x), _ROUNDED) for x in v) for v in vertices)
-        return replace(shape, vertices=rounded, faces=tuple(tuple(map(int, f)) for f in kept))
+        rounded = tuple(tuple(round(x, _ROUNDED) for x in v) for v in vertices.tolist())
+        return replace(shape, vertices=rounded, faces=tuple(map(tuple, kept.tolist())))
 
 
 def _axes(nine: np.ndarray) -> np.ndarray:
     return nine.reshape(3, 3).copy()
-
-
-def _floats(values: np.ndarray) -> tuple[float, ...]:
-    return tuple(float(v) for v in values)
 
 
 def _plain(name: str) -> str:

@@ -83,7 +83,13 @@ def spec_of(arm: ArmModel, load: Load, zeros: np.ndarray) -> mujoco.MjSpec:
         far = [*after, arm.end_shift][0]
         _draw(spec, body, link.shapes, link.body, far, _THICK * stretch)
     for k in arm.driven:
-        _servo(spec, arm.columns[k], arm.links[k])
+        link = arm.links[k]
+        spec.add_actuator(  # it holds the joint at home while its control is 0
+            name=arm.columns[k], target=arm.columns[k], trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gainprm=[STIFFNESS, *[0.0] * 9], biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            biasprm=[STIFFNESS * link.home, -STIFFNESS, -DAMPING, *[0.0] * 7],
+            ctrlrange=[link.lower - link.home, link.upper - link.home],
+        )  # fmt: skip
     _close(spec, bodies, arm)
     _end(spec, bodies[arm.end + 1], arm, load)
     home = [link.home for link in arm.links]
@@ -160,16 +166,6 @@ def _bone(
     else:
         size = [1.3 * thick, 0.0, 0.0]
         body.add_geom(name=name, type=_GEOM.mjGEOM_SPHERE, size=size, rgba=rgba)
-
-
-def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
-    """Add a position servo ``column`` that holds its joint at home while its control is 0."""
-    spec.add_actuator(
-        name=column, target=column, trntype=mujoco.mjtTrn.mjTRN_JOINT,
-        gainprm=[STIFFNESS, *[0.0] * 9], biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        biasprm=[STIFFNESS * link.home, -STIFFNESS, -DAMPING, *[0.0] * 7],
-        ctrlrange=[link.lower - link.home, link.upper - link.home],
-    )  # fmt: skip
 
 
 def _close(spec: mujoco.MjSpec, bodies: Sequence[mujoco.MjsBody], arm: ArmModel) -> None:

@@ -17,7 +17,7 @@ from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.gravity_torques import BodyMass
 from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply
-from wrenchbed.robots.arm_numbers import HINGE, ArmLink, ArmModel, Load
+from wrenchbed.robots.arm_numbers import HINGE, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
     Joint,
@@ -214,8 +214,9 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
     arm, items = description.arm, list[Parameter]()
     for k, link in enumerate(arm.links):
         if k in arm.driven:
-            bound = 6.3 if link.kind == HINGE else 2.0
-            items.append(_zero(f"joint.{link.joint}.zero", link, bound, "joint zero offset"))
+            unit, size, bound = ("rad", ANGLE, 6.3) if link.kind == HINGE else ("m", _SLIDE, 2.0)
+            name, text = f"joint.{link.joint}.zero", "joint zero offset"
+            items.append(Parameter(name, 0.0, unit, size, -bound, bound, text))
         text = "its joint's origin in the axes of the link before"
         items += _places(f"link.{link.body}.position", link.shift, text)
         text = "rotation vector against the file, in the link's axes"
@@ -232,12 +233,6 @@ def loop_groups(arm: ArmModel) -> list[list[str]]:
     """Of each loop closure, the names ``loop.<closure>.<body>`` of the two points that it joins."""
     bodies = [*(link.body for link in arm.links), "base"]  # −1 is the base
     return [[f"loop.{c.name}.{bodies[k]}" for k in (c.first, c.second)] for c in arm.closures]
-
-
-def _zero(name: str, link: ArmLink, bound: float, text: str) -> Parameter:
-    """Make the parameter ``name`` of a joint's zero offset, 0, within ± ``bound`` [rad or m]."""
-    unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
-    return Parameter(name, 0.0, unit, size, -bound, bound, text)
 
 
 def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:

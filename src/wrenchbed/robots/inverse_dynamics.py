@@ -23,19 +23,17 @@ def torque_regressor(
     """Regressor Y (N, J, 10 L) of joint torques (N, J) = Y φ [N·m, N for slides], φ (10 L,) being
     the inertial parameters of L links, for q, a jet of joint values (N, J), and gravity in world
     axes (3,) [m/s²]. A `NotFoundError` if the robot's model has no frames of links."""
-    starts = range(0, len(q.v), _ROWS_AT_ONCE)
-    parts = [_regressor(robot, theta, q[k : k + _ROWS_AT_ONCE], gravity) for k in starts]
+    parts = []
+    for first in range(0, len(q.v), _ROWS_AT_ONCE):
+        some, columns = q[first : first + _ROWS_AT_ONCE], list[np.ndarray]()
+        one = _unit_speeds(some.v)
+        both = zip(robot.link_frames(some, theta), robot.link_frames(one, theta), strict=True)
+        for frame, moved in both:
+            needed = -regressor(motion_of(*_moving(frame, len(some.v)), gravity))  # (n, 6, 10)
+            way = twist_of(*_moving(moved, len(one.v)))
+            columns.append(way.reshape(*some.v.shape, 6) @ needed)
+        parts.append(np.concatenate(columns, axis=2))
     return np.concatenate(parts)
-
-
-def _regressor(robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.ndarray) -> np.ndarray:
-    one, columns = _unit_speeds(q.v), list[np.ndarray]()
-    both = zip(robot.link_frames(q, theta), robot.link_frames(one, theta), strict=True)
-    for frame, moved in both:
-        needed = -regressor(motion_of(*_moving(frame, len(q.v)), gravity))  # (N, 6, 10)
-        way = twist_of(*_moving(moved, len(one.v)))
-        columns.append(way.reshape(*q.v.shape, 6) @ needed)
-    return np.concatenate(columns, axis=2)
 
 
 def rotor_torque(

@@ -22,6 +22,7 @@ _BOUND = 1e-12
 """Mass and inertia that MuJoCo gets for massless bodies [kg, kg·m²], refused if they move."""
 _BALL_M = 0.03
 """Radius of gyration of a ball that stands for an impossible inertia [m]: matters in motion."""
+_REPLACED = "a body's inertia is that of no body: it is replaced by a possible one"
 _MESHES = (".stl", ".obj", ".msh")
 """Formats of meshes that MuJoCo reads."""
 _MOST_MESH_BYTES = 2**27
@@ -192,15 +193,12 @@ def _compiled(spec: mujoco.MjSpec, source: ModelSource, notes: list[str]) -> muj
     try:
         return spec.compile()
     except ValueError as cause:
-        if "inertia" not in str(cause):
+        if "inertia" not in str(cause) or _REPLACED in notes:
             raise _refused(source, cause) from None
     options.balanceinertia = True
     for body in spec.bodies:
         moments = symmetric(body.fullinertia)
         if np.isfinite(moments).all() and np.linalg.eigvalsh(moments)[0] <= 0.0:
             body.fullinertia = [max(_BALL_M**2 * body.mass, _BOUND)] * 3 + [0.0] * 3
-    notes.append("a body's inertia is that of no body: it is replaced by a possible one")
-    try:
-        return spec.compile()
-    except ValueError as cause:
-        raise _refused(source, cause) from None
+    notes.append(_REPLACED)
+    return _compiled(spec, source, notes)

@@ -35,7 +35,21 @@ class ModelSource:
     def of(cls, path: Path) -> "ModelSource":
         """Read and parse a model file. Raises a `NotFoundError` if there is no such file, a
         `ParameterError` if it is no MJCF or URDF, or larger than any robot."""
-        text, root = _xml(path)
+        try:
+            text = content(path).decode()
+            if "<!DOCTYPE" in text or "<!ENTITY" in text:
+                raise ParameterError(
+                    f"{path}: defines entities: leave them out, no robot needs them"
+                )
+            for prefix in dict.fromkeys(_PREFIX.findall(text)):  # as Drake's <drake:joint>
+                if f"xmlns:{prefix}=" not in text:  # MuJoCo reads files that do not declare it
+                    start = rf'<\1 xmlns:{prefix}="{prefix}"'
+                    text = re.sub(r"<(robot|mujoco)\b", start, text, count=1)
+            root = ElementTree.fromstring(text)
+        except UnicodeDecodeError:
+            raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None
+        except ElementTree.ParseError as cause:
+            raise ParameterError(f"{path}: is no MJCF or URDF: not XML ({cause})") from None
         if root.tag not in ("mujoco", "robot"):
             raise ParameterError(
                 f"{path}: is neither MJCF (<mujoco>) nor URDF (<robot>): begins with <{root.tag}>"
@@ -106,20 +120,3 @@ def content(path: Path) -> bytes:
         f"{path}: has {there.st_size:,} bytes, more than {_MOST_BYTES:,}: give a file of the robot "
         "alone"
     )
-
-
-def _xml(path: Path) -> tuple[str, Element]:
-    """Read a file and return its text and its XML root element."""
-    try:
-        text = content(path).decode()
-        if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise ParameterError(f"{path}: defines entities: leave them out, no robot needs them")
-        for prefix in dict.fromkeys(_PREFIX.findall(text)):  # as Drake's <drake:joint>
-            if f"xmlns:{prefix}=" not in text:  # MuJoCo reads files that do not declare it
-                root = rf'<\1 xmlns:{prefix}="{prefix}"'
-                text = re.sub(r"<(robot|mujoco)\b", root, text, count=1)
-        return text, ElementTree.fromstring(text)
-    except UnicodeDecodeError:
-        raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None
-    except ElementTree.ParseError as cause:
-        raise ParameterError(f"{path}: is no MJCF or URDF: not XML ({cause})") from None

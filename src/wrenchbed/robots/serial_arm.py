@@ -20,7 +20,6 @@ import numpy as np
 from wrenchbed.physics.gravity_torques import BodyMass
 from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import rot_x, rot_z
-from wrenchbed.physics.taylor_jets import Value
 from wrenchbed.robots.arm_numbers import HINGE, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
@@ -162,7 +161,10 @@ class SerialArm(SerialChain):
         """Booleans (N,): poses (N, J) with arm and tool above the table and clear of each other."""
         arm, theta = self.arm, self.parameters.nominal
         frames = list(self.frames(q, theta))
-        limbs = [[_at(frames, spot) for spot in limb] for limb in arm.limbs]
+        limbs = [
+            [frames[k][3] + along_x * frames[k][0] + along_z * frames[k][2]
+             for k, along_x, along_z in limb] for limb in arm.limbs
+        ]  # fmt: skip
         rotation, flange = self.flange_pose(q, theta)
         tool = np.stack([flange + z * rotation[..., 2] for z in arm.tool_axis])
         wrist = [frames[k][3] for k in arm.wrist]
@@ -220,10 +222,3 @@ class SerialArm(SerialChain):
         flange.inertia = [arm.flange.mass * _GYRATION_M**2] * 3
         write_load(spec, self.tool(self.parameters.nominal))
         return spec
-
-
-def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:
-    """Positions (N, 3) [m] in the world of a point of the arm, from the frames of its links."""
-    k, along_x, along_z = spot
-    x, _, z, origin = frames[k]
-    return np.asarray(origin + along_x * x + along_z * z)

@@ -17,10 +17,10 @@ from wrenchbed.jobs.finished_parts import run as run_parts
 from wrenchbed.jobs.workers import Progress
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.study_charts import course, histograms, workspaces
-from wrenchbed.planning.criteria import observability_indices
+from wrenchbed.planning.criteria import INDICES, observability_indices
 from wrenchbed.studies import medrue_identification as identification
 from wrenchbed.studies import medrue_setting as published
-from wrenchbed.studies.medrue_identification import AGAIN, INDICES, PaperRobot
+from wrenchbed.studies.medrue_identification import AGAIN, PaperRobot
 from wrenchbed.studies.medrue_setting import LOWER, MINI40, PAPER, PoseDesign, StudySetting
 
 POOL = 40_000

@@ -14,6 +14,7 @@ from wrenchbed.calibration.least_squares import solve
 from wrenchbed.calibration.position_error import statistics
 from wrenchbed.jobs.finished_parts import Row
 from wrenchbed.physics.wrench import wrench
+from wrenchbed.planning.criteria import INDICES
 from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.studies import medrue_setting as published
 from wrenchbed.studies.medrue_setting import LOWER, MINI40, PAPER, PoseDesign, StudySetting
@@ -26,7 +27,7 @@ _NOISY_STOP = 1e-6
 """Rms change that ends a search on noisy readings [mm, °]: far below the error by noise; the steps
 converge quadratically."""
 STATISTICS = ("mean", "max", "std", "rms")
-INDICES = ("O1", "O2", "O3", "O4", "O5")
+
 AGAIN = "O1 again"
 """Name of the case with the poses of index O1 and another draw of noise."""
 

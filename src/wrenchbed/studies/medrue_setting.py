@@ -17,24 +17,20 @@ from wrenchbed.robots.medrue.kinematics import IDENTIFIED
 from wrenchbed.robots.medrue.robot import MedRUE
 from wrenchbed.simulation.closed_form import Model
 
-NOISY = {
-    "A1z": 178.659, "C1y": -84.002, "A2y": -232.294, "A2z": 177.485, "C2z": 438.210,
-    "L11": 400.742, "L12": 520.321, "L13": 398.502, "L14": 520.271, "L21": 399.774,
-    "L22": 518.505, "L24": 520.460, "d41": 41.657, "beta0": 0.531, "gamma0": -0.176,
-    "dq2": 0.342, "dq3": -0.014, "dq4": 0.529, "dq5": 0.173, "dq6": 0.097,
-    "alphaS": -67.430, "betaS": -0.528, "gammaS": 0.196, "xG": 0.571, "yG": 0.042,
-    "zG": 153.136, "mTool": 0.365,
+TABLE_1 = {
+    "A1z": (178.612, 178.659), "C1y": (-84.005, -84.002), "A2y": (-232.267, -232.294),
+    "A2z": (177.325, 177.485), "C2z": (438.112, 438.210), "L11": (400.730, 400.742),
+    "L12": (520.221, 520.321), "L13": (398.485, 398.502), "L14": (520.332, 520.271),
+    "L21": (399.799, 399.774), "L22": (518.336, 518.505), "L24": (520.445, 520.460),
+    "d41": (41.660, 41.657), "beta0": (0.525, 0.531), "gamma0": (-0.134, -0.176),
+    "dq2": (0.313, 0.342), "dq3": (-0.052, -0.014), "dq4": (0.500, 0.529), "dq5": (0.135, 0.173),
+    "dq6": (0.102, 0.097), "alphaS": (-67.397, -67.430), "betaS": (-0.525, -0.528),
+    "gammaS": (0.185, 0.196), "xG": (0.576, 0.571), "yG": (0.059, 0.042), "zG": (153.132, 153.136),
+    "mTool": (0.365, 0.365),
 }  # fmt: skip
-"""Parameters in the paper's Table 1, identified with measurement errors [mm, °, kg]."""
-ACTUAL = {
-    "A1z": 178.612, "C1y": -84.005, "A2y": -232.267, "A2z": 177.325, "C2z": 438.112,
-    "L11": 400.730, "L12": 520.221, "L13": 398.485, "L14": 520.332, "L21": 399.799,
-    "L22": 518.336, "L24": 520.445, "d41": 41.660, "beta0": 0.525, "gamma0": -0.134,
-    "dq2": 0.313, "dq3": -0.052, "dq4": 0.500, "dq5": 0.135, "dq6": 0.102,
-    "alphaS": -67.397, "betaS": -0.525, "gammaS": 0.185, "xG": 0.576, "yG": 0.059,
-    "zG": 153.132, "mTool": 0.365,
-}  # fmt: skip
-"""True parameters of the simulated robot in Table 1 [mm, °, kg]."""
+"""Parameters in the paper's Table 1 [mm, °, kg]: true ones of the simulated robot, and those
+identified with measurement errors."""
+ACTUAL, NOISY = ({name: pair[k] for name, pair in TABLE_1.items()} for k in range(2))
 AFTER = {"mean": 0.2771, "max": 0.320, "std": 0.0157}
 """Position errors in the target after calibration [mm], as the abstract and Section 5 print."""
 RMS_AFTER = float(np.hypot(AFTER["mean"], AFTER["std"]))

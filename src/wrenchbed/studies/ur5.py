@@ -42,21 +42,16 @@ from wrenchbed.robots.ur5 import URArm
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.mujoco_wrench import Simulation
 
-DIRECTIONS = ("right", "up", "backward", "down", "left")
-METHODS = ("Method 1", "Method 2", "Method 3")
-FORCE = {
-    "right": (0.0189, 3.6908, 5.1165), "up": (0.0120, 4.4279, 5.9899),
-    "backward": (0.1808, 9.5964, 6.1964), "down": (0.0060, 11.5635, 10.3358),
-    "left": (0.0085, 8.6540, 5.6913),
-}  # fmt: skip
-"""Geometric mean of the force's magnitude that Methods 1, 2, 3 leave, by direction [N]."""
-TORQUE = {
-    "right": (0.0122, 0.4353, 0.1034), "up": (0.0038, 0.4464, 0.0507),
-    "backward": (0.0077, 0.3589, 0.1234), "down": (0.0082, 0.6394, 0.2247),
-    "left": (0.0051, 0.4811, 0.0789),
-}  # fmt: skip
-"""Geometric mean of the torque's magnitude that Methods 1, 2, 3 leave, by direction [N·m]."""
-TABLE = {"right": 2, "up": 3, "backward": 4, "down": 5, "left": 6}
+PRINTED = {
+    "right": ((0.0189, 3.6908, 5.1165), (0.0122, 0.4353, 0.1034)),
+    "up": ((0.0120, 4.4279, 5.9899), (0.0038, 0.4464, 0.0507)),
+    "backward": ((0.1808, 9.5964, 6.1964), (0.0077, 0.3589, 0.1234)),
+    "down": ((0.0060, 11.5635, 10.3358), (0.0082, 0.6394, 0.2247)),
+    "left": ((0.0085, 8.6540, 5.6913), (0.0051, 0.4811, 0.0789)),
+}
+"""Geometric means of the force's [N] and the torque's magnitude [N·m] that Methods 1, 2, 3 leave,
+by direction, in the order of Tables 2 to 6."""
+DIRECTIONS = tuple(PRINTED)
 RATE_HZ, SAMPLES, MOVE_S = 100.0, 100, 3.0
 """Rows per second and per pose, and the time between poses [s]."""
 INSTALLATION = {
@@ -87,7 +82,7 @@ _HALVES = (slice(0, 3), slice(3, 6))
 TITLE = "Installation error of a force sensor on a UR5: four methods compared"
 REPEATS = {False: 20, True: 3}
 """Number of repetitions, in full (False) and with --quick (True)."""
-_COMPARED = ("Method 1", "Method 2", "Method 3", "joint fit")
+
 _READING = (
     "Its Denavit–Hartenberg table does not fit the transform printed above it; the manufacturer's "
     "parameters are used here. Method 3 is 'from literature' without saying which: here the sensor "
@@ -349,8 +344,7 @@ def overall(table: pa.Table, scenario: str, method: str) -> float:
 
 
 def _direction(one: Trial, direction: str) -> Table:
-    figures = zip(FORCE[direction], TORQUE[direction], strict=True)
-    printed = dict(zip(METHODS, figures, strict=True))
+    printed = dict(zip(ORDER[:3], zip(*PRINTED[direction], strict=True), strict=True))
     names = ("force", "torque", "force_std", "torque_std")
     rows = [
         (r["method"], *printed.get(r["method"], (np.nan, np.nan)), *(r[n] for n in names))
@@ -358,7 +352,7 @@ def _direction(one: Trial, direction: str) -> Table:
         if r["direction"] == direction
     ]
     return Table.of(
-        f"Table {TABLE[direction]}: tool {direction}",
+        f"Table {2 + DIRECTIONS.index(direction)}: tool {direction}",
         (
             "method", "printed force [N]", "printed torque [N·m]", "force [N]", "torque [N·m]",
             "std force [N]", "std torque [N·m]",
@@ -371,7 +365,7 @@ def _figures(one: Trial) -> tuple[Figure, ...]:
     figures = []
     for i, direction in enumerate(DIRECTIONS):
         keep = one.direction == direction
-        residual = {m: one.residual[m][keep] for m in _COMPARED}
+        residual = {m: one.residual[m][keep] for m in ORDER[:-1]}
         std = {m: r.std(axis=0, ddof=1).tolist() for m, r in residual.items()}
         panels = {
             "force": ("std [N]", {m: s[:3] for m, s in std.items()}),

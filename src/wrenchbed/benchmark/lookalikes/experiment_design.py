@@ -192,11 +192,11 @@ class ExperimentDesign:
     @cached_property
     def motion(self) -> SensorMotion:
         """Pose and motion of the nominal robot's sensor, at each hold or sample."""
-        return self.moved(np.zeros(0), self.theta)
+        return self.moved(np.zeros(()), self.theta)
 
     def moved(self, dq: np.ndarray, theta: np.ndarray) -> SensorMotion:
         """Motion of the sensor at joint values q + dq (N, J) with parameters (P,) or (N, P)."""
-        q = self.q + dq if dq.size else self.q
+        q = self.q + dq
         if self.moving:
             return motion_loads.in_motion(self.robot, theta, self.t, q, self.gravity)
         return motion_loads.at_rest(self.robot, theta, q, self.gravity)

@@ -149,13 +149,12 @@ def biased(shift: np.ndarray, true: dict[str, float] | None = None) -> Imperfect
 class ImperfectRobot:
     """Computes noise-free readings of one design with any imperfections.
 
-    Poses of the sensor are cached for each set of imperfections of joints and links.
+    Poses of the sensor are cached for each set of imperfections of joints and links, by identity.
     """
 
     def __init__(self, design: ExperimentDesign) -> None:
         self.design = design
-        self._motions: dict[tuple[tuple[int, float], ...], SensorMotion] = {}
-        self._known: list[Imperfection] = []  # kept: their identities are keys
+        self._motions: dict[tuple[Scaled, ...], SensorMotion] = {}
 
     def reading(self, items: Sequence[Scaled], *, clip: bool = True) -> np.ndarray:
         """Noise-free reading (N, 6) [N, N·m] with (imperfection, amount) items, clipped if
@@ -191,17 +190,11 @@ class ImperfectRobot:
     def _motion(self, items: Sequence[Scaled]) -> SensorMotion:
         if not items:
             return self.design.motion
-        key = tuple((id(i), k) for i, k in items)
+        key = tuple(items)
         if key not in self._motions:
-            dq = np.zeros(0)
-            theta = self.design.theta
-            for item, k in items:
-                if item.joint is not None:
-                    dq = dq + k * item.joint if dq.size else k * item.joint
-                if item.link is not None:
-                    theta = theta + k * item.link
-            self._known += [item for item, _ in items]
-            self._motions[key] = self.design.moved(dq, theta)
+            dq = sum((k * i.joint for i, k in items if i.joint is not None), np.zeros(()))
+            changes = (k * i.link for i, k in items if i.link is not None)
+            self._motions[key] = self.design.moved(dq, sum(changes, self.design.theta))
         return self._motions[key]
 
 

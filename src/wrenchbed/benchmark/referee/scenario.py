@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.benchmark.fault import Rng, UsualFit, as_stated, hold_means
+from wrenchbed.benchmark.fault import Rng, UsualFit, as_stated
 from wrenchbed.benchmark.rigid_bodies import RigidBodies
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import ParameterError
@@ -199,7 +199,11 @@ class RefereeSetting:
     def mean(self, signal: np.ndarray) -> np.ndarray:
         """Mean at each pose (H, …) of a signal (T, …); in motion its value at each row (N, …)."""
         rows = signal[self.path.rows]
-        return rows if self.mode == "dynamic" else hold_means(rows, self.path.hold)
+        if self.mode == "dynamic":
+            return rows
+        count = np.bincount(self.path.hold)
+        total = np.add.reduceat(rows, np.cumsum(count) - count, axis=0, dtype=float)
+        return np.asarray(total / count.reshape(-1, *[1] * (rows.ndim - 1)))
 
     def thin(self, signal: np.ndarray) -> np.ndarray:
         """Values (n, …) of a signal (T, …) at the rows where readings are compared."""

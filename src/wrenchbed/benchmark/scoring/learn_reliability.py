@@ -10,7 +10,7 @@ from wrenchbed.benchmark.scoring.truth_and_claims import numbers
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import json_entries
 from wrenchbed.diagnosis.decision.decide import conclude
-from wrenchbed.diagnosis.diagnose import Weighed, weigh
+from wrenchbed.diagnosis.diagnose import weigh
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.familiarity import design_of
 from wrenchbed.diagnosis.explain.reliability import (
@@ -66,12 +66,20 @@ def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
 
 
 def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0) -> Lesson:
-    """Diagnose a look-alike: claims, probabilities and truth as a lesson of a ``name``, worth
-    ``weight`` cases in learning reliability; a `DiagnosisError` if its data are refused."""
+    """Diagnose a look-alike: claims, probabilities, truth, and errors of parameters over their
+    standard uncertainties as a lesson of a ``name``, worth ``weight`` cases in learning
+    reliability; a `DiagnosisError` if its data are refused."""
     weighed = weigh(gathered(recording(design, case)), UNLEARNT, 0)
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
     mode = a.prepared.scene.mode
     claimed = features(verdict, gap.closed_least, gap.left, mode) if verdict.causes else ()
+    final = conclude(weighed.decision, json_entries.elements_of(a, verdict))
+    fitted = (
+        numbers(name, entry["parameters"], case.true_parameters(name))
+        for entry in json_entries.causes(a, final, gap, 1.0, ())
+        if (name := entry["effect"]) in case.causes
+    )
+    errors = tuple((n.value - n.truth) / n.std for some in fitted for n in some if n.std)
     probabilities = {k: p for k, p in verdict.probabilities.items() if p > 0.0}
     shown = set(case.causes) - set(case.rows)
     true = tuple(k for k in probabilities if shown & set(k.split("|")))
@@ -79,18 +87,5 @@ def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: flo
         true = (NONE if case.outside is None else UNKNOWN,)
     return Lesson(
         design.robot.name.partition("@")[0], mode, name, claimed, key_of(verdict),
-        true, probabilities, _errors(weighed, case), design_of(a), weight,
+        true, probabilities, errors, design_of(a), weight,
     )  # fmt: skip
-
-
-def _errors(weighed: Weighed, case: LookalikeCase) -> tuple[float, ...]:
-    """Errors (published − true) of a case's parameters over their standard uncertainties."""
-    a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
-    final = conclude(weighed.decision, json_entries.elements_of(a, verdict))
-    result = list[float]()
-    for entry in json_entries.causes(a, final, gap, 1.0, ()):
-        name = entry["effect"]
-        if name in case.causes:
-            fitted = numbers(name, entry["parameters"], case.true_parameters(name))
-            result += [(n.value - n.truth) / n.std for n in fitted if n.std]
-    return tuple(result)

@@ -19,6 +19,7 @@ from wrenchbed.benchmark.efforts import case as efforts
 from wrenchbed.benchmark.fault import KINDS, attempts
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.referee import case as referee
+from wrenchbed.benchmark.referee.scenario import MOTION_HZ, MOTION_S, POSES, SAMPLES
 from wrenchbed.benchmark.scoring.truth_and_claims import Answer, Fact, Oracle
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST, salt
@@ -32,10 +33,6 @@ from wrenchbed.jobs.workers import Progress, in_workers, silent
 from wrenchbed.planning import choose
 from wrenchbed.robots.base import SimulatedRobot
 
-POSES = (60, 100)
-"""Fewest and most poses of a design at rest."""
-SAMPLES, MOTION_S, RATE_HZ = 60, 60.0, 125.0
-"""Rows of a pose; length of a motion [s] and its rate [Hz]."""
 DESIGNS = {"static": 6, "dynamic": 3}
 """Number of designs over which the look-alikes of a mode are spread."""
 _SEEDED = ("single", "none", "outside", "pair")
@@ -121,11 +118,11 @@ class Family:
 
 @lru_cache(maxsize=8)
 def design(robot: str, mode: str, seed: int, number: int) -> ExperimentDesign:
-    """Design ``number`` of a seed: random poses (static) or a multisine (dynamic), as stated."""
+    """Design ``number`` of a seed: random poses or a multisine, in the referee's size."""
     arm = registry.load("robots", robot)
     rng = np.random.default_rng([seed, 61, number])
     if mode == "dynamic":
-        motion = choose.multisine(arm, MOTION_S, RATE_HZ, int(rng.integers(2**31)))
+        motion = choose.multisine(arm, MOTION_S, MOTION_HZ, int(rng.integers(2**31)))
         return ExperimentDesign.of_plan(motion, arm)
     q = arm.sample(int(rng.integers(POSES[0], POSES[1] + 1)), rng)
     return ExperimentDesign.of_plan(Plan.of(robot, q), arm, samples=SAMPLES)

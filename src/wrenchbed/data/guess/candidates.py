@@ -1,19 +1,17 @@
 """All conventions (ways to read the columns) that files allow, each with its fit of a load."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Iterator, Sequence
 from itertools import product
 
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.accelerometer_orientation import held, upright
+from wrenchbed.data.accelerometer_orientation import upright
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import turned
 from wrenchbed.data.guess.column_readings import Reading, joints, orientations, wrenches
 from wrenchbed.data.guess.column_roles import MOST_UNNAMED, Sheet
-from wrenchbed.data.guess.convention import HOPELESS, Convention, Poses, fits, gather
+from wrenchbed.data.guess.convention import HOPELESS, Convention, Pairing, fits
 from wrenchbed.data.guess.user_facts import Stated
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.wrench import CHANNELS
@@ -23,54 +21,6 @@ MOST_TRIED = 40
 fits as well lie among the first twenty."""
 _FEW_ROWS = 300
 """Rows on which pairs are compared first: a wrong orientation explains 9/300 of noise by chance."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pairing:
-    """A wrench's columns, and the table in which its orientation or joints are sought.
-
-    Attributes:
-        load: table with the wrench.
-        sheet: table with the orientation or joints, which may be the same.
-        wrench: channel → column.
-        at: row of ``sheet`` at each row of the wrench (N,).
-    """
-
-    load: Sheet
-    sheet: Sheet
-    wrench: Mapping[str, str]
-    at: np.ndarray
-    _poses: dict[tuple[str, ...], Poses] = field(default_factory=dict)
-
-    @cached_property
-    def readings(self) -> np.ndarray:
-        """Wrench (N, 6) in the units of its file."""
-        return self.load.block(list(self.wrench.values())).astype(float)
-
-    @cached_property
-    def taken(self) -> set[str]:
-        """Names of columns that cannot be an orientation: those of the clock and of the wrench."""
-        clock = set() if self.sheet.clock is None else {self.sheet.clock.column}
-        return clock | set(self.wrench.values() if self.load is self.sheet else ())
-
-    def turn(self, reading: Reading) -> np.ndarray:
-        """Values (N, K) of the columns of an orientation, joints or accelerometer at each row of
-        the wrench, interpolated if both tables have a clock."""
-        load, sheet = self.load, self.sheet
-        values = sheet.block(reading.names).astype(float)
-        groups = held(values) if reading.is_tilt else None
-        for group in () if groups is None else groups:
-            values[slice(*group)] = values[slice(*group)].mean(axis=0)  # a pose has one orientation
-        return at_rows(load, sheet, values, self.at)
-
-    def poses(self, reading: Reading) -> Poses:
-        """Group the wrench's rows into poses, by the columns of an orientation or of joints."""
-        key = tuple(sorted(reading.names))
-        if key not in self._poses:
-            clock = self.load.clock
-            t = None if clock is None else clock.t
-            self._poses[key] = gather(t, self.turn(reading), self.readings)
-        return self._poses[key]
 
 
 def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention], str]:
@@ -101,11 +51,9 @@ def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, R
     if any(reading.named for of_sheet in readings for reading in of_sheet):
         readings = [[r for r in of_sheet if r.named] for of_sheet in readings]  # names bind
     for load in tables:
-        rows = [rows_at(load, sheet) for sheet in tables]
-        beside = [*zip(rows, tables, readings, strict=True)]
-        for wrench, (at, sheet, of_sheet) in product(wrenches(load), beside):
-            if at is not None:
-                pairing = Pairing(load, sheet, wrench, at)
+        beside = [*zip(tables, readings, strict=True)]
+        for wrench, (sheet, of_sheet) in product(wrenches(load), beside):
+            if (pairing := Pairing.of(load, sheet, wrench)) is not None:
                 taken = pairing.taken
                 yield from ((pairing, r) for r in of_sheet if taken.isdisjoint(r.names))
         if load.loads:
@@ -118,31 +66,6 @@ def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
         if registry.is_known("robots", name):
             robot = registry.load("robots", name)
             yield from joints(sheet, name, robot.joint_names) if robot.joints else ()
-
-
-def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
-    """Row of ``sheet`` (N,) at each row of the wrench's table; None if they do not match."""
-    rows = len(load)
-    if sheet is load:
-        return np.arange(rows)
-    if load.clock is not None and sheet.clock is not None:
-        nearest = np.searchsorted(sheet.clock.t, load.clock.t)
-        return np.asarray(np.clip(nearest, 0, len(sheet.clock.t) - 1))
-    return np.arange(rows) if rows == len(sheet) and sheet.clock is None else None
-
-
-def at_rows(
-    load: Sheet, sheet: Sheet, values: np.ndarray, at: np.ndarray, late: float = 0.0
-) -> np.ndarray:
-    """Values (N, K) at each row of the wrench's table ``load``, from values (M, K) of ``sheet``.
-
-    They are interpolated if both have a clock, that of ``sheet`` being ``late`` [s]; else taken at
-    rows ``at`` (N,) from `rows_at`.
-    """
-    if sheet is load or load.clock is None or sheet.clock is None:
-        return np.asarray(values[at])
-    t = load.clock.t + late
-    return np.stack([np.interp(t, sheet.clock.t, column) for column in values.T], axis=1)
 
 
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
@@ -183,10 +106,7 @@ def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Conv
         for fit in fits(body, y, in_base, stated.fit is not None):
             # others have no pose_flange; tilt is about the vertical
             if (fit.mount is None or mounted) and (fit.axis == 2 or not reading.is_tilt):
-                yield Convention(
-                    reading, pairing.sheet, pairing.load, pairing.wrench,
-                    inverse, in_base, fit, poses, body,
-                )  # fmt: skip
+                yield Convention(reading, pairing, inverse, in_base, fit, poses, body)
 
 
 def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:

@@ -5,12 +5,14 @@ which columns are what, in whose axes, with which sign and units.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wrenchbed.data.accelerometer_orientation import held
 from wrenchbed.data.column_map import AUTO
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.column_readings import Reading
@@ -200,13 +202,79 @@ def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
 
 
 @dataclass(frozen=True, eq=False)
+class Pairing:
+    """A wrench's columns, and the table in which its orientation or joints are sought.
+
+    Attributes:
+        load: table with the wrench.
+        sheet: table with the orientation or joints, which may be the same.
+        wrench: channel → column.
+        at: row of ``sheet`` at each row of the wrench (N,).
+    """
+
+    load: Sheet
+    sheet: Sheet
+    wrench: Mapping[str, str]
+    at: np.ndarray
+    _poses: dict[tuple[str, ...], Poses] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, load: Sheet, sheet: Sheet, wrench: Mapping[str, str]) -> "Pairing | None":
+        """Pair a wrench of ``load`` with a table; None if their rows do not match."""
+        rows = np.arange(len(load))
+        if sheet is not load and load.clock is not None and sheet.clock is not None:
+            nearest = np.searchsorted(sheet.clock.t, load.clock.t)
+            rows = np.clip(nearest, 0, len(sheet.clock.t) - 1)
+        elif sheet is not load and (len(rows) != len(sheet) or sheet.clock is not None):
+            return None
+        return cls(load, sheet, wrench, rows)
+
+    @cached_property
+    def readings(self) -> np.ndarray:
+        """Wrench (N, 6) in the units of its file."""
+        return self.load.block(list(self.wrench.values())).astype(float)
+
+    @cached_property
+    def taken(self) -> set[str]:
+        """Names of columns that cannot be an orientation: those of the clock and of the wrench."""
+        clock = set() if self.sheet.clock is None else {self.sheet.clock.column}
+        return clock | set(self.wrench.values() if self.load is self.sheet else ())
+
+    def placed(self, values: np.ndarray, late: float = 0.0) -> np.ndarray:
+        """Values (N, K) at each row of the wrench, from values (M, K) of the other table;
+        interpolated if both have a clock, the other's being ``late`` [s]."""
+        load, sheet = self.load, self.sheet
+        if sheet is load or load.clock is None or sheet.clock is None:
+            return np.asarray(values[self.at])
+        t = load.clock.t + late
+        return np.stack([np.interp(t, sheet.clock.t, column) for column in values.T], axis=1)
+
+    def turn(self, reading: Reading) -> np.ndarray:
+        """Values (N, K) of the columns of an orientation, joints or accelerometer at each row of
+        the wrench."""
+        values = self.sheet.block(reading.names).astype(float)
+        groups = held(values) if reading.is_tilt else None
+        for group in () if groups is None else groups:
+            values[slice(*group)] = values[slice(*group)].mean(axis=0)  # a pose has one orientation
+        return self.placed(values)
+
+    def poses(self, reading: Reading) -> Poses:
+        """Group the wrench's rows into poses, by the columns of an orientation or of joints."""
+        key = tuple(sorted(reading.names))
+        if key not in self._poses:
+            clock = self.load.clock
+            t = None if clock is None else clock.t
+            self._poses[key] = gather(t, self.turn(reading), self.readings)
+        return self._poses[key]
+
+
+@dataclass(frozen=True, eq=False)
 class Convention:
     """One interpretation of a recording's files, with the fit of a load that supports it.
 
     Attributes:
         reading: columns of the orientation or of joints.
-        sheet, load: table with the orientation, and table with the wrench.
-        wrench: channel → column.
+        pairing: wrench and table of the orientation.
         inverse: whether the orientation is the base's in the body.
         in_base: whether the wrench is in the base's axes.
         fit: fit of one rigid load.
@@ -219,9 +287,7 @@ class Convention:
     """
 
     reading: Reading
-    sheet: Sheet
-    load: Sheet
-    wrench: Mapping[str, str]
+    pairing: Pairing
     inverse: bool
     in_base: bool
     fit: GravityFit
@@ -236,11 +302,6 @@ class Convention:
     def joints(self) -> tuple[str, ...]:
         """Names of the joint columns; empty where the columns are an orientation."""
         return self.reading.names if self.reading.robot else ()
-
-    @property
-    def readings(self) -> np.ndarray:
-        """Mean wrench at each pose (G, 6) in the file's units."""
-        return self.poses.mean(self.load.block(list(self.wrench.values())).astype(float))
 
     @property
     def cost(self) -> float:

@@ -19,16 +19,15 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.column_map import ACCELERATION, ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
-from wrenchbed.data.guess.candidates import at_rows, candidates, rows_at
+from wrenchbed.data.guess.candidates import candidates
 from wrenchbed.data.guess.column_readings import orientations, wrenches
 from wrenchbed.data.guess.column_roles import Sheet, is_of_wrench, sheets_of
-from wrenchbed.data.guess.convention import Convention
+from wrenchbed.data.guess.convention import Convention, Pairing
 from wrenchbed.data.guess.joint_torques import by_names
 from wrenchbed.data.guess.user_facts import NOTHING, Stated
 from wrenchbed.data.rosbag_and_mcap import is_log
 from wrenchbed.errors import MapError, did_you_mean
 from wrenchbed.files.checked import Fields, quoted
-from wrenchbed.physics.wrench import CHANNELS
 
 _SAME = 12.0
 """Twice a log-likelihood below which conventions fit alike: a right mount, three unknowns, falls
@@ -151,7 +150,10 @@ def guess(
         raise MapError(f"{_nothing(tables, stated.robot)}{more}")
     # of several wrenches in the files; six columns in a row share their forces with others
     clearest = min(fitting, key=lambda c: c.fit.share * c.fit.torque_share)
-    fitting = [c for c in fitting if (c.load, c.wrench) == (clearest.load, clearest.wrench)]
+    pair = clearest.pairing
+    fitting = [
+        c for c in fitting if c.pairing.load is pair.load and c.pairing.wrench == pair.wrench
+    ]
     if len(clearest.poses.groups) < _LEAST_POSES:
         raise MapError(
             f"{tables[0].path}: {len(clearest.poses.groups)} poses are too few to distinguish "
@@ -162,7 +164,7 @@ def guess(
         fitting = [replace(c, fit=known.fitted(c, gravity)) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
-    has_names = bool(best.load.loads)
+    has_names = bool(best.pairing.load.loads)
     if best.fit.share > _MOST_LEFT or (best.fit.torque_share > _MOST_LEFT and not has_names):
         raise MapError(
             f"{tables[0].path}: no convention makes the wrench the weight of one rigid load: "
@@ -199,7 +201,7 @@ def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str)
     notes = [untried] if untried else []
     if c.reading.robot is not None and stated.robot is None:
         notes.append(f"no --robot is stated: {c.reading.robot}'s joints explain it")
-    used = set(c.wrench.values())
+    used = set(c.pairing.wrench.values())
     if unused := [n for sheet in tables for n in sheet.values if is_of_wrench(n) and n not in used]:
         names = f"{unused[0]} … {unused[-1]}"
         notes.append(f"not used: another wrench, {names}; give it a map of its own")
@@ -232,7 +234,8 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
 def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
     """Yield convention c with both signs of wrench and gravity, and each pair of units in which its
     load has a tool's mass. ``size``: gravity's [m/s²]; ``mass``: the tool's, if known [kg]."""
-    stated = [c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx")]
+    pair = c.pairing
+    stated = [pair.load.units.get(pair.wrench[channel]) for channel in ("fx", "tx")]
     pairs: Sequence[Sequence[str]] = [*_UNITS, *(_SELDOM if mass or any(stated) else ())]
     of_pairs = ([s or u for u, s in zip(p, stated, strict=True)] for p in pairs)
     pairs = [n for n, p in zip(of_pairs, pairs, strict=True) if _sizes(n) == _sizes(p)]
@@ -262,7 +265,7 @@ def raw_map(
     c: Convention, tables: Sequence[Sheet], stated: Stated, mode: str | None = None
 ) -> dict[str, Any]:
     """Column map of a convention, as nested dicts that TOML can hold."""
-    load = c.load
+    load = c.pairing.load
     recording: dict[str, Any] = {
         "robot": stated.robot or c.reading.robot or "my-robot", "mode": mode or c.poses.mode,
         "gravity": [float(x) for x in c.gravity],
@@ -270,7 +273,7 @@ def raw_map(
     turned = {"sign": -1} if c.sign < 0 else {}
     wrench: dict[str, dict[str, Any]] = {
         channel: {"column": name, "unit": c.units[channel[0] == "t"]} | turned
-        for channel, name in c.wrench.items()
+        for channel, name in c.pairing.wrench.items()
     }
     if c.fit.mount is not None:
         turn = c.fit.mount.inv().as_quat(canonical=True, scalar_first=True)
@@ -279,7 +282,7 @@ def raw_map(
     names, entries = [sheet.path.name for sheet in tables], []
     for sheet in sorted(tables, key=lambda sheet: sheet is not load):
         columns = dict(wrench) if sheet is load else {}
-        if sheet is c.sheet:
+        if sheet is c.pairing.sheet:
             columns |= _turn_columns(c)
         time = sheet.clock
         if time is not None and time.column not in {x["column"] for x in columns.values()}:
@@ -321,10 +324,11 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
 def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
     """Map entries ax, ay, az of the accelerometer columns along the sensor's axes, and of their
     clock if it is late; empty where they do not follow the forces."""
-    names, load, at = [sheet.roles[a] for a in ACCELERATION], c.load, rows_at(c.load, sheet)
-    force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
-    if at is None:
+    names, load = [sheet.roles[a] for a in ACCELERATION], c.pairing.load
+    pair = Pairing.of(load, sheet, c.pairing.wrench)
+    if pair is None:
         return {}
+    force = c.sign * pair.readings[:, :3] * SIZES[c.units[0]][1]
     inside, delays = np.ones(len(load), dtype=bool), np.zeros(1)
     if sheet is not load and load.clock is not None and sheet.clock is not None:
         t, its = load.clock.t, sheet.clock.t
@@ -333,10 +337,7 @@ def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
     if inside.sum() < _LEAST_POSES:
         return {}
     values, wanted = sheet.block(names), -force[inside] / c.mass
-    axes = [
-        _axes(wanted, at_rows(load, sheet, values, at, float(late))[inside], names)
-        for late in delays
-    ]
+    axes = [_axes(wanted, pair.placed(values, float(late))[inside], names) for late in delays]
     best = int(np.argmax([score for score, _ in axes]))
     if sheet.clock is None or axes[best][0] < axes[0][0] + _WORTH:
         return axes[0][1]

@@ -145,7 +145,7 @@ class KnownLoad:
         """Fit of this load, instead of the one fitted, to convention c under ``gravity`` [m/s²].
         Its rms residuals are of the better rows, so that a hand on the tool for a while does not
         matter."""
-        fit, turn, wrench = c.fit, c.turn, c.readings
+        fit, turn, wrench = c.fit, c.turn, c.poses.mean(c.pairing.readings)
         if c.in_base:
             wrench = in_body(turn, wrench)
         m = np.eye(3) if fit.mount is None else fit.mount.as_matrix()

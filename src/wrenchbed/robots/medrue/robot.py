@@ -207,17 +207,11 @@ class MedRUE(SimulatedRobot):
         return self.outside_limits(q) | failures(self.values(theta), q)
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        p = self.values(self.parameters.nominal)
-
         def draw(count: int) -> np.ndarray:
-            return inverse_kinematics.joints(p, *inverse_kinematics.random_poses(count, rng))
+            poses = inverse_kinematics.random_poses(count, rng)
+            return inverse_kinematics.reachable(self, *poses)[0]
 
-        def good(q: np.ndarray) -> np.ndarray:
-            ok = np.isfinite(q).all(axis=1)
-            ok[np.flatnonzero(ok)[list(self.infeasible(q[ok], self.parameters.nominal))]] = False
-            return ok
-
-        return sample_until(n, draw, good)
+        return sample_until(n, draw, lambda q: np.ones(len(q), dtype=bool))
 
     def pool(self, n: int, seed: int) -> np.ndarray:
         return inverse_kinematics.pool(self, n, seed)
@@ -228,12 +222,7 @@ class MedRUE(SimulatedRobot):
     def goal_sets(self, pool: int, points: np.ndarray | None, seed: int) -> GoalSets:
         known = inverse_kinematics.default_points() if points is None else points
         touch, which = inverse_kinematics.touch_poses(self, known, seed)
-        return GoalSets(
-            inverse_kinematics.pool(self, pool, seed),
-            touch,
-            known[which],
-            inverse_kinematics.target(self),
-        )
+        return GoalSets(self.pool(pool, seed), touch, known[which], self.target())
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
         """The MJCF's 13 joint coordinates (…, N, 13), depth first, at q; real parameters only."""
