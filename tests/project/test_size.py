@@ -7,12 +7,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 537,
-    "benchmark": 7809,
+    "benchmark": 7773,
     "calibration": 5161,
     "campaigns": 1144,
     "channels": 937,
     "cli": 2681,
-    "data": 5394,
+    "data": 5375,
     "diagnosis": 13139,
     "drives": 1666,
     "effects": 4999,
@@ -27,19 +27,19 @@ WRENCHBED = {
     "planning": 1037,
     "plant": 761,
     "reports": 2118,
-    "robots": 4401,
+    "robots": 4351,
     "sensors": 314,
     "simulation": 1302,
-    "studies": 1345,
+    "studies": 1336,
     "twin": 1084,
     "viewer": 747,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78957,
-    "src/wrenchbed": 69478,
+    "src": 78843,
+    "src/wrenchbed": 69364,
     "src/robot_emulators": 9479,
-    "tests": 37998,
+    "tests": 37997,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.physics.gravity_torques import BodyMass
+from wrenchbed.robots.arm_numbers import Load
 from wrenchbed.robots.serial_arm import ArmData, Link, SerialArm
 
 # KUKA LBR iiwa 14 R820: lengths 360, 420, 400 and 126 mm, limits and speeds of KUKA's data sheet;
@@ -29,9 +30,7 @@ IIWA = SerialArm(
         ),
         flange=BodyMass("flange", 0.3, (0.0, 0.0, 0.02)),
         home=(0.0, 0.6, 0.0, -1.4, 0.0, 1.0, 0.0),
-        tool_mass=1.35,
-        tool_cog=(0.004, -0.006, 0.071),
-        tool_inertia=(2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0),
+        tool=Load(1.35, (0.004, -0.006, 0.071), (2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0)),
         limbs=(((1, 0.0, 0.0), (3, 0.0, 0.0)), ((3, 0.0, 0.0), (5, 0.0, 0.0))),
         wrist=(6,),
         tool_axis=(0.0, 0.07, 0.14, 0.2),

@@ -18,13 +18,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from wrenchbed.benchmark.scoring.metrics import SURE
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.errors import BenchmarkError, WrenchbedError, did_you_mean, one_line
 from wrenchbed.files import remove, write_json, write_text
 from wrenchbed.files.checked import load, parsed, text_of
 from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
+SURE = 0.9
+"""Probability above which a claim counts as sure, as in scores of sealed cases."""
 MARKS = ("wrong", "crashed", "refused", "open", "right", "missing")
 """What an answer can be, the worst first. ``open``: no wrong claim, but not the cause either;
 ``refused``: no answer, or not by the true reason; ``missing``: nobody brought the files."""

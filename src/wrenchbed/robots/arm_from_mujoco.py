@@ -131,18 +131,18 @@ class ArmTree:
         turn, origin = frames[last + 1]
         end, at = _axes(data.site_xmat[self.site]), data.site_xpos[self.site]
         carried, load = np.array(sorted(self.behind), dtype=int), None
-        mass, cog, inertia = self._together(carried, end, at)
+        mass, cog, inertia = self._together(carried, (end, at))
         if mass > 0.0:
             numbers = tuple(cog.tolist()), tuple(six_of(inertia).tolist())
             names = tuple(model.body(b).name for b in carried)
-            load = Load(mass, *numbers, names, self._shapes(carried, end, at))
+            load = Load(mass, *numbers, names, self._shapes(carried, (end, at)))
         gravity = (0.0, 0.0, -9.80665) if self.source.urdf else model.opt.gravity
         stated = str(self.source.root.get("model") or self.source.root.get("name") or "MuJoCo")
         name = self.source.path.stem if "MuJoCo" in stated else stated
         return ArmModel(
             name=re.sub(r"[^A-Za-z0-9_.-]+", "_", name),
             base_turn=frames[0][0], base_shift=frames[0][1],
-            base_shapes=self._shapes(np.flatnonzero(segment == 0), *frames[0]),
+            base_shapes=self._shapes(np.flatnonzero(segment == 0), frames[0]),
             links=_distinct(links), end_turn=turn.T @ end, end_shift=turn.T @ (at - origin),
             load=load, gravity=tuple(map(float, gravity)),
             parents=parents, end=last, driven=driven, closures=tuple(closures),
@@ -281,12 +281,12 @@ class ArmTree:
         body_name = model.body(body).name or f"link{k + 1}"
         body_name = body_name if j == self._joints(body)[-1] else f"{body_name}_{name}"
         lower, upper, home = self._range(j, _RANGE[kind] if driven else _UNLIMITED)
-        mass, cog, inertia = self._together(bodies, *here)
+        mass, cog, inertia = self._together(bodies, here)
         return ArmLink(
             joint=_plain(name), body=_plain(body_name), kind=kind, axis=axis, turn=turn,
             shift=shift, lower=lower, upper=upper,
             speed=self.source.speeds().get(name, float(_SPEED[kind])), home=home,
-            mass=mass, cog=cog, inertia=inertia, shapes=self._shapes(bodies, *here),
+            mass=mass, cog=cog, inertia=inertia, shapes=self._shapes(bodies, here),
         )  # fmt: skip
 
     def _range(self, j: int, bound: float) -> tuple[float, float, float]:
@@ -305,12 +305,10 @@ class ArmTree:
             home = 0.5 * (lower + upper)
         return lower, upper, home
 
-    def _together(
-        self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
-    ) -> tuple[float, np.ndarray, np.ndarray]:
+    def _together(self, bodies: np.ndarray, frame: Frame) -> tuple[float, np.ndarray, np.ndarray]:
         """Total mass [kg], CoG (3,) [m] and inertia about it (3, 3) [kg·m²] of bodies (by number),
-        in the frame with rotation ``turn`` (3, 3) and origin (3,) [m] in the world."""
-        model, data = self.model, self.data
+        in the axes of ``frame``."""
+        model, data, (turn, origin) = self.model, self.data, frame
         some = [b for b in bodies if b and model.body_mass[b] > _NOTHING]
         mass = float(sum(model.body_mass[b] for b in some))
         if not some:
@@ -324,12 +322,9 @@ class ArmTree:
             inertia += model.body_mass[b] * (r @ r * np.eye(3) - np.outer(r, r))
         return mass, turn.T @ (centre - origin), turn.T @ inertia @ turn
 
-    def _shapes(
-        self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
-    ) -> tuple[Shape, ...]:
-        """Shapes of bodies (by number), visual geoms or else collision geoms, in the frame with
-        rotation ``turn`` (3, 3) and origin (3,) [m] in the world."""
-        model, data, shapes = self.model, self.data, list[Shape]()
+    def _shapes(self, bodies: np.ndarray, frame: Frame) -> tuple[Shape, ...]:
+        """Shapes of bodies (by number), visual geoms or else collision geoms, in a frame's axes."""
+        model, data, shapes, (turn, origin) = self.model, self.data, list[Shape](), frame
         for body in bodies:
             axes = _axes(data.xmat[body])
             geoms = np.flatnonzero(model.geom_bodyid == body)

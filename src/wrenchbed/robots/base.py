@@ -19,6 +19,7 @@ from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
 from wrenchbed.physics.taylor_jets import STEP, Value, stack_jets
 from wrenchbed.physics.wrench import Tool
+from wrenchbed.robots.arm_numbers import Load
 from wrenchbed.robots.compiled.statics import Packed
 
 if TYPE_CHECKING:
@@ -330,17 +331,16 @@ def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
     return (Parameter("tool.mass", mass, "kg", 0.05, 1e-4, 50.0, "mass on the sensor"), *centre)
 
 
-def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[float]) -> ParameterSet:
-    """Make the parameters of an arm's base tilt, mount and load; nominal tool: mass [kg], CoG (3,)
-    [m] and inertia about it, xx yy zz xy xz yz (6,) [kg·m²], in sensor axes."""
+def mounted_parameters(tool: Load) -> ParameterSet:
+    """Make the parameters of an arm's base tilt, mount and load, with a nominal tool."""
     position, rotation = "sensor's origin in flange axes", "rotation vector, sensor in flange"
     items = (
         *vector_parameters("base.tilt", "xy", "rad", ANGLE, TILT),
         *vector_parameters("mount.position", "xyz", "m", 1e-3, position),
         *vector_parameters("mount.rotation", "xyz", "rad", ANGLE, rotation),
-        *tool_parameters(mass, cog),
+        *tool_parameters(tool.mass, tool.cog),
     )
-    return ParameterSet(items) + load_parameters(inertia)
+    return ParameterSet(items) + load_parameters(tool.inertia)
 
 
 def vector_parameters(

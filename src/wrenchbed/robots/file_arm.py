@@ -225,8 +225,7 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
     for closure, groups in zip(arm.closures, loop_groups(arm), strict=True):
         for group, place in zip(groups, closure.places, strict=True):
             items += _places(group, place, text)
-    load = description.load
-    return ParameterSet(tuple(items)) + mounted_parameters(load.mass, load.cog, load.inertia)
+    return ParameterSet(tuple(items)) + mounted_parameters(description.load)
 
 
 def loop_groups(arm: ArmModel) -> list[list[str]]:

@@ -73,7 +73,7 @@ class ArmData:
         links: joints and links from the base to the flange.
         flange: the body between the last link and the sensor.
         home: joint values at which the MJCF opens.
-        tool_mass, tool_cog, tool_inertia: of the example tool [kg, m, kg·m²], sensor axes.
+        tool: the example tool.
         limbs: axes of limbs, both ends of each; the tool keeps clear of all of them, all but the
             first stay above the table.
         wrist: numbers of links whose joints stay above the table too.
@@ -89,9 +89,7 @@ class ArmData:
     links: tuple[Link, ...]
     flange: BodyMass
     home: tuple[float, ...]
-    tool_mass: float
-    tool_cog: tuple[float, float, float]
-    tool_inertia: tuple[float, ...]
+    tool: Load
     limbs: tuple[tuple[Spot, Spot], ...]
     wrist: tuple[int, ...]
     tool_axis: tuple[float, ...]
@@ -124,8 +122,7 @@ class SerialArm(SerialChain):
                 Parameter(f"alpha{i}", link.alpha, "rad", 1e-3, -3.2, 3.2, "DH twist"),
                 Parameter(f"dq{i}", 0.0, "rad", ANGLE, -6.3, 6.3, "joint zero offset"),
             ]
-        mounted = mounted_parameters(arm.tool_mass, arm.tool_cog, arm.tool_inertia)
-        self.parameters = ParameterSet(tuple(table)) + mounted
+        self.parameters = ParameterSet(tuple(table)) + mounted_parameters(arm.tool)
         names = [p.name for p in table]
         self.lengths = (*names[0::4], *names[1::4])
         self.twists, self.zero_names = tuple(names[2::4]), tuple(names[3::4])
@@ -214,9 +211,7 @@ class SerialArm(SerialChain):
             arm.name, np.eye(3), np.zeros(3), (), tuple(links), turn, shift, None, self.gravity,
             tuple(range(-1, last)), last, tuple(range(last + 1)),
         )  # fmt: skip
-        spec = spec_of(
-            model, Load(arm.tool_mass, arm.tool_cog, arm.tool_inertia), np.zeros(last + 1)
-        )
+        spec = spec_of(model, arm.tool, np.zeros(last + 1))
         flange = spec.body("flange")
         flange.mass, flange.ipos, flange.explicitinertial = arm.flange.mass, arm.flange.cog, True
         flange.inertia = [arm.flange.mass * _GYRATION_M**2] * 3

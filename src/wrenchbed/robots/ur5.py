@@ -16,6 +16,7 @@ import numpy as np
 
 from wrenchbed.physics.gravity_torques import BodyMass
 from wrenchbed.physics.rotations import rot_x
+from wrenchbed.robots.arm_numbers import Load
 from wrenchbed.robots.base import models
 from wrenchbed.robots.serial_arm import ArmData, Link, SerialArm
 
@@ -106,9 +107,7 @@ def ur_arm(name: str) -> URArm:
             flange=BodyMass("flange", 0.255, (0.0, 0.0, 0.0167)),
             home=(0.0, -1.2, -1.9, -1.6, 1.5708, 0.0),
             # a 1.35 kg cylinder of 40 mm radius and 140 mm length, a little off centre
-            tool_mass=1.35,
-            tool_cog=(0.004, -0.006, 0.071),
-            tool_inertia=(2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0),
+            tool=Load(1.35, (0.004, -0.006, 0.071), (2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0)),
             limbs=tuple(((k, 0.0, z * side), (k, links[k].a, z * side)) for k, z in _LIMBS),
             wrist=(4, 5),
             tool_axis=(0.0, 0.07, 0.14, 0.2),

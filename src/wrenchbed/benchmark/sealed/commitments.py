@@ -70,16 +70,9 @@ def salt(seed: int, case: str) -> str:
     return digest(f"wrenchbed blind salt {seed} {case}".encode())
 
 
-def write(
-    out: Path,
-    answers: Path,
-    robot: str,
-    mode: str,
-    names: Iterable[str],
-    about: Mapping[str, object],
-) -> str:
-    """Write hashes of named cases to ``out/commitments.json``, and ``about`` to
-    ``answers/family.json``; return the SHA-256 of the first file."""
+def write(out: Path, answers: Path, names: Iterable[str], about: Mapping[str, object]) -> str:
+    """Write hashes of named cases to ``out/commitments.json``, and ``about``, which holds their
+    robot and mode, to ``answers/family.json``; return the SHA-256 of the first file."""
     cases = {
         name: {
             "recording": digest(recording_of(out, name).read_bytes()),
@@ -87,7 +80,8 @@ def write(
         }
         for name in names
     }
-    document = {"format": FORMAT, "robot": robot, "mode": mode, "cases": cases}
+    stated = {key: about[key] for key in ("robot", "mode")}
+    document = {"format": FORMAT, **stated, "cases": cases}
     data = (json.dumps(document, indent=1) + "\n").encode()
     write_bytes(out / COMMITMENTS, data)
     write_bytes(answers / FAMILY, family(about, digest(data)))

@@ -207,9 +207,7 @@ def make(
         report(1)
 
     in_workers(partial(make_case, family, out, answers), todo, finished, processes)
-    return commitments.write(
-        out, answers, family.robot, family.mode, family.names(), family.about()
-    )
+    return commitments.write(out, answers, family.names(), family.about())
 
 
 def resumed(answers: Path) -> int | None:

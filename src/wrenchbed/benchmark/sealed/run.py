@@ -263,7 +263,7 @@ def run(
             raise BenchmarkError(f"{path}: is missing or is not the case that was sealed")
 
     def remaining(name: str) -> list[Entrant]:
-        return _remaining(entrants, claims, name, sealed[name].recording)
+        return [e for e in entrants if not _answered(claims / e.name / name / RUN, sealed[name])]
 
     todo = [(name, waiting) for name in sealed if (waiting := remaining(name))]
     report(len(sealed) - len(todo))
@@ -293,21 +293,15 @@ def run(
     return failed
 
 
-def _remaining(
-    entrants: Sequence[Entrant], claims: Path, name: str, recording: str
-) -> list[Entrant]:
-    """Entrants that have not answered a case, whose ``recording`` is a SHA-256; a `BenchmarkError`
-    if one has answered another recording of that name."""
-    remaining = []
-    for entrant in entrants:
-        path = claims / entrant.name / name / RUN
-        if not path.is_file():
-            remaining.append(entrant)
-            continue
-        try:
-            answered = load(path, BenchmarkError).get("recording")
-        except AttributeError as cause:
-            raise BenchmarkError(f"{path}: is broken: {cause}") from cause
-        if answered not in (None, recording):
-            raise BenchmarkError(f"{path}: is about another family; give another --out")
-    return remaining
+def _answered(path: Path, sealed: commitments.Commitment) -> bool:
+    """Whether an entrant's answer to a case is there; a `BenchmarkError` if it is about another
+    recording."""
+    if not path.is_file():
+        return False
+    try:
+        answered = load(path, BenchmarkError).get("recording")
+    except AttributeError as cause:
+        raise BenchmarkError(f"{path}: is broken: {cause}") from cause
+    if answered not in (None, sealed.recording):
+        raise BenchmarkError(f"{path}: is about another family; give another --out")
+    return True
