@@ -75,9 +75,9 @@ def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: flo
     claimed = features(verdict, gap.closed_least, gap.left, mode) if verdict.causes else ()
     final = conclude(weighed.decision, json_entries.elements_of(a, verdict))
     fitted = (
-        numbers(name, entry["parameters"], case.true_parameters(name))
+        numbers(entry["effect"], entry["parameters"], case.true_parameters(entry["effect"]))
         for entry in json_entries.causes(a, final, gap, 1.0, ())
-        if (name := entry["effect"]) in case.causes
+        if entry["effect"] in case.causes
     )
     errors = tuple((n.value - n.truth) / n.std for some in fitted for n in some if n.std)
     probabilities = {k: p for k, p in verdict.probabilities.items() if p > 0.0}
