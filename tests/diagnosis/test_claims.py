@@ -149,7 +149,7 @@ def test_another_cause_makes_the_readings_beside_a_stated_number_that_they_move(
 def test_errors_of_stated_numbers_are_estimated_without_their_tolerance(rung):
     r, f = finalist({"tool.mass": 2.0, "base.tilt": 3.0}, ("base.tilt",), rung, tolerance=0.05)
     told = stated(r, f)
-    v0 = r.searcher.rungs[f.rung].level.v0[0]
+    v0 = r.searcher.levels[f.rung].v0[0]
     precision = 4.0 * len(r.y) / v0 + 1.0 / 30.0**2
     expected = np.sqrt(2.0 / 4.0) * np.eye(10)[6]
     assert told.mean == pytest.approx(expected, abs=1e-3)

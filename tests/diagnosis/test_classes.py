@@ -16,6 +16,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis import json_entries
 from wrenchbed.diagnosis.decision.decide import conclude
 from wrenchbed.diagnosis.diagnose import examine
+from wrenchbed.diagnosis.explain.reliability import shipped
 
 FILE = Path(__file__).parents[1] / "data" / "robots" / "iiwa.xml"
 OFFSETS = {k: ("joint.offset", f"joint {k}") for k in range(2, 8)}
@@ -88,7 +89,7 @@ def recordings(robot, members, seed):
 
 def answered(rows):
     """Each cause as (effect, element) pairs, and its probability."""
-    weighed = examine(rows, 0, None, lambda _: None).weighed
+    weighed = examine(rows, 0, shipped(), lambda _: None)
     verdict = conclude(
         weighed.decision, json_entries.elements_of(weighed.analysis, weighed.decision.verdict)
     )

@@ -14,7 +14,7 @@ from wrenchbed.calibration.observations import observe
 from wrenchbed.diagnosis.decision.decide import withdrawn
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain.elements import _sum, element, listed
-from wrenchbed.diagnosis.minor_effects import minor
+from wrenchbed.diagnosis.json_entries import minor
 from wrenchbed.diagnosis.prepare.bias_and_load_fit import tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material

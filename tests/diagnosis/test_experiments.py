@@ -186,7 +186,7 @@ def test_a_fault_of_that_size_is_reported_in_95_of_100_draws(design, effect, lab
     (at,) = (k for k, w in enumerate(signatures) if (w.name, w.variant.label) == (effect, label))
     places = [k for k, h in enumerate(searcher.hypotheses) if h.name == effect]
     (place,) = (k for k in places if searcher.hypotheses[k].variant.label == label)
-    h, level = searcher.hypotheses[place], searcher.rungs[design.rung].level
+    h, level = searcher.hypotheses[place], searcher.levels[design.rung]
     rng = np.random.default_rng(2)
     size = rng.standard_normal((len(h.columns), DRAWS))
     size *= design.sizes[at] * np.sqrt(len(size)) / np.linalg.norm(size, axis=0)
@@ -268,7 +268,7 @@ def faults_of(name, seed, draws, share):
     for number in range(1000 * seed, 1000 * seed + draws):
         around = tuple(background(truth, rng))
         y = readings_from_baseline(searcher.d, prepare(recorded(number, *around)), baseline)
-        rung = int(np.argmax(searcher.nulls(y)[[r.normal for r in searcher.rungs]]))
+        rung = int(np.argmax(searcher.nulls(y)[[r.normal for r in searcher.levels]]))
         of_rung = Design(searcher, rung)
         every = zip(of_rung.signatures, of_rung.sizes, strict=True)
         ways = [(w, k) for w, k in every if w.name in FAULTS and k < LARGEST and not w.variant.at]

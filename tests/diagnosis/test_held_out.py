@@ -14,9 +14,8 @@ from wrenchbed.diagnosis.explain.claims import moved_by
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis, readings_from_baseline
 from wrenchbed.diagnosis.explain.structures import build as build_dictionary
-from wrenchbed.diagnosis.gap.closure import Claimed, calibrated, twin_of
 from wrenchbed.diagnosis.gap.gap_bootstrap import Bootstrap, Closure, Interval
-from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut, restored
+from wrenchbed.diagnosis.gap.held_out import Claimed, CrossFit, HeldOut, restored, twin_of
 from wrenchbed.diagnosis.prepare.bias_and_load_fit import calibrate
 from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
@@ -195,7 +194,7 @@ IN_FOLD = np.repeat(np.arange(ROWS) // 5 % 4 == FOLD, 6)
 
 def by_hand(f, y, rows):
     """The most probable variables (k,) of a finalist on some rows, all matrices dense."""
-    level = Searcher(D).rungs[f.rung].level
+    level = Searcher(D).levels[f.rung]
     E, v0 = D.E[rows], level.v0[rows]
     K = np.diag(v0) + (E * level.V) @ E.T
     X = np.concatenate([D.E[:, h.columns] for h in f.parts], axis=1)[rows]
@@ -249,13 +248,13 @@ def spoiled(prepared, fold, sigmas=5.0):
 def with_tilt(a: Analysis) -> Claimed:
     h = next(h for h in a.dictionary.hypotheses if h.name == "base.tilt" and len(h.columns) == 2)
     f = a.refitter.fit((h,), 0)
-    return Claimed(twin_of(a, f, [0]), f, (0,), ())
+    return Claimed(f, (0,), ())
 
 
 def test_a_calibration_without_a_fold_is_least_squares_on_the_others(prepared):
     """Readings are linear in mass, mass times CoG and bias: numpy fits them for each fold."""
     p, a = prepared, analysed(prepared)
-    told = CrossFit(a).calibrated(calibrated(a))[p.scene.held]
+    told = CrossFit(a).calibrated()[p.scene.held]
     stated = p.configuration
 
     def read(mass, moment):
@@ -285,11 +284,11 @@ def test_no_simulator_has_seen_the_fold_that_it_is_read_on(prepared):
         fits, claim = CrossFit(a), with_tilt(a)
         first = first or claim.finalist
         prior = {"spread": first.spread, "rung": first.rung}  # all rows may say how large
-        claim = replace(claim, finalist=replace(claim.finalist, **prior))
-        after, without = fits.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
-        read = (fits.calibrated(calibrated(a)), after, without["base.tilt"])
+        claim = claim._replace(finalist=replace(claim.finalist, **prior))
+        after, without = fits.explained(claim)
+        read = (fits.calibrated(), after, without["base.tilt"])
         told.append([x[p.scene.held] / p.sigma for x in read])
-        told[-1].append(claim.twin.wrench(p.scene)[p.scene.held] / p.sigma)
+        told[-1].append(twin_of(a, claim).wrench(p.scene)[p.scene.held] / p.sigma)
     own, others = sound.fold == FOLD, sound.fold != FOLD
     (*before, seen), (*after, seen_then) = told
     assert np.abs(seen_then - seen)[own].max() > 0.1  # fitted on all rows: it did
@@ -301,7 +300,7 @@ def test_no_simulator_has_seen_the_fold_that_it_is_read_on(prepared):
 def test_a_named_effect_is_back_in_the_gap_without_it(prepared):
     a = analysed(tilted(prepared))
     claim = with_tilt(a)
-    after, without = CrossFit(a).explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
+    after, without = CrossFit(a).explained(claim)
     p, held = a.prepared, a.prepared.scene.held
     assert np.sqrt((((p.y - after[held]) / p.sigma) ** 2).mean()) < 0.5  # noise of ten rows' mean
     effect = ActiveEffect(effects()["base.tilt"], {"x": 0.01, "y": 0.0})

@@ -91,16 +91,16 @@ def test_backgrounds_add_the_gaps_that_they_state_and_unstated_numbers_are_not_e
     for r in rungs[:3]:
         for e in effects:
             own = d.of_effect(e)
-            added = float(r.level.V[own] @ d.configured_gap[own])
+            added = float(r.V[own] @ d.configured_gap[own])
             assert added == pytest.approx(0.45 * r.gap / len(effects))
         for columns in d.kernels.values():
-            assert r.level.V[columns] == pytest.approx(0.3 * r.gap / len(KERNELS))
-        assert r.level.v0 == pytest.approx(1.0 + 0.25 * r.gap)
-        assert r.level.V[d.stated] == pytest.approx(0.09)
+            assert r.V[columns] == pytest.approx(0.3 * r.gap / len(KERNELS))
+        assert r.v0 == pytest.approx(1.0 + 0.25 * r.gap)
+        assert r.V[d.stated] == pytest.approx(0.09)
     one = d.of_effect("joint.offset")
-    assert rungs[-1].level.V[one] == pytest.approx(0.04)  # a fifth of the typical size at most
+    assert rungs[-1].V[one] == pytest.approx(0.04)  # a fifth of the typical size at most
     d = dictionary(tolerance=np.inf)
-    assert ladder(d)[0].level.V[d.stated] == pytest.approx(1e4)
+    assert ladder(d)[0].V[d.stated] == pytest.approx(1e4)
 
 
 @pytest.mark.parametrize(("stride", "times"), [(5, 10.0), (100, 1.0)])
@@ -108,7 +108,7 @@ def test_in_a_motion_neighbouring_rows_share_what_the_model_lacks(stride, times)
     d = dictionary(moving=True)
     d = replace(d, prepared=replace(d.prepared, stride=stride))  # rows 8 ms apart
     rung = ladder(d)[2]
-    assert rung.level.v0 == pytest.approx(1.0 + 0.25 * 0.3 * times)
+    assert rung.v0 == pytest.approx(1.0 + 0.25 * 0.3 * times)
 
 
 def hypothesis(d, name, typical=4.0, weight=1.0):
@@ -156,12 +156,12 @@ def test_a_single_hypothesis_has_its_marginal_likelihood_over_all_sizes():
     d = dictionary(rows=30)
     y, s = readings(d, {"base.tilt": 0.1}), Searcher(d)
     nulls, found = s.nulls(y), {(x.index, x.rung): x.log_posterior for x in s.singles(y)}
-    level = s.rungs[1].level
+    level = s.levels[1]
     assert nulls[1] == pytest.approx(marginal(d, level, y, d.E[:, :1], [0.0]) + np.log(1 / 3))
     index, h = next((k, h) for k, h in enumerate(d.hypotheses) if h.name == "base.tilt")
     expected = marginal(d, level, y, d.E[:, h.columns], s.scales(h)) + s.prior(h) + np.log(1 / 3)
     assert found[index, 1] == pytest.approx(expected, rel=1e-6)
-    assert len(found) == (len(d.hypotheses) + 2) * len(s.rungs)
+    assert len(found) == (len(d.hypotheses) + 2) * len(s.levels)
 
 
 def test_the_unknown_shares_its_prior_among_what_it_may_depend_on():
@@ -169,7 +169,7 @@ def test_the_unknown_shares_its_prior_among_what_it_may_depend_on():
     s, y = Searcher(d), readings(d, {"pose": 0.5})
     pose = -1 - s.kernels.index("pose")
     (told,) = (x for x in s.singles(y) if (x.index, x.rung) == (pose, 0))
-    expected = marginal(d, s.rungs[0].level, y, d.E[:, d.kernels["pose"]], 2.0 ** np.arange(9))
+    expected = marginal(d, s.levels[0], y, d.E[:, d.kernels["pose"]], 2.0 ** np.arange(9))
     assert told.log_posterior == pytest.approx(
         expected + np.log(0.15 / 2) + np.log(1 / 3), rel=1e-6
     )

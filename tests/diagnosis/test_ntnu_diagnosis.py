@@ -10,7 +10,7 @@ from altered import at_point, with_added, with_wrench
 from ntnu import RUNS, STD, motion, static
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
+from wrenchbed.diagnosis.between_rows.row_effects import find_tool_vibration
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.prepare import contact

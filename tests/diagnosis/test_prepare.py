@@ -191,24 +191,24 @@ def sigma(prepared):
 
 def test_noise_is_measured_where_joints_move_and_rows_are_noise():
     prepared = prepare(recorded())
-    assert (prepared.source, prepared.noise_note) == ("repeats", "")
+    assert (prepared.source, prepared.remarks) == ("repeats", ())
     assert sigma(prepared) == pytest.approx(WHITE, rel=0.1)
     prepared = prepare(frozen(recorded()))
     assert prepared.source == "stated"
     assert sigma(prepared) == pytest.approx(WHITE, rel=0.01)
-    note = prepared.noise_note
+    (note,) = prepared.remarks
     assert "is stated" in note and "freeze" in note and note in prepared.notes
     prepared = prepare(shaken(recorded(), 6.0 * WHITE[0]))
     assert prepared.source == "stated"
     measured = np.sqrt(WHITE[0] ** 2 * (1.0 + 18.0))  # a sine has half its amplitude's square
-    assert f"rows of fx within a pose scatter by {measured:.2g}" in prepared.noise_note
-    assert f"{WHITE[0]:.3g} N is stated" in prepared.noise_note
+    assert f"rows of fx within a pose scatter by {measured:.2g}" in prepared.remarks[0]
+    assert f"{WHITE[0]:.3g} N is stated" in prepared.remarks[0]
     rec = recorded()
     louder = 3.0 * WHITE * np.random.default_rng(5).standard_normal((len(rec), 6))
     prepared = prepare(with_added(rec, louder))
     assert prepared.source == "repeats"
     assert sigma(prepared) == pytest.approx(np.sqrt(10.0) * WHITE, rel=0.1)
-    assert "the measured scatter counts as noise" in prepared.noise_note
+    assert "the measured scatter counts as noise" in prepared.remarks[0]
 
 
 def at_rest(count, rho=0.0, seed=0):

@@ -110,7 +110,7 @@ def test_the_linearised_data_is_what_is_left_and_what_the_slopes_make():
     f = r.fit((h,), 0)
     assert f.y == pytest.approx(f.residual + f.design @ (f.x - np.array([0.0, 4.0])))
     assert f.residual == pytest.approx(r.y - r.response((h,), f.x))
-    level = r.searcher.rungs[f.rung].level
+    level = r.searcher.levels[f.rung]
     inner = f.design.T @ level.solve(f.design) + np.diag(1.0 / f.spread**2)
     assert f.covariance == pytest.approx(np.linalg.inv(inner), rel=1e-6)
 

@@ -69,7 +69,7 @@ def test_the_unknown_alone_weighs_kernels_and_large_backgrounds_together():
     s = r.searcher
     told = structures.rank(s, r)
     kernels = [x.log_posterior for x in s.singles(r.y) if x.index < 0]
-    large = s.nulls(r.y)[[not b.normal for b in s.rungs]] + np.log(0.15)
+    large = s.nulls(r.y)[[not b.normal for b in s.levels]] + np.log(0.15)
     assert told.unknown == pytest.approx(np.logaddexp.reduce([*kernels, *large]))
 
 
@@ -101,7 +101,7 @@ def test_one_more_effect_has_prior_odds_of_two_ninths():
     (told,) = (s for s in r.added(one) if s.index == index)
     both = r.extended(one, pull)
     assert both.names == ("base.tilt", "cable.pull")
-    s, level = r.searcher, r.searcher.rungs[one.rung].level
+    s, level = r.searcher, r.searcher.levels[one.rung]
     column = d.E[:, pull.columns]
     w, p = column.T @ level.solve(r.y[:, None])[:, 0], column.T @ level.solve(column)
     each = [
@@ -122,7 +122,7 @@ def test_a_blamed_number_is_set_free():
     f = r.fit((mass,), 0)
     assert len(f.x) == 0 and f.design.shape[1] == 1
     level = r.level((mass,), 1)
-    rung = r.searcher.rungs[1].level
+    rung = r.searcher.levels[1]
     assert level.V[6] == pytest.approx(rung.V[6] + 30.0**2)
     assert np.delete(level.V, 6) == pytest.approx(np.delete(rung.V, 6))
     assert r.level((mass,), 1) is level

@@ -15,8 +15,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.gap.dependence import family_wise, partitions
-from wrenchbed.diagnosis.gap.joint_range import locality
-from wrenchbed.diagnosis.gap.varies_with import Finding, entries, locate
+from wrenchbed.diagnosis.gap.varies_with import Finding, entries, locality, locate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import respond
 from wrenchbed.planning.choose import multisine, poses

@@ -4,7 +4,7 @@ Terms: stated numbers are bias, mass and CoG; a background level is the size of 
 imperfections; an element is the joint, link, axis or channel of an effect; what shows between rows
 scatters a pose's rows and not their mean; the configured gap is that before any fit.
 Free: the inside of each function (search, speed); tests/diagnosis judges the answers.
-Others rely on: diagnosis.json, which `result`, `json_entries` and `minor_effects` write: change
+Others rely on: diagnosis.json, which `result` and `json_entries` write: change
 docs/contracts.md with a key (tests/project/test_contracts.py); words of notes: run
 `scripts/messages`; fields of `Findings` and `Diagnosis` (reports, cli, viewer). Constants move
 odds: after a change run `scripts/learn_reliability` and new sealed cases (docs/how-to/sealed.md).

@@ -10,9 +10,13 @@ import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis import json_entries, minor_effects
-from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects, unexplained
-from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
+from wrenchbed.diagnosis import json_entries
+from wrenchbed.diagnosis.between_rows.row_effects import (
+    RowFinding,
+    find_row_effects,
+    find_tool_vibration,
+    unexplained,
+)
 from wrenchbed.diagnosis.decision import rivals
 from wrenchbed.diagnosis.decision.decide import (
     LARGEST_NONE,
@@ -43,9 +47,8 @@ from wrenchbed.diagnosis.explain.reliability import (
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap import size_constancy, varies_with
-from wrenchbed.diagnosis.gap.closure import Claims
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
-from wrenchbed.diagnosis.gap.held_out import simulated
+from wrenchbed.diagnosis.gap.held_out import Claims, simulated
 from wrenchbed.diagnosis.next import experiments
 from wrenchbed.diagnosis.next.blind import Design, blind_spots
 from wrenchbed.diagnosis.prepare.contact import CONTACT, contact_of
@@ -134,44 +137,28 @@ def diagnose(
     Raises:
         DiagnosisError: these data allow no answer.
     """
-    begun = time.perf_counter()
-    examined = examine(recording, seed, reliability, progress, material)
-    return findings_of(examined, seed, progress, begun)
-
-
-class Examined(NamedTuple):
-    """Decision on one recording, outliers set aside, and effects that the row scatter shows.
-
-    Attributes:
-        known: learnt shares of claims that are right.
-        between: effects that show between rows only.
-        scattered: sentence on unexplained scatter between rows; empty without any.
-    """
-
-    weighed: "Weighed"
-    known: Reliability
-    outliers: tuple[outliers_.Outlier, ...]
-    between: tuple[RowFinding, ...]
-    scattered: str
+    begun, known = time.perf_counter(), reliability or shipped()
+    weighed = examine(recording, seed, known, progress, material)
+    return findings_of(weighed, known, seed, progress, begun)
 
 
 def examine(
     recording: Recording,
     seed: int,
-    reliability: Reliability | None,
+    known: Reliability,
     progress: Progress,
     material: Material | None = None,
-) -> Examined:
-    """Examine one recording by itself; arguments and errors are those of `diagnose`."""
+) -> "Weighed":
+    """Decision on one recording by itself, outliers set aside, with effects that the row scatter
+    shows; ``known``: learnt shares of claims that are right, others and errors as of `diagnose`."""
     progress("noise and blocks")
     prepared = prepare(recording, seed, material)
     progress("effects and their evidence")
-    known = reliability or shipped()
-    weighed, outliers = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
+    weighed = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
     prepared = weighed.analysis.prepared
     progress("rows")
     between, scattered = _between_rows(prepared) if prepared.has_wrench else ((), "")
-    return Examined(weighed, known, outliers, between, scattered)
+    return weighed._replace(between=between, scattered=scattered)
 
 
 def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
@@ -182,10 +169,12 @@ def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
     return between, unexplained(scatter, between)
 
 
-def findings_of(examined: Examined, seed: int, progress: Progress, begun: float) -> Findings:
+def findings_of(
+    weighed: "Weighed", known: Reliability, seed: int, progress: Progress, begun: float
+) -> Findings:
     """Make the diagnosis of an examined recording; ``begun`` is the clock at its start [s]."""
-    weighed, known, outliers, between, scattered = examined
-    analysis, decision = weighed.analysis, weighed.decision
+    analysis, decision, outliers = weighed.analysis, weighed.decision, weighed.outliers
+    between, scattered = weighed.between, weighed.scattered
     gap, twin, prepared = decision.gap, weighed.twin, analysis.prepared
     touch = prepared.touch
     if outliers and touch is None and prepared.has_wrench:
@@ -233,8 +222,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
         set90=set90(verdict, known),
-        minor=minor_effects.minor(analysis, verdict, spread, surest),
-        fitted=minor_effects.fitted(analysis, verdict, spread),
+        minor=json_entries.minor(analysis, verdict, spread, surest),
+        fitted=json_entries.fitted(analysis, verdict, spread),
         scale=json_entries.scales(*(x.prepared for x in (*analysis.others, analysis))),
         familiar=learnt,
         familiar_p=weighed.p_value,
@@ -262,6 +251,9 @@ class Weighed(NamedTuple):
         p_value: conformal p-value that the recording is like the learning cases; of several the
             smallest times their number, at most 1; 0 where one has no wrench.
         refuted: sentence on a cause that comes nearest and is refuted; empty without one.
+        outliers: observations that were set aside.
+        between: effects that show between rows only.
+        scattered: sentence on unexplained scatter between rows; empty without any.
     """
 
     analysis: Analysis
@@ -269,6 +261,9 @@ class Weighed(NamedTuple):
     twin: Twin
     p_value: float
     refuted: str = ""
+    outliers: tuple[outliers_.Outlier, ...] = ()
+    between: tuple[RowFinding, ...] = ()
+    scattered: str = ""
 
 
 def weigh(prepared: Prepared, known: Reliability, seed: int) -> Weighed:
@@ -350,10 +345,8 @@ def _refuted(weighed: Weighed, sentence: str, seed: int) -> Weighed:
     return weighed._replace(decision=decision, twin=claims.twin(verdict), refuted=sentence)
 
 
-def _without_outliers(
-    prepared: Prepared, first: Weighed, known: Reliability, seed: int
-) -> tuple[Weighed, tuple[outliers_.Outlier, ...]]:
-    """Decision, after ``first`` on all rows, without rows that all others contradict; and these."""
+def _without_outliers(prepared: Prepared, first: Weighed, known: Reliability, seed: int) -> Weighed:
+    """Decision, after ``first`` on all rows, without rows that all others contradict."""
     weighed, outliers = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
         decision = weighed.decision
@@ -380,7 +373,7 @@ def _without_outliers(
         made = made.reshape(a.dictionary.rows, -1)[:, p.families[0]]
         if outliers_.comes_again(outliers, made, p.leading.sigma):
             weighed = _refuted(weighed, AGAIN, seed)
-    return weighed, outliers
+    return weighed._replace(outliers=outliers)
 
 
 def _designs(a: Analysis) -> list[Design]:

@@ -1,19 +1,38 @@
-"""Entries of ``diagnosis.json`` (docs/contracts.md): causes, parameters, places, notes."""
+"""Entries of ``diagnosis.json`` (docs/contracts.md): causes, parameters, places, notes; effects too
+small for a cause; bias, mass and CoG as fitted beside the claims.
 
-from collections.abc import Iterable, Mapping, Sequence
+Detection is not size. An effect that the evidence shows beyond doubt is reported with its value
+although its gap is below 1; so are bias, mass and CoG, which every fit leaves free.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, quantity
-from wrenchbed.diagnosis.explain.claims import Explanation, stated
-from wrenchbed.diagnosis.explain.elements import NAMING, combination, element, elements, listed
+from wrenchbed.diagnosis.decision.decide import MOST_RIVALS
+from wrenchbed.diagnosis.decision.weighed_explanations import weights
+from wrenchbed.diagnosis.evidence.search import UNKNOWN
+from wrenchbed.diagnosis.explain.claims import Explanation, contradicted, missed, stated
+from wrenchbed.diagnosis.explain.contributions import imitators, shares
+from wrenchbed.diagnosis.explain.elements import (
+    NAMING,
+    RIVAL,
+    combination,
+    element,
+    elements,
+    listed,
+)
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import INSEPARABLE, Cause, Elements, Key, Verdict
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE, Cause, Elements, Key, Part, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
-from wrenchbed.diagnosis.prepare.configured_simulator import STATED
+from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
+from wrenchbed.diagnosis.prepare.configured_simulator import BIAS, LOAD, STATED
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.diagnosis.result import Diagnosis, Scale, cause, families, named_by, rival
@@ -42,17 +61,30 @@ def causes(
     between: Iterable[RowFinding],
 ) -> list[dict[str, Any]]:
     """Entries of ``which``: causes, then effects ``between`` rows; each std × ``spread``."""
-    result = []
-    for c in verdict.causes:
-        name, rivals = c.names[0], _rivals(a, verdict, c, spread)
-        entry = cause(name, c.probability, {}, rivals, gap.shares.get(name))
-        result.append(entry | {"channels": families(gap)} | _numbers(a, verdict, c, spread))
+    result = [class_entry(c, partial(_numbers, a, verdict, c, spread), gap) for c in verdict.causes]
     most = {} if verdict.causes else verdict.probabilities  # of one that leads: as there
     return result + [
         cause(r.effect, most.get(r.effect, r.probability), r.parameters, elements=r.channels)
         | {"size": r.size}
         for r in between
     ]
+
+
+def class_entry(
+    c: Cause, numbers: Callable[[str], Mapping[str, Any]], gap: Closure | None = None
+) -> dict[str, Any]:
+    """Entry of ``which`` of a cause with its rivals, of ``minor`` without the closed ``gap``.
+
+    ``numbers`` returns keys such as ``elements`` and ``parameters`` of an effect in its place.
+    """
+    name, *others = c.names
+    rivals = [rival(n, c.probability * c.fraction(n), numbers(n)) for n in others]
+    entry = cause(name, c.probability, {}, rivals)
+    if gap is None:
+        del entry["closed_share"], entry["channels"]
+    else:
+        entry |= {"closed_share": gap.shares.get(c.part.label), "channels": families(gap)}
+    return entry | dict(numbers(name))
 
 
 def elements_of(a: Analysis, verdict: Verdict[Explanation]) -> list[Mapping[str, Elements]]:
@@ -105,39 +137,28 @@ def with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, A
     return parameters
 
 
-def _rivals(
-    a: Analysis, verdict: Verdict[Explanation], c: Cause, spread: float
-) -> list[dict[str, Any]]:
-    """Entries of ``rivals`` of a cause: effects fitted in its place, each with probability,
-    elements and parameters, whose std is multiplied by ``spread``."""
-    beside = verdict.explanation.names - {c.part.name}
-    shares = c.shares or (1.0 / len(c.names),) * len(c.names)
-    result = []
-    for name, fraction in zip(c.names[1:], shares[1:], strict=True):
-        of = c.elements.get(name)
-        if of is None:
-            fits = [e for e in a.ranking.explanations if e.names == beside | {name}]
-            f = next((e.finalist for e in fits if name in e.finalist.names), None)
-            if f is not None:
-                k = f.names.index(name)
-                of = Elements((element(f.parts[k].variant),), (f,), (k,))
-        numbers = {} if of is None else numbers_of(a, of, spread)
-        result.append(rival(name, c.probability * fraction, numbers))
-    return result
-
-
 def _numbers(
-    a: Analysis, verdict: Verdict[Explanation], cause: Cause, spread: float
+    a: Analysis, verdict: Verdict[Explanation], c: Cause, spread: float, name: str
 ) -> dict[str, Any]:
-    """Keys that `numbers_of` returns, with ``spread``, for a claimed cause; for a wrong stated
-    number its error, of several recordings in the one where it is largest."""
-    if cause.part.index is None:
+    """Keys that `numbers_of` returns, with ``spread``, for the claimed cause or one of its rivals,
+    empty if that was not fitted in its place; for a wrong stated number its error, of several
+    recordings in the one where it is largest."""
+    if c.part.index is None and name == c.part.name:
         f = verdict.explanation.finalist
         each = zip((a, *a.others), f.each or (f,), strict=True)
-        every = [_wrong_numbers(x, g, cause.names[0], spread) for x, g in each]
+        every = [_wrong_numbers(x, g, name, spread) for x, g in each]
         wrong = max(every, key=lambda numbers: max(_ratios(numbers).values(), default=0.0))
         return {"elements": _off(wrong), "parameters": wrong}
-    return numbers_of(a, cause.elements[cause.names[0]], spread)
+    of = c.elements.get(name)
+    if of is None:
+        names = (verdict.explanation.names - {c.part.name}) | {name}
+        fits = [e.finalist for e in a.ranking.explanations if e.names == names]
+        fit = next((f for f in fits if name in f.names), None)
+        if fit is None:
+            return {}
+        k = fit.names.index(name)
+        of = Elements((element(fit.parts[k].variant),), (fit,), (k,))
+    return numbers_of(a, of, spread)
 
 
 def numbers_of(a: Analysis, of: Elements, spread: float) -> dict[str, Any]:
@@ -307,18 +328,13 @@ def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[tup
         # a Bayes factor is an e-value, and 1/e a p-value: Vovk & Wang 2021, 10.1214/20-AOS2020
         p_value = float(np.exp(-max(gain, 0.0)))
         closed = gap.shares.get(c.names[0], 0.0)
-        of, rivals = _detail(verdict, c), c.names[1:]
-        result.append((c.names[0], of, closed, p_value, rivals, gap.closed_from))
+        detail, f = "a number that the metadata states", verdict.explanation.finalist
+        if c.part.index is not None:
+            of = c.elements[c.names[0]]
+            several = len(of.names) > 1 or of.fits[0] is not f
+            detail = listed(of.names) if several else f.parts[c.part.index].variant.label
+        result.append((c.names[0], detail, closed, p_value, c.names[1:], gap.closed_from))
     return result
-
-
-def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
-    if cause.part.index is None:
-        return "a number that the metadata states"
-    f, of = verdict.explanation.finalist, cause.elements[cause.names[0]]
-    if len(of.names) > 1 or of.fits[0] is not f:
-        return listed(of.names)
-    return f.parts[cause.part.index].variant.label
 
 
 def scales(*each: Prepared) -> dict[str, Scale]:
@@ -394,3 +410,104 @@ def _touched(touch: Touch, text: str) -> dict[str, Any]:
         "subsystem": "environment", "detail": touch.detail, "share": touch.share,
         "p_value": 1.0 - touch.probability, "sentence": f"{much} {text}",
     }  # fmt: skip
+
+
+def minor(
+    a: Analysis, verdict: Verdict[Explanation], spread: float, right: float = 1.0
+) -> list[dict[str, Any]]:
+    """Entries of ``minor`` of diagnosis.json: detected effects that are too small to be claimed.
+
+    Args:
+        a: explanations of the recording, with probabilities.
+        verdict: its claims are not listed again. If it is ``unknown``, explanations that have a
+            cause large enough to be claimed are ignored: they were refuted.
+        spread: factor on standard uncertainties, see `Reliability`.
+        right: share of claims that are right, an upper limit of each probability.
+    """
+    ranked, weight = a.ranking.explanations, weights(a.ranking)[1:]
+    effects = [{e.finalist.names[k] for k in e.finalist.effects} for e in ranked]
+    claimed = {n for c in verdict.causes for n in c.names}
+    small = [
+        set[str]() if e.parts and verdict.word == UNKNOWN else of - e.names - claimed
+        for of, e in zip(effects, ranked, strict=True)
+    ]
+    least = max(LEAST_MINOR, missed(verdict.explanation) if verdict.causes else 0.0)
+    result, known = list[dict[str, Any]](), set[str]()
+    for first, name in [(k, n) for k, names in enumerate(small) for n in sorted(names)]:
+        instead = _instead(name, effects[first], effects, small)
+        chance = {n: float(weight[places].sum()) for n, places in instead.items()}
+        members = [name, *(n for n, w in chance.items() if n != name and w > RIVAL)]
+        members = members[: 1 + MOST_RIVALS]
+        present = float(weight[[bool(names & set(members)) for names in small]].sum())
+        f = ranked[first].finalist
+        k = f.names.index(name)
+        each = shares(a.refitter, f, k)
+        gap = float(each.sum())
+        if present < DETECTED or gap < least or known & set(members):
+            continue
+        if contradicted(each, a.dictionary.gaps(a.refitter.y)):
+            continue
+        known |= set(members)
+        alike = [n for n in imitators(a.refitter, f, k) if n not in {*members, *effects[first]}]
+        every = (*members, *alike[: MOST_RIVALS + 1 - len(members)])
+        fits = {n: ranked[at[0]].finalist for n, at in instead.items()} | {name: f}
+        total = min(present, right)
+        fractions = tuple(min(chance.get(n, 0.0), right) / total for n in every)
+        part = Part(name, gap, index=k)
+        small_cause = Cause(tuple((n, None) for n in every), total, part, fractions)
+        entry = class_entry(small_cause, partial(_numbers_in, a, fits, spread))
+        result.append(entry | {"gap": gap})
+    return sorted(result, key=lambda entry: -entry["gap"])
+
+
+def _numbers_in(
+    a: Analysis, fits: Mapping[str, Finalist], spread: float, name: str
+) -> dict[str, Any]:
+    """Keys of `numbers_of` of the effect ``name`` in its fitted set; empty if none has it."""
+    if (f := fits.get(name)) is None:
+        return {}
+    return numbers_of(a, elements(a.refitter, f, f.names.index(name), [name])[name], spread)
+
+
+def _instead(
+    name: str,
+    beside: AbstractSet[str],
+    effects: Sequence[AbstractSet[str]],
+    small: Sequence[AbstractSet[str]],
+) -> dict[str, list[int]]:
+    """Small effects that other explanations have in the place of the effect ``name`` (itself
+    included), with the indices of these explanations.
+
+    Args:
+        name: the effect.
+        beside: effects of the explanation that contains it.
+        effects: names of each explanation's effects.
+        small: names of those effects of each explanation that add less gap than a cause.
+    """
+    result = dict[str, list[int]]()
+    for k, (of, names) in enumerate(zip(effects, small, strict=True)):
+        others = of - (beside - {name})
+        if len(others) == 1 and others <= names:
+            result.setdefault(min(others), []).append(k)
+    return result
+
+
+def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[dict[str, Any]]:
+    """Entries of ``fitted`` of diagnosis.json: bias, mass, CoG beside causes; std × ``spread``."""
+    d, configuration = a.dictionary, a.prepared.configuration
+    estimate = stated(a.refitter, verdict.explanation.finalist)
+    wrong, std = (x * d.size[d.stated] for x in (estimate.mean, spread * estimate.std))
+    tool = a.prepared.recording.metadata.tool
+    start = np.concatenate([np.zeros(6), [configuration.mass], configuration.cog])
+    known = [True] * 6 + [tool.mass is not None] + [tool.cog is not None] * 3
+    units = ["N"] * 3 + ["N·m"] * 3 + ["kg"] + ["m"] * 3
+    order = np.concatenate([np.flatnonzero(d.of_stated(effect)) for effect in STATED])
+    every = list(zip((*BIAS, *LOAD), start, known, units, strict=True))
+    return [
+        {"name": name}
+        | quantity(float(value + wrong[k]), float(std[k]), unit)
+        | {"stated": float(value) if is_stated else None}
+        for k, (name, value, is_stated, unit) in zip(
+            order, every[len(every) - len(order) :], strict=True
+        )
+    ]

@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import json_entries
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
-from wrenchbed.diagnosis.diagnose import Examined, Findings, Progress, examine, findings_of, settle
+from wrenchbed.diagnosis.diagnose import Findings, Progress, Weighed, examine, findings_of, settle
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 from wrenchbed.diagnosis.explain import refit
@@ -29,7 +29,7 @@ from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
-from wrenchbed.diagnosis.explain.reliability import Reliability
+from wrenchbed.diagnosis.explain.reliability import Reliability, shipped
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
 from wrenchbed.diagnosis.explain.verdict import Part, Verdict
 from wrenchbed.diagnosis.prepare.prepared import Material
@@ -75,18 +75,20 @@ def diagnose_several(
     check(recordings)
     names = [named(r) for r in recordings]
 
-    def examined(r: Recording) -> Examined:
-        return examine(r, seed, reliability, lambda step: progress(f"{named(r)}: {step}"), material)
+    known = reliability or shipped()
+
+    def examined(r: Recording) -> Weighed:
+        return examine(r, seed, known, lambda step: progress(f"{named(r)}: {step}"), material)
 
     each = [examined(r) for r in recordings]
     progress("all recordings together")
-    joint = together([e.weighed.analysis for e in each])
+    joint = together([e.analysis for e in each])
     first = each[0]
-    settled = settle(joint, first.known, seed)
-    all_of_them = Examined(
-        settled, first.known, first.outliers, _between(each, names), first.scattered
+    settled = settle(joint, known, seed)
+    all_of_them = settled._replace(
+        outliers=first.outliers, between=_between(each, names), scattered=first.scattered
     )
-    findings = findings_of(all_of_them, seed, progress, begun)
+    findings = findings_of(all_of_them, known, seed, progress, begun)
     d = findings.diagnosis
     of_each = list(zip(names, each, strict=True))
     entries = [(names[0], o) for o in d.outliers]
@@ -94,7 +96,7 @@ def diagnose_several(
     outliers = [dict(o) | {"sentence": f"{name}: {o['sentence']}"} for name, o in entries]
     with_data = set(_of_data(first, d.gap.folds))
     notes = (
-        *settles(first.weighed.decision.verdict, settled.decision.verdict, names),
+        *settles(first.decision.verdict, settled.decision.verdict, names),
         *(n for n in d.notes if n not in with_data),
         *(f"{name}: {n}" for name, e in of_each for n in _of_data(e, d.gap.folds)),
         f"the twin has the tool of {names[0]}, which figures and places are of too",
@@ -304,7 +306,7 @@ def _same(refitters: Sequence[Refitter], f: Finalist, k: int, name: str, share: 
     return False
 
 
-def _between(each: Sequence[Examined], names: Sequence[str]) -> tuple[RowFinding, ...]:
+def _between(each: Sequence[Weighed], names: Sequence[str]) -> tuple[RowFinding, ...]:
     """Effects that show between rows of any recording: of each effect the most probable finding."""
     best: dict[str, RowFinding] = {}
     every = [(r, name) for e, name in zip(each, names, strict=True) for r in e.between]
@@ -313,10 +315,10 @@ def _between(each: Sequence[Examined], names: Sequence[str]) -> tuple[RowFinding
     return tuple(best.values())
 
 
-def _of_data(e: Examined, folds: int) -> list[str]:
-    p = e.weighed.analysis.prepared
+def _of_data(e: Weighed, folds: int) -> list[str]:
+    p = e.analysis.prepared
     notes = [*p.notes, *([e.scattered] if e.scattered else ())]
-    return [*notes, *json_entries.of_data(e.weighed.analysis, folds)]
+    return [*notes, *json_entries.of_data(e.analysis, folds)]
 
 
 def settles(
@@ -335,8 +337,7 @@ def settles(
             continue
         gone = sorted(rivals - set(now.names))
         if gone:
-            each = zip(cause.names, cause.shares, strict=True)
-            before = cause.probability * sum(share for name, share in each if name in now.names)
+            before = cause.probability * sum(map(cause.fraction, {*cause.names} & {*now.names}))
             others, still, ruled_out = (listed(n, "and") for n in (names[1:], now.names, gone))
             result.append(
                 f"{others} {verb} {still} from {ruled_out}: "

@@ -6,8 +6,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.explain.outliers import pose_numbers
-from wrenchbed.diagnosis.gap.closure import calibrated
-from wrenchbed.diagnosis.gap.held_out import simulated
+from wrenchbed.diagnosis.gap.held_out import calibrated, simulated
 from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect

@@ -162,7 +162,7 @@ def _joints(findings: EffortFindings) -> list[int]:
 def _efforts(findings: EffortFindings) -> Chart:
     """Chart of efforts of all joints on held-out rows over a stretch of time, beside the residuals
     of the predictions."""
-    scene, std = findings.d.scene, [c.noise.std for c in findings.d.channels]
+    scene, std = findings.d.scene, [c.std for c in findings.d.channels]
     kept = scene.kept()
     t, measured, rows = (
         scene.signals.t[kept],
@@ -205,7 +205,7 @@ def _friction(findings: EffortFindings, j: int) -> Chart:
     measured = stated + channel.y - channel.data[:, arm] @ findings.fit.x[channel.at[arm]]
     efforts = [speed, measured, stated]
     if findings.verdict.causes:
-        efforts.append(measured - channel.noise.std * remaining(d, findings.fit.each)[:, j])
+        efforts.append(measured - channel.std * remaining(d, findings.fit.each)[:, j])
     edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
     at = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, len(edges) - 2)
     x, *means = (np.bincount(at, values) / np.bincount(at) for values in efforts)

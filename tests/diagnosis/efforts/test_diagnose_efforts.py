@@ -15,10 +15,10 @@ from wrenchbed.benchmark.efforts.arm import Path, TrueArm
 from wrenchbed.benchmark.efforts.case import make
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.diagnosis.efforts.fitted_causes import facts_of
+from wrenchbed.diagnosis.efforts.json_entries import shown_from
 from wrenchbed.diagnosis.efforts.residual_anomalies import episode, held, outliers, peak
 from wrenchbed.diagnosis.efforts.search import Evidence
-from wrenchbed.diagnosis.efforts.sizes import shown_from
-from wrenchbed.diagnosis.efforts.weighed_causes import facts_of
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
 from wrenchbed.diagnosis.prepare.prepared import Material

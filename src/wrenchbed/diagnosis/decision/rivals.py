@@ -17,9 +17,8 @@ from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Key, Verdict
-from wrenchbed.diagnosis.gap.closure import twin_of
 from wrenchbed.diagnosis.gap.gap_bootstrap import Bootstrap, Interval
-from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
+from wrenchbed.diagnosis.gap.held_out import Claimed, CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 
 TRIED = 5
@@ -41,23 +40,14 @@ def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key,
 
     Empty if that is a wrong stated number. ``seed``: of the bootstrap over held-out blocks.
     """
-    if not verdict.causes or verdict.causes[0].part.index is None:
+    if not verdict.causes or (leading := verdict.causes[0].part.index) is None:
         return ()
-    lead = verdict.causes[0]
-    more = [key for key in _as_good(a, verdict, seed) if key[0] not in lead.names]
-    return tuple(more[: 1 + MOST_RIVALS - len(lead.names)])
-
-
-def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key, ...]:
-    """Effects that close as much in the leading cause's place, best first; ``seed``: bootstrap."""
     f = verdict.explanation.finalist
     lead, *others = verdict.causes
     claimed = {n for c in others for n in c.names}
     beside = [c.part.index for c in others if c.part.index is not None and c.probability > DOUBTFUL]
     wrong = [c.names[0] for c in others if c.part.index is None]
     base = a.refitter.keeping(f, beside)
-    leading = lead.part.index
-    assert leading is not None
     judge = _Judge(a, wrong, seed)
     without = judge.gaps(base)
     with_lead = judge.gaps(a.refitter.keeping(f, [leading, *beside]))
@@ -68,9 +58,14 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[Key
         both = partial(a.refitter.extended, rival, f.parts[leading])
         return (h.name, None), judge.gaps(rival), lambda: judge.gaps(both())
 
-    each = map(tried, _candidates(a, base, {*claimed, lead.names[0]}))
+    singles = a.refitter.added(base) if base.parts else a.searcher.singles(a.refitter.y)
+    taken = {*claimed, lead.names[0], *STATED}
+    best = best_variants(a.searcher.hypotheses, singles).items()
+    each = map(tried, [s for name, s in best if name not in taken][:TRIED])
     spare = (1.0 - ALIKE) * judge.mean(without - with_lead).value
-    return not_apart(judge.mean, without, with_lead, spare, each)
+    alike = not_apart(judge.mean, without, with_lead, spare, each)
+    more = [key for key in alike if key[0] not in lead.names]
+    return tuple(more[: 1 + MOST_RIVALS - len(lead.names)])
 
 
 def not_apart(
@@ -96,14 +91,6 @@ def not_apart(
     return tuple(sorted(worse, key=lambda key: worse[key]))
 
 
-def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:
-    """Best variants of the likeliest effects beside the fitted set of causes ``base``, at most
-    `TRIED`; effects named in ``taken`` are left out."""
-    singles = a.refitter.added(base) if base.parts else a.searcher.singles(a.refitter.y)
-    best = best_variants(a.searcher.hypotheses, singles)
-    return [s for name, s in best.items() if name not in {*taken, *STATED}][:TRIED]
-
-
 class _Judge:
     """Computes the gaps that fitted sets of causes leave on rows that no fit used."""
 
@@ -117,8 +104,8 @@ class _Judge:
 
     def gaps(self, f: Finalist) -> np.ndarray:
         """Gap (S,) at each of S observations that no fit used, with the causes of a fitted set."""
-        keep = tuple(range(len(f.parts)))
-        reading = self._fits.explained(twin_of(self._a, f, keep), f, keep, self._wrong)[0]
+        claim = Claimed(f, tuple(range(len(f.parts))), tuple(self._wrong))
+        reading = self._fits.explained(claim)[0]
         p = self._a.prepared
         away = (p.y - reading[p.scene.held])[p.judged] / self._scale
         return np.asarray((away**2).mean(axis=1))

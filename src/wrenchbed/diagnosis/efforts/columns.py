@@ -198,7 +198,9 @@ def _links(scene: EffortScene) -> Made:
         phi, y = scene.inertias.phi[k], scene.regressor[..., INERTIAL * k : INERTIAL * (k + 1)]
         mass, cog = phi[0], phi[1:4] / max(phi[0], 1e-9)
         last = k == scene.robot.carrier  # the tool hangs on it, and is the more likely cause
-        moments, inertia = [of_moment(cog, axis) for axis in np.eye(3)], _mean_inertia(phi)
+        moments = [of_moment(cog, axis) for axis in np.eye(3)]
+        about = float(phi[4:7].sum()) - 2.0 * float(phi[1:4] @ phi[1:4]) / mass  # its CoG
+        inertia = max(about / 3.0, mass * _GYRATION**2)  # mean principal one
         for kind, ends, forms, level, std in (
             ("mass", ("mass",), [of_mass(cog)], mass, LINK_MASS),
             ("cog", "xyz", moments, mass, LINK_CENTRE),
@@ -267,10 +269,3 @@ def _tilt(scene: EffortScene) -> Made:
         seen = scene.sensed(scene.theta, more) - scene.load
         columns.append(Column(f"base.tilt.{k}", np.hstack([held, seen]), _TILT))
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
-
-
-def _mean_inertia(phi: np.ndarray) -> float:
-    """Mean principal inertia [kg·m²] about the CoG for a link's 10 inertial parameters (10,)."""
-    moment = phi[1:4]
-    about = float(phi[4:7].sum()) - 2.0 * float(moment @ moment) / phi[0]
-    return max(about / 3.0, phi[0] * _GYRATION**2)

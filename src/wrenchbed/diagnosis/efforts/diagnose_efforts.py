@@ -11,14 +11,21 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.decision.decide import conclude, decide, widened
 from wrenchbed.diagnosis.efforts import json_entries
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
-from wrenchbed.diagnosis.efforts.fitted_causes import Simulator, Simulators
+from wrenchbed.diagnosis.efforts.fitted_causes import (
+    Simulator,
+    Simulators,
+    as_good,
+    blocks,
+    displacement,
+    facts_of,
+    outside,
+    weighed,
+)
 from wrenchbed.diagnosis.efforts.residual_anomalies import signs
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Evidence, Structure, search
 from wrenchbed.diagnosis.efforts.servo_tracking_torques import as_efforts
-from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, displacement, fitted
 from wrenchbed.diagnosis.efforts.stated_drives import stated_drives, with_tool
-from wrenchbed.diagnosis.efforts.weighed_causes import as_good, blocks, facts_of, outside, weighed
 from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.json_entries import cannot_tell
@@ -69,7 +76,7 @@ class EffortFindings:
     def write(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``twin.json`` and ``drives.json``."""
         self.diagnosis.write(folder)
-        values = corrected(self.d, self.fit.x, self.diagnosis.which)
+        values = json_entries.corrected(self.d, self.fit.x, self.diagnosis.which)
         write_json(Path(folder) / "drives.json", plain(values))
 
 
@@ -129,7 +136,7 @@ def diagnose_efforts(
     decision = decide(facts_of(simulators, likely, seed))
     alike = as_good(simulators, decision.verdict, seed)
     decision = replace(decision, verdict=widened(decision.verdict, alike))
-    final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])
+    final = conclude(decision, [{} for _ in decision.verdict.causes], [text for _, text in seen])
     gap, fit = decision.gap, simulators.of(blocks(final.causes))
     members = {c.part.name: gap.members[c.part.label] for c in final.causes}
     theta = np.asarray(scene.model.configured(scene.recording.metadata))
@@ -143,8 +150,8 @@ def diagnose_efforts(
         (*notes(given, recording, recording), *json_entries.notes(d, final, gap, seen, unnamed)),
         set90=set90(final, UNLEARNT),
         minor=json_entries.minor(simulators, likely, final),
-        fitted=fitted(fit),
-        scale=json_entries.scales(d), blind=blind_spots(evidence),
+        fitted=json_entries.fitted(fit),
+        scale=json_entries.scales(d), blind=json_entries.blind_spots(evidence),
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip
     return EffortFindings(diagnosis, d, final, simulators, unnamed, seed)

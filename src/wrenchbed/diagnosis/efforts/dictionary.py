@@ -1,12 +1,17 @@
 """Regressor columns of all channels of joint efforts, and their whitened products by time block.
 
-Sets of causes are compared by these products alone; rows are needed again only for gaps.
+Sets of causes are compared by these products alone; rows are needed again only for gaps. A
+channel's noise is the residual of a fit of all its columns, so that causes do not count as noise.
+Its memory is that of an autoregressive process (Yule–Walker equations; Brockwell & Davis 1991,
+Section 8.1).
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy  # which loads its slow submodules when they are first used
+from scipy.linalg import solve_toeplitz
 
 from wrenchbed.diagnosis.efforts.columns import (
     BACKGROUND,
@@ -17,13 +22,19 @@ from wrenchbed.diagnosis.efforts.columns import (
     rows_of,
 )
 from wrenchbed.diagnosis.efforts.names import all_effects, drive_effects
-from wrenchbed.diagnosis.efforts.noise import RowNoise, remains, row_noise
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.drives.joint_least_squares import FOLDS
 from wrenchbed.effects.drives.base import Block, Column, DriveResidual
 from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError
+
+_ORDER = 4
+"""Order of the autoregressive noise model: two resonances."""
+_FLOOR = 1e-3
+"""White noise added to the noise's variance (ratio): filters leave frequencies without any."""
+RIDGE = 1e-6
+"""Ridge of a fit, over each column's mean square: some columns are nearly collinear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +49,9 @@ class Channel:
         at: indices (K,), in `Dictionary.names`, of its columns, then of those of the whole arm.
         data: these columns (M, K): change of the readings by one unit of each parameter.
         left: residual of y after a fit of these columns (M,), zero where not used.
-        noise: noise of a row, with its whitening filter.
+        std: standard deviation of one row's noise, unit of y.
+        filter: filter (F,) that makes the noise white, which begins with 1.
+        innovation: standard deviation of the filtered noise, unit of y.
         counts: residual that counts as a gap of 1, unit of y: by default a row's noise.
     """
 
@@ -48,8 +61,15 @@ class Channel:
     at: np.ndarray
     data: np.ndarray
     left: np.ndarray
-    noise: RowNoise
+    std: float
+    filter: np.ndarray
+    innovation: float
     counts: float
+
+    def white(self, columns: np.ndarray) -> np.ndarray:
+        """Signals (M, …) at M rows, filtered to white noise and divided by ``innovation``."""
+        filtered = scipy.signal.lfilter(self.filter, [1.0], columns, axis=0)
+        return np.asarray(filtered / self.innovation)
 
     @cached_property
     def gram(self) -> np.ndarray:
@@ -107,8 +127,8 @@ class Dictionary:
         count = len(self.names)
         gram, right = np.zeros((FOLDS, count, count)), np.zeros((FOLDS, count))
         for channel in self.channels:
-            at, white = channel.at, channel.noise.white(channel.y)
-            columns = channel.noise.white(channel.data)
+            at, white = channel.at, channel.white(channel.y)
+            columns = channel.white(channel.data)
             for b in range(FOLDS):
                 rows = channel.use & (self.fold == b)
                 some = columns[rows]
@@ -137,8 +157,8 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     each = [_made(scene, j, y[:, j], use[:, j], arm[:, j]) for j in many]
     every = [np.hstack([each[j][1], arm[:, j]]) for j in many]
     left = [remains(y[:, j], every[j], use[:, j]) for j in many]
-    noise = [row_noise(y[:, j], left[j], use[:, j], every[j].shape[1]) for j in many]
-    std_rows = np.array([n.std for n in noise])
+    noise = [_noise(y[:, j], left[j], use[:, j], every[j].shape[1]) for j in many]
+    std_rows = np.array([std for std, *_ in noise])
     flat = [c for columns, _, _ in each for c in columns] + arm_columns
     joint = np.repeat([*many, -1], [*(len(columns) for columns, _, _ in each), len(arm_columns)])
     sizes = [np.sqrt((each[j][1] ** 2).mean(axis=0)) / std_rows[j] for j in many]
@@ -150,15 +170,16 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
         Channel(
             y[:, j], use[:, j], speeds[:, j] > REST * speeds[:, j].max(),
             np.concatenate([np.flatnonzero(joint == j), np.flatnonzero(joint < 0)]),
-            every[j], left[j], noise[j], float(counts[j]),
+            every[j], left[j], *noise[j], float(counts[j]),
         )
         for j in many
     )  # fmt: skip
-    std = [_prior(c, max(s, 1e-12)) for c, s in zip(flat, size, strict=True)]
+    wide = np.where([c.free for c in flat], FREE, BACKGROUND) / np.maximum(size, 1e-12)
+    stated = np.array([c.std is not None and not c.free for c in flat])
     return Dictionary(
-        scene, channels, tuple(c.name for c in flat), joint, np.array(std),
-        np.array([c.free for c in flat]),
-        np.array([c.std is not None and not c.free for c in flat]), size, blocks,
+        scene, channels, tuple(c.name for c in flat), joint,
+        np.where(stated, [c.std or 0.0 for c in flat], wide), np.array([c.free for c in flat]),
+        stated, size, blocks,
     )  # fmt: skip
 
 
@@ -190,7 +211,27 @@ def _made(
     return columns, data, blocks
 
 
-def _prior(column: Column, size: float) -> float:
-    if column.std is not None and not column.free:
-        return column.std
-    return (FREE if column.free else BACKGROUND) / size
+def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """Residual of y (M,) after a least-squares fit of columns (M, K), with a small ridge, to the
+    rows of ``use`` (M,), boolean; zero elsewhere."""
+    scale = np.sqrt(np.maximum((columns**2).mean(axis=0), 1e-300))
+    scaled = columns / scale
+    some = scaled[use]
+    gram = some.T @ some + RIDGE * len(y) * np.eye(columns.shape[1])
+    return np.where(use, y - scaled @ np.linalg.solve(gram, some.T @ y[use]), 0.0)
+
+
+def _noise(
+    y: np.ndarray, left: np.ndarray, use: np.ndarray, columns: int
+) -> tuple[float, np.ndarray, float]:
+    """Noise of a channel as `Channel` keeps it: ``std``, ``filter``, ``innovation``; ``columns``:
+    number of those whose fit to y (M,) leaves the residual ``left`` (M,) at the rows ``use``."""
+    rows = int(use.sum())
+    std = float(np.std(left[use])) * float(np.sqrt(rows / max(rows - columns, 1)))
+    std = max(std, 1e-9 * max(float(np.std(y)), 1e-3))
+    moments = np.array([left[: len(y) - k] @ left[k:] / len(y) for k in range(_ORDER + 1)])
+    moments[0] *= 1.0 + _FLOOR
+    memory = solve_toeplitz(moments[:-1], moments[1:]) if moments[0] > 0.0 else moments[:0]
+    kernel = np.concatenate([[1.0], -memory])
+    innovation = float(np.std(scipy.signal.lfilter(kernel, [1.0], left)[use]))
+    return std, kernel, max(innovation, 1e-9 * std)

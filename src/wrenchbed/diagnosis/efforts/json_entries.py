@@ -1,29 +1,52 @@
-"""Entries of ``diagnosis.json`` (docs/contracts.md) of joint efforts: causes, places, notes."""
+"""Entries of ``diagnosis.json`` (docs/contracts.md) of joint efforts: causes with sizes, places,
+numbers fitted beside them, blind spots, notes; and ``drives.json``.
 
-from collections.abc import Sequence
+Sizes from which a cause shows are those of `next.blind`: detected by the evidence, and adding
+enough gap to be reported.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
+
+import numpy as np
 
 from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.fitted_causes import Simulators
+from wrenchbed.diagnosis.efforts.fitted_causes import (
+    Simulator,
+    Simulators,
+    added,
+    blocks,
+    facts_of,
+    mass_of_tool,
+)
 from wrenchbed.diagnosis.efforts.names import all_effects, place
 from wrenchbed.diagnosis.efforts.residual_anomalies import Sign
-from wrenchbed.diagnosis.efforts.search import Structure
-from wrenchbed.diagnosis.efforts.sizes import parameters
-from wrenchbed.diagnosis.efforts.weighed_causes import blocks, facts_of
-from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.efforts.search import AMPLITUDE, Evidence, Structure
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST
+from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, UNKNOWN, batches
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Option, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
 from wrenchbed.diagnosis.gap.varies_with import entries, located, of_channels
+from wrenchbed.diagnosis.json_entries import class_entry, with_rivals
 from wrenchbed.diagnosis.json_entries import notes as of_gap
-from wrenchbed.diagnosis.json_entries import with_rivals
-from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
-from wrenchbed.diagnosis.result import Scale, cause, families, rival
+from wrenchbed.diagnosis.next.blind import (
+    DETECTED,
+    LEAST_MINOR,
+    NOT_HERE,
+    NOTHING,
+    BlindSpot,
+    reported_from,
+)
+from wrenchbed.diagnosis.result import Scale
 from wrenchbed.drives.identify import FRICTION
+from wrenchbed.effects.drives.angle_periodic import Wave
 
+FITTED = "fitted, since nobody states it"
 _OF_COMMANDS = (
     "efforts are tracking errors times stiffness; drive.constant is the servo's stiffness (a gain "
     "above 0: less of it), drive.delay how late it acts on its command, by a delay or a filter"
@@ -36,29 +59,19 @@ _LONGER = "record a longer motion of all joints, at several speeds in both direc
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
     """Entries of ``which`` of diagnosis.json: the claimed causes with sizes and probabilities."""
-    channels = {"channels": families(gap)}
-    return [_entry(s, c, v.causes) | channels | {"closed_share": gap.shares[c.part.label]}
-            for c in v.causes]  # fmt: skip
+    return [class_entry(c, partial(_numbers, s, c, v.causes), gap) for c in v.causes]
 
 
-def _entry(s: Simulators, c: Cause, claimed: Sequence[Cause]) -> dict[str, Any]:
-    """Entry of ``which`` of diagnosis.json for a cause, with its rivals: effects fitted in its
-    place, at their likeliest joint. Other claimed causes are fitted beside it."""
-    beside, by_effect = blocks([x for x in claimed if x is not c]), dict[str, dict[Key, float]]()
-    for key, share in zip(c.keys, c.shares, strict=True):
-        by_effect.setdefault(key[0], {})[key] = share
-    of: dict[str, dict[str, Any]] = {}
-    for effect, keys in by_effect.items():
-        block = next(k for k, b in enumerate(s.d.blocks) if b.key == next(iter(keys)))
-        block = c.part.index if effect == c.part.name and c.part.index is not None else block
-        sizes = parameters(s.of((*beside, block)), block)
-        sizes[all_effects()[effect].size.name] |= _stated(s.d, s.d.blocks[block].key)
-        of[effect] = {"elements": [place(key) for key in keys], "parameters": sizes}
-    first = of.pop(c.part.name)
-    sizes = with_rivals(first["parameters"], first["elements"])
-    shares = {name: c.probability * sum(by_effect[name].values()) for name in of}
-    rivals = [rival(name, shares[name], of[name]) for name in of]
-    return cause(c.part.name, c.probability, sizes, rivals, 0.0, first["elements"])
+def _numbers(s: Simulators, c: Cause, claimed: Sequence[Cause], effect: str) -> dict[str, Any]:
+    """Keys ``elements``, ``parameters`` of a cause's effect or of a rival fitted in its place, at
+    its likeliest joint, beside the other ``claimed`` causes."""
+    keys, first = [key for key in c.keys if key[0] == effect], effect == c.part.name
+    block = next(k for k, b in enumerate(s.d.blocks) if b.key == keys[0])
+    block = c.part.index if first and c.part.index is not None else block
+    sizes = parameters(s.of((*blocks([x for x in claimed if x is not c]), block)), block)
+    sizes[all_effects()[effect].size.name] |= _stated(s.d, s.d.blocks[block].key)
+    names = [place(key) for key in keys]
+    return {"elements": names, "parameters": with_rivals(sizes, names) if first else sizes}
 
 
 def _stated(d: Dictionary, key: Key) -> dict[str, float]:
@@ -79,16 +92,15 @@ def minor(
     for c in leading(facts_of(s, every, 0, LEAST_MINOR)).causes if v.word != UNKNOWN else ():
         if c.part.share < CLAIMABLE and c.probability >= DETECTED and not claimed & {*c.keys}:
             believed = replace(c, probability=min(c.probability, RIGHT_ELSEWHERE))
-            entry = _entry(s, believed, v.causes) | {"gap": c.part.share}
-            del entry["closed_share"], entry["channels"]
-            result.append(entry)
+            entry = class_entry(believed, partial(_numbers, s, believed, v.causes))
+            result.append(entry | {"gap": c.part.share})
     return sorted(result, key=lambda entry: -entry["gap"])
 
 
 def scales(d: Dictionary) -> dict[str, Scale]:
     """Row noise and residual that counts as a gap of 1 by channel (``tau1`` …, ``fx`` …)."""
     each = zip(d.channels, d.scene.channels, strict=True)
-    return {column: Scale(c.noise.std, c.counts, unit) for c, (_, column, unit) in each}
+    return {column: Scale(c.std, c.counts, unit) for c, (_, column, unit) in each}
 
 
 def where(
@@ -105,7 +117,7 @@ def where(
         ])  # fmt: skip
     channels = [("drive" if j < d.scene.joints else "sensor", n)
                 for j, (n, *_) in enumerate(d.scene.channels)]  # fmt: skip
-    hints = [(channels[s.joint - 1], f"{s.text[:1].upper()}{s.text[1:]}") for s in seen[:2]]
+    hints = [(channels[j], f"{text[:1].upper()}{text[1:]}") for j, text in seen[:2]]
     if hints:
         return [located(*of, 0.0, 1.0, f"{text}: no cause is claimed.") for of, text in hints]
     return of_channels(gap, channels)
@@ -142,7 +154,7 @@ def notes(
             not stated,
         _OF_COMMANDS: scene.commanded,
         "drive constants are fitted, and no cause: they hold as the link masses do": fitted,
-        **{f"not ordinary noise: {s.text}": True for s in seen},
+        **{f"not ordinary noise: {text}": True for _, text in seen},
         "ordinary errors of links and drives together may imitate a cause: none is never surer":
             v.word == NONE,
         "ordinary errors of all stated values together leave hardly a gap either: the cause is the "
@@ -152,3 +164,133 @@ def notes(
     }  # fmt: skip
     result = [sentence for sentence, said in every.items() if said]
     return (*result, *of_gap(gap, (), unknown=False))
+
+
+def parameters(fit: Simulator, block: int) -> dict[str, Any]:
+    """Key ``parameters`` of diagnosis.json for cause ``block`` (index): size, shape and joint."""
+    d, b = fit.d, fit.d.blocks[block]
+    about, some = all_effects()[b.effect], d.sized(block)
+    size = about.size
+
+    def whole(x: np.ndarray) -> float:
+        parts = _scale(d, block, x) * x[some]
+        return float(np.linalg.norm(parts) if size.vector else parts.sum())
+
+    def part(x: np.ndarray, k: int) -> float:
+        return float(_scale(d, block, x) * x[k])
+
+    result: dict[str, Any] = {size.name: {**fit.number(whole), "unit": unit_of(d, block)}}
+    if b.joint is not None and isinstance(about, Wave):
+        slides = d.scene.robot.joints[b.joint - 1].unit == "m"
+        value, unit = (b.value / (2.0 * np.pi), "1/m") if slides else (b.value, "1")
+        result["periods"] = {"value": value, "std": None, "unit": unit}
+    elif size.vector and not size.columns:
+        for k in some:
+            number = fit.number(partial(part, k=k))
+            result[d.names[k].rpartition(".")[2]] = {**number, "unit": size.unit}
+    if b.joint is not None:
+        result["joint"] = {"value": b.joint}
+    return result
+
+
+def unit_of(d: Dictionary, block: int) -> str:
+    """Unit of the size of the cause of index ``block``; another one where its joint is a slide."""
+    b = d.blocks[block]
+    unit = all_effects()[b.effect].size.unit
+    if b.joint is None or not (d.joint[d.at[block]] >= 0).all():
+        return unit
+    return d.scene.robot.joints[b.joint - 1].own(unit)
+
+
+def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
+    """Factor from a cause's column amplitudes to its size; ``block``: index; x (P,): amplitudes."""
+    return 1.0 / mass_of_tool(d, x) if d.blocks[block].effect == "tool.cog" else 1.0  # moments
+
+
+def fitted(fit: Simulator) -> list[dict[str, Any]]:
+    """Entries of ``fitted`` of diagnosis.json: friction, rotor inertia, tool, where not stated."""
+    d, result = fit.d, list[dict[str, Any]]()
+    for name in (d.names[k] for k in np.flatnonzero(d.free)):
+        kind, _, of = name.partition(".")
+        drive = f"drive.{kind}"
+        if kind == "tool":
+            label, unit = name, "kg" if of == "mass" else "m"
+        elif drive in FRICTION:
+            unit = d.scene.robot.joints[int(of) - 1].own(all_effects()[drive].size.unit)
+            label = f"drive.{name}"
+        else:
+            continue
+        number = fit.number(partial(_value, d, name))
+        result.append({"name": label, **number, "unit": unit, "stated": None})
+    return result
+
+
+def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
+    """Value, SI, of the column ``name`` (drive, tool mass or CoG) at all amplitudes x (P,)."""
+    (kind, _, of), amplitude = name.partition("."), float(x[d.names.index(name)])
+    if kind != "tool":
+        start = dict(zip(FRICTION, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
+        return float(start[f"drive.{kind}"][int(of) - 1]) + amplitude
+    if of == "mass":
+        return float(d.scene.tool.mass) + amplitude
+    # a moment beside that of the mass at the model's centre of gravity [kg·m]
+    centre = np.asarray(d.scene.tool.cog)["xyz".index(of[-1])]
+    return float(centre) + amplitude / mass_of_tool(d, x)
+
+
+def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Contents of ``drives.json``: drive values at amplitudes x (P,), and effects ``entries``."""
+    each = {f"drive.{n}": n for n in d.names}
+    values = {k: _value(d, n, x) for k, n in each.items() if k.rpartition(".")[0] in FRICTION}
+    for entry in entries:
+        if entry["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
+            numbers = entry["parameters"]
+            name = f"drive.coulomb.{numbers['joint']['value']}"
+            if name in values:
+                values[name] -= numbers["size"]["value"]
+    return {"format": 1, "robot": d.scene.recording.metadata.robot, "configured": values,
+            "effects": list(entries)}  # fmt: skip
+
+
+def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
+    """Effects, by joint or link, that these efforts would show at no plausible size, or only at a
+    size above the plausible one or above that which adds a gap of 1."""
+    d, spots, every = evidence.d, list[BlindSpot](), shown_from(evidence)
+    keys = {b.key for b in d.blocks if not b.outside}
+    for effect, number in sorted(keys, key=lambda key: (key[0], key[1] or 0)):
+        shown, counts, k = min((*every[k], k) for k in every if d.blocks[k].key == (effect, number))
+        element = "" if number is None else place((effect, number))
+        most = all_effects()[effect].size.plausible * d.blocks[k].level
+        if shown > LARGEST * most:
+            why = NOTHING if d.blocks[k].columns or effect.startswith("link.") else FITTED
+            why = NOT_HERE if effect == "drive.temperature" else why
+            spots.append(BlindSpot(effect, element, None, "", why))
+        elif shown > min(most, counts):
+            spots.append(BlindSpot(effect, element, shown, unit_of(d, k)))
+    return tuple(spots)
+
+
+def shown_from(evidence: Evidence) -> dict[int, tuple[float, float]]:
+    """For each named cause by index, two sizes: that from which 95 % of recordings like this one
+    report it, and that which adds a gap of 1, if all its columns have that size."""
+    d = evidence.d
+    named = [(k, d.sized(k)) for k, b in enumerate(d.blocks) if not b.outside]
+    result = {k: (np.inf, np.inf) for k, _ in named}  # without reversal, or anything that warms
+    shown = ((k, at, float(np.sqrt((d.size[at] ** 2).mean()))) for k, at in named if len(at))
+    for b in batches(
+        (k, at, np.full(len(at), 1.0 / unit), np.array([AMPLITUDE]), evidence.prior[k])
+        for k, at, unit in shown
+        if unit > 0.0
+    ):
+        ones = np.zeros((len(b.index), len(d.names)))
+        np.put_along_axis(ones, b.columns, b.size, axis=1)  # together a row's noise
+        gaps = np.array([max(added(d, *x), 1e-300) for x in zip(ones, b.columns, strict=True)])
+        information = evidence.information[b.columns[:, :, None], b.columns[:, None]]
+        information = b.size[:, :, None] * information * b.size[:, None]
+        times = reported_from(information, b.scales, b.prior - np.log(PRIOR[NONE]), gaps)
+        for k, unit, *sizes in zip(b.index.tolist(), b.size[:, 0], times, gaps**-0.5, strict=True):
+            vector = all_effects()[d.blocks[k].effect].size.vector
+            one = abs(_scale(d, k, np.zeros(len(d.names)))) * unit
+            one *= b.columns.shape[1] ** (0.5 if vector else 1.0)
+            result[k] = float(sizes[0] * one), float(sizes[1] * one)
+    return result

@@ -4,8 +4,6 @@ Noise is estimated from that same residual, so its size says nothing here: only 
 over time and frequency, and whether a drive repeats an old value.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 
@@ -39,23 +37,15 @@ _HELD_S, _HELD_ROWS = 0.15, 12
 """Least time [s] and rows of a moving joint's repeated effort: quantised noise reaches 0.07 s."""
 
 
-@dataclass(frozen=True)
-class Sign:
-    """One sign of trouble in the residual of a channel.
-
-    Attributes:
-        joint: number of the channel, from 1: joints first, then those of the wrench.
-        text: what was seen and when; begins in lower case.
-    """
-
-    joint: int
-    text: str
+Sign = tuple[int, str]
+"""Sign of trouble in a channel's residual: index of the channel, joints first, then those of the
+wrench; and what was seen and when, which begins in lower case."""
 
 
 def signs(d: Dictionary) -> tuple[Sign, ...]:
     """Signs of faults in the residuals of all channels, detected without a model of the cause."""
     scene, result = d.scene, list[Sign]()
-    slow = slowness(d)
+    slow = _slowness(d)
     time = scene.signals.t[scene.kept()]
     for j, ((name, *_), channel) in enumerate(zip(scene.channels, d.channels, strict=True)):
         use, residual = channel.use, channel.left
@@ -67,11 +57,11 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
             f"what no effect explains changes slowly: its scatter is {slow[j]:.1f} times as large, "
             "beside that from row to row, as in the other joints" * bool(slow[j] >= _SLOW),
         )
-        result += [Sign(j + 1, f"{name}: {text}") for text in every if text]
+        result += [(j, f"{name}: {text}") for text in every if text]
     return tuple(result)
 
 
-def slowness(d: Dictionary) -> np.ndarray:
+def _slowness(d: Dictionary) -> np.ndarray:
     """Scatter of each channel's residual over that from row to row (C,), divided by the median over
     the joints; 0 for channels of a wrench."""
     each = np.zeros(len(d.channels))

@@ -40,11 +40,7 @@ class OfProducts:
     alone, noise variance v₀. For many rows, and where readings themselves are not kept."""
 
     V: np.ndarray
-
-    @cached_property
-    def _gram(self) -> np.ndarray:
-        """Gram matrix G = Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
-        raise NotImplementedError
+    gram: np.ndarray
 
     @cached_property
     def _on(self) -> np.ndarray:
@@ -58,20 +54,16 @@ class OfProducts:
 
     def _beside(self) -> np.ndarray:
         """Product G D (n, b) of the Gram matrix G = Eᵀ v₀⁻¹ E with D = V½ of the columns `_on`."""
-        result = np.take(self._gram, self._on, axis=1)
+        result = np.take(self.gram, self._on, axis=1)
         result *= self._root
-        return result
-
-    def _inner(self) -> np.ndarray:
-        """Product D G D (b, b), Gram matrix G = Eᵀ v₀⁻¹ E, D = V½, of the columns `_on`."""
-        result = self._beside()[self._on]
-        result *= self._root[:, None]
         return result
 
     @cached_property
     def _factor(self) -> tuple[np.ndarray, bool]:
         """Cholesky factor of I + D G D, with the Gram matrix G = Eᵀ v₀⁻¹ E and D = V½."""
-        return factored(self._inner())
+        inner = self._beside()[self._on]
+        inner *= self._root[:, None]
+        return factored(inner)
 
     def held(self, u: np.ndarray) -> np.ndarray:
         """Posterior mean of the background's coefficients (n, k) for u = Eᵀ v₀⁻¹ y (n, k): D (I + D
@@ -92,7 +84,7 @@ class OfProducts:
         of = self._beside()
         half = solve_triangular(factor, of.T, lower=lower, overwrite_b=True, check_finite=False)
         return [
-            np.asarray(self._gram[c[:, :, None], c[:, None, :]] - squares(half, c)) for c in sets
+            np.asarray(self.gram[c[:, :, None], c[:, None, :]] - squares(half, c)) for c in sets
         ]
 
 
@@ -102,10 +94,6 @@ class Products(OfProducts):
 
     gram: np.ndarray
     V: np.ndarray
-
-    @cached_property
-    def _gram(self) -> np.ndarray:
-        return self.gram
 
 
 def factored(inner: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -125,6 +113,7 @@ class BackgroundLevel(OfProducts):
         weighed: makes Eᵀ v₀⁻¹ E (n, n) from a v₀ (C R,) that is the same in all rows of a measured
             column; computed from E if None.
         channels: number C of values of each row; 1 if some values of a row may be left out.
+        gap: gap that all small imperfections add together.
     """
 
     E: np.ndarray
@@ -132,6 +121,12 @@ class BackgroundLevel(OfProducts):
     V: np.ndarray
     weighed: Callable[[np.ndarray], np.ndarray] | None = None
     channels: int = 1
+    gap: float = 0.0
+
+    @property
+    def normal(self) -> bool:
+        """Whether a healthy robot may have imperfections of this size."""
+        return self.gap <= NORMAL
 
     def of_rows(self, rows: np.ndarray) -> "BackgroundLevel":
         """Copy with only the values that the mask ``rows`` (C R,) selects."""
@@ -143,7 +138,8 @@ class BackgroundLevel(OfProducts):
         return len(self.v0) > len(self.V)
 
     @cached_property
-    def _gram(self) -> np.ndarray:
+    def gram(self) -> np.ndarray:  # type: ignore[override]
+        """Gram matrix G = Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
         if self.weighed is None:
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
         return self.weighed(self.v0)
@@ -227,7 +223,7 @@ class BackgroundLevel(OfProducts):
             z = y / self.v0[:, None]
             u = self.E.T @ z
             kept = self.held(u)
-            square, score = (y * z).sum(axis=0) - (u * kept).sum(axis=0), u - self._gram @ kept
+            square, score = (y * z).sum(axis=0) - (u * kept).sum(axis=0), u - self.gram @ kept
         return np.asarray(score), np.asarray(-0.5 * (square + self.log_det))
 
 
@@ -354,28 +350,14 @@ def over_scales(
     return ScaledEvidence(start + total, best, information)
 
 
-@dataclass(frozen=True, eq=False)
-class Background:
-    """One size of the background of small imperfections: its gap, and its covariance."""
-
-    gap: float
-    level: BackgroundLevel
-
-    @property
-    def normal(self) -> bool:
-        """Whether a healthy robot may have imperfections of this size."""
-        return self.gap <= NORMAL
-
-
-def ladder(d: EffectDictionary) -> tuple[Background, ...]:
+def ladder(d: EffectDictionary) -> tuple[BackgroundLevel, ...]:
     """Levels of the background of small imperfections, smallest gap first."""
     weighed = d.weighed_by if len(d.E) > len(d.label) else None
-    result = list[Background]()
-    for gap in LADDER:
-        noise = row_variance(d.prepared, SHARES["rows"] * gap)
-        level = BackgroundLevel(d.E, noise, _variance(d, gap), weighed, d.channels)
-        result.append(Background(gap, level))
-    return tuple(result)
+    noise = (row_variance(d.prepared, SHARES["rows"] * gap) for gap in LADDER)
+    return tuple(
+        BackgroundLevel(d.E, v0, _variance(d, gap), weighed, d.channels, gap)
+        for v0, gap in zip(noise, LADDER, strict=True)
+    )
 
 
 def _variance(d: EffectDictionary, gap: float) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import (
-    Background,
+    BackgroundLevel,
     OfProducts,
     gains,
     ladder,
@@ -135,13 +135,9 @@ class Searcher(Candidates):
         self._last: tuple[np.ndarray, tuple[list[np.ndarray], np.ndarray]] | None = None
 
     @cached_property
-    def rungs(self) -> tuple[Background, ...]:
+    def levels(self) -> tuple[BackgroundLevel, ...]:  # type: ignore[override]
         """Levels of background, smallest gap first; made on first use."""
         return ladder(self.d)
-
-    @cached_property
-    def levels(self) -> tuple[OfProducts, ...]:  # type: ignore[override]
-        return tuple(rung.level for rung in self.rungs)
 
     @cached_property
     def batches(self) -> tuple[Batch, ...]:  # type: ignore[override]
@@ -192,7 +188,7 @@ class Searcher(Candidates):
     def _scored(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Scores w (n,) of y (C R,) by background level, and `nulls`; cached for the last y."""
         if self._last is None or self._last[0] is not y:
-            both = [r.level.scored(y[:, None]) for r in self.rungs]
+            both = [r.scored(y[:, None]) for r in self.levels]
             null = np.array([float(n[0]) for _, n in both]) + self.rung_prior(y)
             self._last = y, ([w[:, 0] for w, _ in both], null)
         return self._last[1]
@@ -231,7 +227,7 @@ class Searcher(Candidates):
         """Log prior of each background level (L,): equal for those of healthy robots; larger ones
         are likely only if the wrench's gap in the readings y is much larger than theirs."""
         total = max(float(self.d.gaps(y)[0]), 0.0)
-        gaps = np.array([r.gap for r in self.rungs])
-        normal = np.array([r.normal for r in self.rungs])
+        gaps = np.array([r.gap for r in self.levels])
+        normal = np.array([r.normal for r in self.levels])
         prior = np.where(normal, 1.0 / normal.sum(), 0.1)
         return np.log(np.where(~normal & (gaps > 0.02 * total), 1e-4 * prior, prior))

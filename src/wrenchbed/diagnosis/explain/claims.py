@@ -17,6 +17,7 @@ from wrenchbed.diagnosis.explain.contributions import (
     rest,
     shares,
     twins,
+    without_parts,
 )
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
@@ -145,15 +146,9 @@ def _standing_in(
     small = [k for k, gap in held.items() if gap > HOLDS]
     bending = [k for k in f.effects if k in large and any_free_form(f)]
     residual = f.residual + made_by(refitter, f, small)
-    if bending:
-        design = np.column_stack([d.E[:, d.always], f.design[:, f.variables.of_parts(bending)]])
-        residual = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
+    residual = without_parts(refitter, f, bending, residual) if bending else residual
     while small and d.gap(residual) - d.row_noise > REST:
-        without = []
-        for k in small:
-            columns = [d.E[:, d.always], f.design[:, f.variables.of_parts([k, *bending])]]
-            design = np.column_stack(columns)
-            without.append(residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0])
+        without = [without_parts(refitter, f, [k, *bending], residual) for k in small]
         best = int(np.argmin([d.gap(r) for r in without]))
         taken = d.gap(residual) - d.gap(without[best])
         if taken < CLAIMABLE:
@@ -301,7 +296,7 @@ def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
     prior is bounded by half of `MOST` typical sizes and by half the stated mass's tolerance.
     """
     if rung not in refitter.exact:
-        d, level = refitter.d, refitter.searcher.rungs[rung].level
+        d, level = refitter.d, refitter.searcher.levels[rung]
         variance = level.V.copy()
         of = d.of_effect("tool.self_weight")  # a wrong mass is nearly all of it
         for mass in np.flatnonzero(d.of_stated(STATED[1])):

@@ -46,12 +46,17 @@ def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
     without = f.residual + made_by(refitter, f, [part])
     bending = [k for k in f.effects if k != part and any_free_form(f)]
     pair = np.stack([without, f.residual], axis=1)
-    if bending:
-        design = np.column_stack(
-            [refitter.d.E[:, refitter.d.always], f.design[:, f.variables.of_parts(bending)]]
-        )
-        pair = pair - design @ np.linalg.lstsq(design, pair, rcond=None)[0]
+    pair = without_parts(refitter, f, bending, pair) if bending else pair
     return refitter.d.gaps(pair[:, 0]) - refitter.d.gaps(pair[:, 1])
+
+
+def without_parts(
+    refitter: Refitter, f: Finalist, parts: Collection[int], signal: np.ndarray
+) -> np.ndarray:
+    """Signals (C R, …) less their fit by what every fit frees and causes of indices ``parts``."""
+    d = refitter.d
+    design = np.column_stack([d.E[:, d.always], f.design[:, f.variables.of_parts(parts)]])
+    return np.asarray(signal - design @ np.linalg.lstsq(design, signal, rcond=None)[0])
 
 
 def claimable(refitter: Refitter, f: Finalist) -> list[int]:
@@ -126,11 +131,6 @@ def _as_many_numbers(
     others = [h for h in d.hypotheses if len(h.columns) == count and not h.effect.stated]
     target = d.without_stated(added)
     most = min(SAME, EXCUSED / share) * float(target @ target)
-    if count == 1:
-        made = d.without_stated(d.E[:, [h.columns[0] for h in others]])
-        size = np.maximum((made**2).sum(axis=0), 1e-300)
-        remaining = target @ target - (target @ made) ** 2 / size
-        return [h.name for h, r in zip(others, remaining, strict=True) if r < most]
     names = []
     for h in others:
         made = d.without_stated(d.E[:, h.columns])

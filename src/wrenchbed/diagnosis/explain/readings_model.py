@@ -40,7 +40,8 @@ class ReadingsModel:
     def __init__(self, searcher: Searcher, y: np.ndarray) -> None:
         self.searcher, self.y = searcher, y
         self.d = searcher.d
-        self.scene = self.d.prepared.scene
+        p, self.scene = self.d.prepared, self.d.prepared.scene
+        self._responses = Responses(self.scene, p.channels, p.y, p.fitted)
         self._zero = self.d.baseline
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
@@ -53,12 +54,7 @@ class ReadingsModel:
     @cached_property
     def normal(self) -> np.ndarray:
         """Indices of the background levels (sizes of small imperfections) of healthy robots."""
-        return np.flatnonzero([rung.normal for rung in self.searcher.rungs])
-
-    @cached_property
-    def _responses(self) -> Responses:
-        p = self.d.prepared
-        return Responses(self.scene, p.channels, p.y, p.fitted)
+        return np.flatnonzero([rung.normal for rung in self.searcher.levels])
 
     @property
     def nothing_alone(self) -> int:
@@ -101,7 +97,7 @@ class ReadingsModel:
     def searched(self, parts: Sequence[Hypothesis], rung: int, x: np.ndarray) -> np.ndarray:
         """Variables x (k,) after a random search over the last cause's shape parameters, its
         amplitudes refitted, on the background level of index ``rung``."""
-        level, v, last = self.searcher.rungs[rung].level, Variables.of(parts), len(parts) - 1
+        level, v, last = self.searcher.levels[rung], Variables.of(parts), len(parts) - 1
         moves, free = v.shape & (v.part == last), ~v.shape & (v.part == last)
         rng = np.random.default_rng(0)
         others = self.y - self.response(parts, np.where(free, 0.0, x))  # parts hardly interact
@@ -164,7 +160,7 @@ class ReadingsModel:
         """Square of y (C R,) over the background level ``rung`` and columns (C R, k) with prior
         standard deviations (k,); its scores w (n,) with all columns; and H (k, n): HᵀH is the
         information on all n columns that those k take up."""
-        level = self.searcher.rungs[rung].level
+        level = self.searcher.levels[rung]
         solved = level.solve(np.column_stack([design, y]))
         side = self.d.E.T @ solved[:, :-1]
         normal = design.T @ solved[:, :-1] + np.diag(1.0 / spread**2)
@@ -199,9 +195,9 @@ class ReadingsModel:
         """Background level of index ``rung``, with stated numbers among ``parts`` left free."""
         blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)
         if not blamed:
-            return self.searcher.rungs[rung].level
+            return self.searcher.levels[rung]
         if (rung, blamed) not in self._freed:
-            level = self.searcher.rungs[rung].level
+            level = self.searcher.levels[rung]
             variance = level.V.copy()
             variance[list(blamed)] += LARGEST**2
             self._freed[rung, blamed] = replace(level, V=variance)

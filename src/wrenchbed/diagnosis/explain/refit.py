@@ -49,11 +49,10 @@ class Refitter(ReadingsModel):
 
     def without(self, fold: int) -> "Refitter":
         """Refitter of the same recordings without the fold of number ``fold`` of each."""
-        return together([r._less(fold) for r in self.each])[self._place]
-
-    def _less(self, fold: int) -> "Refitter":
-        keep = np.repeat(self.d.prepared.fold_rows != fold, self.d.channels)
-        return type(self)(Searcher(self.d.without(fold)), self.y[keep])
+        keep = [np.repeat(r.d.prepared.fold_rows != fold, r.d.channels) for r in self.each]
+        both = zip(self.each, keep, strict=True)
+        each = [Refitter(Searcher(r.d.without(fold)), r.y[rows]) for r, rows in both]
+        return together(each)[self._place]
 
     def nothing(self) -> Finalist:
         """Fit without any effect, on the background level that fits best."""
@@ -243,9 +242,9 @@ class Refitter(ReadingsModel):
         """
         moments = []
         for r, rung, rows in zip(self.each, rungs, s.rows, strict=True):
-            every_rung = range(len(r.searcher.rungs))
+            every_rung = range(len(r.searcher.levels))
             tried = every_rung if rungs[1:] else sorted({rung, *r.normal.tolist()})
-            of = {k: Moments.of(r.searcher.rungs[k].level, y[rows], every[rows]) for k in tried}
+            of = {k: Moments.of(r.searcher.levels[k], y[rows], every[rows]) for k in tried}
             moments.append({k: m.raised(float(r.rung_prior[k])) for k, m in of.items()})
         best, evidence = list(rungs), dict[tuple[int, ...], ScaledEvidence]()
         fixed, scales = np.where(s.shape, SHAPE_SPREAD, 0.0), s.scales

@@ -100,7 +100,7 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     """Rank explanations: the best single effects refitted, then pairs and triples that gain."""
     y = refitter.y
     singles, nulls = searcher.singles(y), searcher.nulls(y)
-    normal = np.array([r.normal for r in searcher.rungs])
+    normal = np.array([r.normal for r in searcher.levels])
     kernels = [s for s in singles if s.index < 0]
     alone = [s.log_posterior for s in kernels]
     unknown = float(logsumexp([*alone, *(nulls[~normal] + np.log(PRIOR[UNKNOWN]))]))
@@ -290,7 +290,7 @@ def analyse(prepared: Prepared) -> Analysis:
         beside = corrected(result.refitter, best.finalist, prepared.configuration)
         if _moves(result.ranking, result.dictionary.prepared, beside) < LINEAR:
             break
-        moved = baseline.with_configuration(prepared.configuration, beside)
+        moved = replace(baseline, configuration=beside)
         again = _ranked(prepared, coarse, baseline, moved)
         result = replace(again, at_baseline=result.at_baseline)
     return result
@@ -318,8 +318,13 @@ def readings_from_baseline(
     d: EffectDictionary, prepared: Prepared, baseline: Baseline
 ) -> np.ndarray:
     """Whitened readings (C R,) less those of the calibrated simulator with stated mass and CoG."""
-    moved = np.zeros(len(d.stated))  # baseline minus stated mass and CoG, SI
+    errors = np.where(d.of_stated(STATED[0]), 0.0, fitted_errors(d, baseline))
+    return np.asarray(prepared.rows(prepared.y).ravel() - d.baseline + d.E[:, d.stated] @ errors)
+
+
+def fitted_errors(d: EffectDictionary, baseline: Baseline) -> np.ndarray:
+    """Fitted less stated values (S,) of a baseline's bias, mass and CoG, in typical sizes."""
+    result = np.zeros(len(d.stated))
     for effect, change in baseline.moved.items():
-        moved[d.of_stated(effect)] = change
-    rows = prepared.rows(prepared.y).ravel() - d.baseline
-    return np.asarray(rows + d.E[:, d.stated] @ (moved / d.size[d.stated]))
+        result[d.of_stated(effect)] = change
+    return np.asarray(result / d.size[d.stated])

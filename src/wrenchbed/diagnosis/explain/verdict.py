@@ -105,6 +105,11 @@ class Cause:
         """Name of the effect, then names of its rivals."""
         return tuple(dict.fromkeys(name for name, _ in self.keys))
 
+    def fraction(self, name: str) -> float:
+        """Share in ``probability`` of the effect ``name``, at all of its joints together."""
+        shares = self.shares or (1.0 / len(self.keys),) * len(self.keys)
+        return sum(s for key, s in zip(self.keys, shares, strict=True) if key[0] == name)
+
     @property
     def open_elements(self) -> tuple[str, ...]:
         """Elements of the first effect if the recording leaves several, else empty."""

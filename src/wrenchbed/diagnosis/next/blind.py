@@ -156,7 +156,7 @@ class Design:
         every, known = self.signatures, {h.name for h in self.searcher.hypotheses}
         result, gaps = np.full(len(every), np.inf), np.array([w.typical_gap for w in every])
         shown = ((k, w) for k, w in enumerate(every) if w.name in known and w.typical_gap > 0.0)
-        level, of = self.searcher.rungs[self.rung].level, self.searcher
+        level, of = self.searcher.levels[self.rung], self.searcher
         for b in batches(
             (k, w.columns, np.ones(len(w.columns)), of.scales(w), of.prior(w)) for k, w in shown
         ):
@@ -167,7 +167,7 @@ class Design:
     def rivals(self, w: Hypothesis) -> tuple[str, ...]:
         """Names of other effects that can make the readings of ``w`` at sizes that may occur."""
         columns = self.d.E[:, w.columns]
-        level, nothing = self.searcher.rungs[self.rung].level, np.zeros((0, len(self.d.label)))
+        level, nothing = self.searcher.levels[self.rung], np.zeros((0, len(self.d.label)))
         scores, nulls = level.scored(columns)
         alike = np.ones(len(self.searcher.hypotheses), dtype=bool)
         for score, null in zip(scores.T, nulls.tolist(), strict=True):
@@ -251,7 +251,11 @@ def showings(design: Design) -> tuple[Showing, ...]:
 
 def blind_spots(designs: Sequence[Design]) -> tuple[BlindSpot, ...]:
     """Blind spots that all recordings of a robot (one or more) have in common."""
-    first, *others = (_of_design(d) for d in designs)
+    every = [effect for effect in effects().values() if not effect.between_rows]
+    first, *others = (
+        {(s.effect, s.element): s for effect in every for s in _of_effect(d, effect)}
+        for d in designs
+    )
     result = []
     for key, spot in first.items():
         same = [spot, *(other[key] for other in others if key in other)]
@@ -259,16 +263,6 @@ def blind_spots(designs: Sequence[Design]) -> tuple[BlindSpot, ...]:
             sized = [s for s in same if s.smallest is not None]
             result.append(min(sized, key=lambda s: s.smallest or 0.0, default=spot))
     return tuple(result)
-
-
-def _of_design(design: Design) -> dict[tuple[str, str], BlindSpot]:
-    result = {}
-    for effect in effects().values():
-        if effect.between_rows:
-            continue
-        for spot in _of_effect(design, effect):
-            result[spot.effect, spot.element] = spot
-    return result
 
 
 def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:

@@ -48,11 +48,8 @@ MOST_PROPOSED = 4
 """Largest number of explanations that are compared, and of experiments that are proposed."""
 
 
-@dataclass(frozen=True)
-class _Column:
-    effect: Effect
-    parameter: str
-    variant: Variant
+_Column = tuple[Effect, str, Variant]
+"""An effect, the name of one of its parameters, and a variant of it that frees this one."""
 
 
 class Comparison:
@@ -71,7 +68,9 @@ class Comparison:
         self.chosen, self._columns = _columns_of(d, self.candidates)
         self._place = {int(k): i for i, k in enumerate(self.chosen)}
         self.stated = np.array([self._place[int(k)] for k in d.stated], dtype=int)
-        self.sizes = [self._sizes(c) for c in self.candidates]
+        self.sizes = [np.zeros(len(self.chosen)) for _ in self.candidates]
+        for x, (hypothesis, amplitudes) in zip(self.sizes, self.candidates, strict=True):
+            x[self.columns_of(hypothesis)] = amplitudes
         self.background = self._background()
         noise = np.sqrt(row_variance(d.prepared, ROWS * GAP))[:, None]
         away = d.E[:, d.nuisance] / noise
@@ -81,12 +80,6 @@ class Comparison:
         )
         information = _beyond(away, np.full(away.shape[1], LARGE), d.E[:, self.chosen] / noise)
         self.known = information + self._beside
-
-    def _sizes(self, candidate: Candidate) -> np.ndarray:
-        x = np.zeros(len(self.chosen))
-        hypothesis, sizes = candidate
-        x[self.columns_of(hypothesis)] = sizes
-        return x
 
     def columns_of(self, hypothesis: Hypothesis) -> np.ndarray:
         """Indices of a hypothesis' columns among all that this comparison uses."""
@@ -115,15 +108,17 @@ class Comparison:
         mode = "dynamic" if base.moving else "static"
         response, v0 = Response(at.scene, at.channels), row_variance(base, ROWS * GAP)
         result = np.zeros((len(v0), len(self.chosen)))
-        for k, c in enumerate(self._columns):
-            if mode not in c.effect.modes:
+        for k, (effect, parameter, variant) in enumerate(self._columns):
+            if mode not in effect.modes:
                 continue
-            if session.payload is not None and c.effect.stated in ("mass", "cog"):
-                size = float(self.d.size[self.chosen[k]])
-                change = _tool_change(base, session.payload, c.parameter, size)
+            if session.payload is not None and effect.stated in ("mass", "cog"):
+                half = 0.5 * float(self.d.size[self.chosen[k]])
+                ends = (loaded(base, session.payload, **{parameter: s * half}) for s in (1, -1))
+                up, down = (base.at(theta).expected for theta in ends)
+                change = up - down
             else:
-                known = {p.name: p for p in c.effect.parameters(at.robot)}
-                change = response.tangent(c.effect, known[c.parameter], c.variant)
+                known = {p.name: p for p in effect.parameters(at.robot)}
+                change = response.tangent(effect, known[parameter], variant)
             result[:, k] = base.rows(change).ravel()
         return np.asarray(result / np.sqrt(v0)[:, None])
 
@@ -205,7 +200,7 @@ def _columns_of(
 
     def add(h: Hypothesis) -> None:
         for k, name in zip(h.columns, h.variant.free, strict=True):
-            columns.setdefault(int(k), _Column(h.effect, name, h.variant))
+            columns.setdefault(int(k), (h.effect, name, h.variant))
 
     for h, _ in candidates:
         add(h)
@@ -217,8 +212,7 @@ def _columns_of(
                 add(h)
     for k in map(int, d.stated):  # also where nothing is stated, so that nothing can be wrong
         name, parameter = d.label[k]
-        variant = Variant(name, (parameter,))
-        columns.setdefault(k, _Column(effects()[name], parameter, variant))
+        columns.setdefault(k, (effects()[name], parameter, Variant(name, (parameter,))))
     chosen = np.array(sorted(columns))
     return chosen, [columns[int(k)] for k in chosen]
 
@@ -235,16 +229,6 @@ def _with_payload(session: ExperimentRun) -> Prepared:
     """Rows of an experiment, with its payload added to the tool."""
     base = session.prepared
     return base if session.payload is None else base.at(loaded(base, session.payload))
-
-
-def _tool_change(
-    prepared: Prepared, payload: tuple[float, np.ndarray], parameter: str, size: float
-) -> np.ndarray:
-    up, down = (
-        prepared.at(loaded(prepared, payload, **{parameter: s * size / 2})).expected
-        for s in (1.0, -1.0)
-    )
-    return up - down
 
 
 @dataclass(frozen=True, eq=False)

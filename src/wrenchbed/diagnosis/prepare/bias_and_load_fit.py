@@ -26,12 +26,12 @@ class Baseline:
 
     Attributes:
         configuration: simulator with the fitted mass, CoG and bias.
-        moved: fitted − stated of ``tool.mass`` (1,) [kg] and ``tool.cog`` (3,) [m].
+        stated: simulator before any fit.
         tolerance: of ``sensor.bias`` (6,), ``tool.mass`` (1,), ``tool.cog`` (3,); inf: unstated.
     """
 
     configuration: Configuration
-    moved: Mapping[str, np.ndarray]
+    stated: Configuration
     tolerance: Mapping[str, np.ndarray]
 
     @property
@@ -39,12 +39,12 @@ class Baseline:
         """Parameters of the robot alone, with its tool but without the sensor."""
         return self.configuration.robot_theta
 
-    def with_configuration(self, stated: Configuration, beside: Configuration) -> "Baseline":
-        """Copy with the tool's mass and CoG of ``beside``, fitted together with a cause; `moved` is
-        counted from ``stated``, the simulator before any fit."""
-        mass = np.array([beside.mass - stated.mass])
-        moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}
-        return Baseline(beside, {k: moved[k] for k in self.moved}, self.tolerance)
+    @property
+    def moved(self) -> dict[str, np.ndarray]:
+        """Fitted less stated bias (6,) [N, N·m], mass (1,) [kg] and CoG (3,) [m] by effect."""
+        fitted, mass = self.configuration, self.configuration.mass - self.stated.mass
+        every = fitted.bias, np.array([mass]), fitted.cog - self.stated.cog
+        return {k: x for k, x in zip(STATED, every, strict=True) if k in self.tolerance}
 
 
 def calibrate(prepared: Prepared) -> Baseline:
@@ -57,13 +57,12 @@ def calibrate(prepared: Prepared) -> Baseline:
     """
     prepared, stated = prepared.leading, prepared.configuration
     if not prepared.channels[0].weighs:
-        return Baseline(stated, {}, {})
-    start = np.concatenate([[stated.mass], stated.cog])
+        return Baseline(stated, stated, {})
     measured = prepared.rows(prepared.y).ravel()
     ones = np.ones((len(prepared.y), 1))
     channels = np.eye(prepared.y.shape[1])[: len(BIAS) * prepared.has_wrench]
     biases = [prepared.rows(ones * axis).ravel() for axis in channels]
-    x, bias = start, np.zeros(len(channels))
+    x, bias = np.concatenate([[stated.mass], stated.cog]), np.zeros(len(channels))
     for _ in range(_STEPS):
         here, slopes = _weighed(prepared, x), load_slopes(prepared, x)
         design = np.column_stack([slopes, *biases])
@@ -78,9 +77,8 @@ def calibrate(prepared: Prepared) -> Baseline:
             )
         if np.abs(change[:4]).max() < _DONE:
             break
-    moved = {STATED[1]: x[:1] - start[:1], STATED[2]: x[1:] - start[1:]}
     fitted = _with_load(prepared, x, bias if len(bias) else None)
-    return Baseline(fitted, moved, tolerances(prepared))
+    return Baseline(fitted, stated, tolerances(prepared))
 
 
 def load_slopes(prepared: Prepared, x: np.ndarray) -> np.ndarray:

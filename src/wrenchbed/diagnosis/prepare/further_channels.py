@@ -35,7 +35,7 @@ def with_further_channels(prepared: Prepared, data: Observations) -> Prepared:
         if name not in taken and channel.applies(prepared.recording):
             prepared = _with(prepared, channel.of(prepared.recording), data)
     if not prepared.channels:
-        name, why = prepared.recording.name, "; ".join(prepared.further_notes)
+        name, why = prepared.recording.name, "; ".join(prepared.remarks)
         raise DiagnosisError(f"{name}: {why or 'holds nothing that can be diagnosed at rest'}")
     return prepared
 
@@ -50,7 +50,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
             f"the {channel.name} is not compared: the poses are too alike to know its mounting, or "
             f"{' '.join(channel.columns)} hold something else than {channel.title}"
         )
-        return replace(prepared, further_notes=(*prepared.further_notes, text))
+        return replace(prepared, remarks=(*prepared.remarks, text))
     expected = readings((fitted,), scene)
     residual = (y - expected[scene.held]).ravel()
     noise, source = np.maximum(_scatter(fitted, prepared, data, y), fitted.floor), "repeats"
@@ -59,10 +59,11 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         fitted, unexplained, ordinary = _by_pose(fitted, scene, residual, expected)
         noise, source = np.maximum(noise, unexplained), "residual"
     elif prepared.channels or len(y) == data.count.sum():
-        noise, source = (
-            np.maximum(noise, _unexplained(fitted, scene, residual)),
-            "residual",
+        nuisance, imperfect = (
+            flat(x[scene.held]) for x in (fitted.nuisance(scene), fitted.imperfections(scene))
         )
+        every = np.column_stack([imperfect, *_of_effects(fitted, scene)])
+        noise, source = np.maximum(noise, own_noise(residual, nuisance, every)), "residual"
     unit = np.hypot(noise, ordinary)
     worst, of_unit = float(noise.max()), next(iter(fitted.columns.values()))
     too = " too" if prepared.channels else ""
@@ -78,16 +79,8 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         row=row,
         source=prepared.source or source,
         scatter=prepared.scatter if prepared.channels else np.zeros((len(y), *2 * y.shape[1:])),
-        further_notes=(*prepared.further_notes, note),
+        remarks=(*prepared.remarks, note),
     )
-
-
-def _unexplained(channel: Channel, scene: Scene, residual: np.ndarray) -> float:
-    """Std of a residual (H k,) of k columns that no effect or unknown of the sensor explains."""
-    nuisance = flat(channel.nuisance(scene)[scene.held])
-    imperfect = flat(channel.imperfections(scene)[scene.held])
-    of_effects = _of_effects(channel, scene)
-    return own_noise(residual, nuisance, np.column_stack([imperfect, *of_effects]))
 
 
 def _by_pose(

@@ -15,9 +15,9 @@ import numpy as np
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.channels.accelerometer import CHANNEL as ACCELEROMETER
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.prepare import checks, scenes
+from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
-from wrenchbed.diagnosis.prepare.prepared import Prepared, split
+from wrenchbed.diagnosis.prepare.prepared import Prepared, enough, split
 from wrenchbed.effects.scene import ACCELERATION, SPIN, TURNING
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.wrench import Tool
@@ -109,7 +109,7 @@ def averaged(
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     y = means.of(recording.wrench)
     covariance, count = data.row_covariance, np.full(len(t), means.stride)
-    checks.enough(recording, replace(data, q=q, wrench=y, count=count, t=t), configuration)
+    enough(recording, replace(data, q=q, wrench=y, count=count, t=t), configuration)
     block, fold = split(len(t), True, seed, 1)
     scene = scenes.of_motion(configuration.model, configuration.robot_theta, q, t, None)
     measured = accelerations(recording, means, q, t, scene.gravity)

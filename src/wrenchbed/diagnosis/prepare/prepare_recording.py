@@ -7,7 +7,7 @@ import numpy as np
 from wrenchbed.calibration.observations import Observations, observe, scatter
 from wrenchbed.calibration.subtracted_payload import restored
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.prepare import checks, contact, orientation_only_motion, scenes
+from wrenchbed.diagnosis.prepare import contact, orientation_only_motion, scenes
 from wrenchbed.diagnosis.prepare.configured_simulator import Configuration, configured
 from wrenchbed.diagnosis.prepare.further_channels import with_further_channels
 from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion, not_systematic
@@ -15,6 +15,7 @@ from wrenchbed.diagnosis.prepare.prepared import (
     RATES_HZ,
     Material,
     Prepared,
+    enough,
     inner_stride,
     sensor_of,
     split,
@@ -56,7 +57,7 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
     configuration, data = configured(recording), observe(recording)
     if orientation_only_motion.applies(recording):
         return orientation_only_motion.averaged(recording, configuration, data, seed)
-    checks.enough(recording, data, configuration)
+    enough(recording, data, configuration)
     of_channels = _with_wrench if recording.has_wrench else _without_wrench
     return with_further_channels(of_channels(recording, configuration, data, seed), data)
 
@@ -94,7 +95,7 @@ def _with_wrench(
     block, fold = split(len(data), dynamic, seed, stride, None if dynamic else data.q)
     return Prepared(
         recording, configuration, scene, y, count, covariance, noise, source, block, fold,
-        products, data.left_out, stride, noise_note=note,
+        products, data.left_out, stride, remarks=(note,) if note else (),
     )  # fmt: skip
 
 

@@ -8,7 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.calibration.checks.examine import examine
 from wrenchbed.calibration.checks.rows import usable
+from wrenchbed.calibration.checks_before_fit import observed
+from wrenchbed.calibration.observations import Observations
 from wrenchbed.channels.base import Channel
 from wrenchbed.channels.readings_with_effects import readings, slices
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
@@ -19,6 +22,7 @@ from wrenchbed.diagnosis.prepare.quantisation_and_repeats import at_limits
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
+from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.taylor_jets import Jet, value
 from wrenchbed.robots.base import Robot
 from wrenchbed.sensors.base import Sensor
@@ -35,6 +39,10 @@ RATES_HZ = (10.0, 25.0)
 """Range of rates to which a motion's rows are averaged before the linear analysis [Hz]."""
 PIECES = 4
 """Fewest pieces that make an average; effects are simulated on the pieces."""
+LEAST_POSES = 12
+"""Fewest poses: their 72 readings determine bias, mass and CoG, and leave blocks to hold out."""
+LEAST_SECONDS = 5.0
+"""Shortest motion of a diagnosis [s]: a shorter one leaves held-out blocks without motion."""
 
 
 class Material(NamedTuple):
@@ -99,11 +107,10 @@ class Prepared:
         stride: number of a motion's rows that are averaged into one for the linear analysis.
         touch: contact of a tool without joints; its rows are not among the observations.
         given: the recording before a long motion was cut, None if it was not.
-        noise_note: sentence on rows at rest that scatter far beyond the stated noise; else empty.
         held_out: fold that fits do not use at present, None if they use all.
         row: covariance of one row's noise (C, C), if ``covariance`` is the material residual.
         channels: measured channels; the published gap is of the first ("leading") one.
-        further_notes: sentences on further channels.
+        remarks: sentences on rows that scatter far beyond the stated noise, on further channels.
     """
 
     recording: Recording
@@ -122,10 +129,9 @@ class Prepared:
     touch: Touch | None = None
     given: Recording | None = None
     held_out: int | None = None
-    noise_note: str = ""
     row: np.ndarray | None = None
     channels: tuple[Channel, ...] = (WRENCH,)
-    further_notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -265,7 +271,7 @@ class Prepared:
         """Notes on rows of a long recording left out, on unusual noise, on further channels."""
         given = self.recording if self.given is None else self.given
         rows = scenes.notes(given, self.recording, self.excerpt)
-        return (*rows, *filter(None, [self.noise_note]), *self.further_notes)
+        return (*rows, *self.remarks)
 
     @cached_property
     def fitted(self) -> np.ndarray:
@@ -372,6 +378,34 @@ class Prepared:
 def inner_stride(stride: int) -> int:
     """Number of rows averaged before effects act on them, a divisor of the stride."""
     return max(1, stride // PIECES)
+
+
+def enough(recording: Recording, data: Observations, configuration: Configuration) -> None:
+    """Raise if no method could diagnose a recording.
+
+    The checks are those of a calibration, but for what a diagnosis sets aside or names: contacts,
+    another tool, a jump of the zero.
+
+    Raises:
+        DiagnosisError: too few poses, one orientation, a channel that is dead, stuck or saturated,
+            or readings that do not follow a tool's weight on this robot.
+    """
+    name, moving = recording.name, recording.metadata.mode == "dynamic"
+    if not moving and len(data) < LEAST_POSES:
+        raise DiagnosisError(
+            f"{name}: {len(data)} poses cannot separate causes; record at least {LEAST_POSES}, "
+            "better 60, in varied orientations"
+        )
+    if moving and recording.t[-1] - recording.t[0] < LEAST_SECONDS:
+        raise DiagnosisError(f"{name}: less than {LEAST_SECONDS:g} s of motion; record 60 s")
+    if not recording.has_wrench:
+        return
+    model = configuration.model
+    free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
+    seen = observed(recording, data, model, configuration.theta, free)
+    finding = examine(recording, seen, blocking=True)
+    if finding is not None:
+        raise DiagnosisError(f"{name}: {finding.sentence}")
 
 
 def sensor_of(recording: Recording, robot: Robot) -> Sensor:
