@@ -148,7 +148,10 @@ def _numbers(
         each = zip((a, *a.others), f.each or (f,), strict=True)
         every = [_wrong_numbers(x, g, name, spread) for x, g in each]
         wrong = max(every, key=lambda numbers: max(_ratios(numbers).values(), default=0.0))
-        return {"elements": _off(wrong), "parameters": wrong}
+        ratio = _ratios(wrong)
+        largest = max(ratio.values())
+        off = [n for n, r in ratio.items() if r > WRONG_SIGMAS or r == largest]
+        return {"elements": off, "parameters": wrong}
     of = c.elements.get(name)
     if of is None:
         names = (verdict.explanation.names - {c.part.name}) | {name}
@@ -212,13 +215,6 @@ def _size(
         over = {"over": scene.span} if part.effect.name == DRIFT else {}
         result[name] = quantity(size, std, unit) | over
     return result
-
-
-def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Names of the stated numbers that are wrong by over three standard uncertainties; if none is,
-    of the one with the largest such ratio."""
-    ratio = _ratios(wrong)
-    return [n for n, r in ratio.items() if r > WRONG_SIGMAS] or [max(ratio, key=lambda n: ratio[n])]
 
 
 def _ratios(wrong: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:

@@ -138,12 +138,11 @@ def diagnose_efforts(
     decision = replace(decision, verdict=widened(decision.verdict, alike))
     final = conclude(decision, [{} for _ in decision.verdict.causes], [text for _, text in seen])
     gap, fit = decision.gap, simulators.of(blocks(final.causes))
-    members = {c.part.name: gap.members[c.part.label] for c in final.causes}
     theta = np.asarray(scene.model.configured(scene.recording.metadata))
     twin = Twin(scene.model, theta, (), recording.name)
     which = json_entries.which(simulators, final, gap)
     diagnosis = Diagnosis(
-        recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
+        recording.name, recording.metadata.robot, final.word, gap,
         json_entries.where(d, final, gap, seen), which, dict(final.probabilities),
         cannot_tell(which, final.alike), json_entries.next_steps(final, seen), twin,
         time.perf_counter() - begun,

@@ -165,8 +165,7 @@ class Searcher(Candidates):
         """
         rare = min(1.0, float(np.sqrt(h.typical_gap)) * 2.0)
         fraction = h.variant.weight / self._weights[h.name]
-        prior = float(np.log(PRIOR["one"] / len(self._weights) * fraction * rare))
-        return prior
+        return float(np.log(PRIOR["one"] / len(self._weights) * fraction * rare))
 
     @property
     def names(self) -> Collection[str]:

@@ -131,6 +131,11 @@ def _as_many_numbers(
     others = [h for h in d.hypotheses if len(h.columns) == count and not h.effect.stated]
     target = d.without_stated(added)
     most = min(SAME, EXCUSED / share) * float(target @ target)
+    if count == 1:
+        made = d.without_stated(d.E[:, [h.columns[0] for h in others]])
+        size = np.maximum((made**2).sum(axis=0), 1e-300)
+        remaining = target @ target - (target @ made) ** 2 / size
+        return [h.name for h, r in zip(others, remaining, strict=True) if r < most]
     names = []
     for h in others:
         made = d.without_stated(d.E[:, h.columns])

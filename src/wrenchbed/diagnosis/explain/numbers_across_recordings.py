@@ -53,10 +53,7 @@ class Structure:
         sets = [(p, r) for p, same in every for r in _homes(cases, same)]
         stated = [bool(parts[r][p].effect.stated) for p, r in sets]
         order = np.argsort(stated, kind="stable").tolist()
-        hypotheses = [parts[r][p] for p, r in sets]
-        none = [np.zeros(len(h.columns), dtype=bool) for h in hypotheses]  # of stated numbers
-        both = zip(hypotheses, none, strict=True)
-        shape = [no if h.effect.stated else Variables.of((h,)).shape for h, no in both]
+        shape = [_shape(parts[r][p]) for p, r in sets]
         owner = np.repeat(np.array(order, dtype=int), [len(shape[s]) for s in order])
         place = {sets[s]: np.flatnonzero(owner == s) for s in order}
         first = {p: place[p, r] for p, r in reversed(sets)}
@@ -155,6 +152,12 @@ def _homes(cases: Sequence[ReadingsModel], same: Sequence[Hypothesis]) -> list[i
     if same[0].effect.stated:
         return [r for r in shows if len(same[r].columns)]
     return shows if same[0].effect.of_recording else shows[:1]
+
+
+def _shape(h: Hypothesis) -> np.ndarray:
+    """Whether each number of an effect's variant is a shape parameter, not an amplitude."""
+    stated = np.zeros(len(h.columns), dtype=bool)
+    return stated if h.effect.stated else Variables.of((h,)).shape
 
 
 def _joined(some: Sequence[np.ndarray]) -> np.ndarray:

@@ -40,8 +40,7 @@ class ReadingsModel:
     def __init__(self, searcher: Searcher, y: np.ndarray) -> None:
         self.searcher, self.y = searcher, y
         self.d = searcher.d
-        p, self.scene = self.d.prepared, self.d.prepared.scene
-        self._responses = Responses(self.scene, p.channels, p.y, p.fitted)
+        self.scene = self.d.prepared.scene
         self._zero = self.d.baseline
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
@@ -55,6 +54,11 @@ class ReadingsModel:
     def normal(self) -> np.ndarray:
         """Indices of the background levels (sizes of small imperfections) of healthy robots."""
         return np.flatnonzero([rung.normal for rung in self.searcher.levels])
+
+    @cached_property
+    def _responses(self) -> Responses:
+        p = self.d.prepared
+        return Responses(self.scene, p.channels, p.y, p.fitted)
 
     @property
     def nothing_alone(self) -> int:

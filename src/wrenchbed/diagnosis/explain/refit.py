@@ -49,10 +49,11 @@ class Refitter(ReadingsModel):
 
     def without(self, fold: int) -> "Refitter":
         """Refitter of the same recordings without the fold of number ``fold`` of each."""
-        keep = [np.repeat(r.d.prepared.fold_rows != fold, r.d.channels) for r in self.each]
-        both = zip(self.each, keep, strict=True)
-        each = [Refitter(Searcher(r.d.without(fold)), r.y[rows]) for r, rows in both]
-        return together(each)[self._place]
+        return together([r._less(fold) for r in self.each])[self._place]
+
+    def _less(self, fold: int) -> "Refitter":
+        keep = np.repeat(self.d.prepared.fold_rows != fold, self.d.channels)
+        return type(self)(Searcher(self.d.without(fold)), self.y[keep])
 
     def nothing(self) -> Finalist:
         """Fit without any effect, on the background level that fits best."""

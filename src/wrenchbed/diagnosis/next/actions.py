@@ -190,10 +190,10 @@ def _payload(prepared: Prepared, seed: int) -> Action | None:
         return None
     payload = (mass, 0.5 * np.asarray(tool.cog, dtype=float))
     text = f"fix a second, known payload of +{mass:.2g} kg and record {{n}} poses again"
-    action = _visit(prepared, _spread(prepared, 30), text, ("load",))
+    action = _visit(prepared, _some(prepared), text, ("load",))
     if action is None:
         return None
-    q = _spread(prepared, 30) if action.plan is None else action.plan.q
+    q = _some(prepared) if action.plan is None else action.plan.q
     t = np.linspace(0.0, action.minutes * 60.0, len(q))
     again = posed(prepared, q, t, static_noise(prepared), after=False)
     minutes = action.minutes + MOUNTING_S / 60.0
@@ -201,7 +201,7 @@ def _payload(prepared: Prepared, seed: int) -> Action | None:
 
 
 def _revisit(prepared: Prepared, seed: int) -> Action | None:
-    q = _spread(prepared, 30)
+    q = _some(prepared)
     first = prepared.poses[:1]
     parts = [np.concatenate([first, q[k : k + 10]]) for k in range(0, len(q), 10)]
     text = "record {n} poses again and return to the first pose after every ten"
@@ -261,13 +261,6 @@ def _sweep(prepared: Prepared, joint: int, seed: int) -> Action | None:
 
 
 def _some(prepared: Prepared) -> np.ndarray:
-    """Thirty feasible poses, evenly from a pool of the robot."""
-    return _evenly(_pool(prepared, 1), 30)
-
-
-def _spread(prepared: Prepared, n: int) -> np.ndarray:
-    return _some(prepared) if prepared.moving else _evenly(prepared.poses, n)
-
-
-def _evenly(q: np.ndarray, n: int) -> np.ndarray:
-    return q[np.unique(np.linspace(0, len(q) - 1, min(n, len(q))).astype(int))] if len(q) else q
+    """Thirty poses, evenly from the recorded ones, in motion from feasible ones of the robot."""
+    q = _pool(prepared, 1) if prepared.moving else prepared.poses
+    return q[np.unique(np.linspace(0, len(q) - 1, min(30, len(q))).astype(int))] if len(q) else q
