@@ -14,6 +14,7 @@ from simulated import driven
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.explain.numbers_across_recordings import Structure
 from wrenchbed.diagnosis.explain.refit import together
+from wrenchbed.diagnosis.explain.verdict import Cause, Part
 from wrenchbed.diagnosis.several import check, settles
 from wrenchbed.errors import DiagnosisError
 
@@ -155,7 +156,7 @@ def test_two_recordings_of_a_tilted_base_are_one_answer(tmp_path):
 
 
 def test_what_the_second_recording_settles_is_said():
-    cause = SimpleNamespace(names=(TILT, PULL), probability=0.9, shares=(0.5, 0.5))
+    cause = Cause(((TILT, None), (PULL, None)), 0.9, Part(TILT, 2.0), (0.5, 0.5))
     alone = SimpleNamespace(causes=(cause,))
     now = SimpleNamespace(names=(TILT,), probability=0.97)
     both = SimpleNamespace(causes=(now,))

@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 937,
     "cli": 2681,
     "data": 5375,
-    "diagnosis": 13139,
+    "diagnosis": 12913,
     "drives": 1666,
     "effects": 4999,
     "environments": 588,
@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1027,
     "planning": 1037,
     "plant": 761,
-    "reports": 2118,
+    "reports": 2117,
     "robots": 4351,
     "sensors": 314,
     "simulation": 1302,
@@ -36,14 +36,14 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78843,
-    "src/wrenchbed": 69364,
+    "src": 78616,
+    "src/wrenchbed": 69137,
     "src/robot_emulators": 9479,
     "tests": 37997,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 478
+MOST_FILES = 470
 """Files of Python below src at most."""
 
 
