@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 537,
     "benchmark": 7773,
-    "calibration": 5161,
+    "calibration": 5139,
     "campaigns": 1144,
     "channels": 937,
     "cli": 2681,
     "data": 5375,
     "diagnosis": 12913,
-    "drives": 1666,
+    "drives": 1660,
     "effects": 4999,
     "environments": 588,
     "exports": 828,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78616,
-    "src/wrenchbed": 69137,
+    "src": 78588,
+    "src/wrenchbed": 69109,
     "src/robot_emulators": 9479,
     "tests": 37997,
     "scripts": 3476,

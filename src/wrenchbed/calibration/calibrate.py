@@ -15,7 +15,7 @@ from scipy import special
 from wrenchbed import registry
 from wrenchbed.calibration.checks.examine import REFUTED
 from wrenchbed.calibration.checks.finding import Finding
-from wrenchbed.calibration.checks.mistakes import best_turn
+from wrenchbed.calibration.checks.mistakes import WRENCH_TURNED, best_turn
 from wrenchbed.calibration.checks.rigid_load import left_of_swing
 from wrenchbed.calibration.checks.rows import of_rows
 from wrenchbed.calibration.checks_before_fit import GENERAL, OUTLIERS, of_observations
@@ -165,10 +165,7 @@ def _rotated_mount(
 def check_mass(mass: float) -> None:
     """Raise `CalibrationError` if a fitted mass [kg] is not above 0."""
     if not mass > 0:
-        raise CalibrationError(
-            f"the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the "
-            "opposite sign (wanted: the load on the sensor, +m·g along gravity at rest)"
-        )
+        raise CalibrationError(WRENCH_TURNED.format(mass=mass))
 
 
 @dataclass(frozen=True)

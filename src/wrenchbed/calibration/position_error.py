@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.robots.base import Robot
+from wrenchbed.physics.taylor_jets import STEP
+from wrenchbed.robots.base import Robot, complex_steps
 
-_STEP = 1e-30
 _DRAWS = 4000
 """Random draws behind a quantile: the 99 % quantile then rests on 40 of them."""
 _ROWS_AT_ONCE = 20_000
@@ -20,18 +20,13 @@ def tip_jacobian(
     """Derivative (N, 3, K) of the tool tip's position [m] by the parameters with indices
     ``columns``, exact; 0 for the sensor's parameters. A `NotFoundError` if the robot has no tool
     tip."""
-    parameter_count = len(robot.parameters)
-    result = np.zeros((len(q), 3, len(columns)))
-    shifted = np.tile(theta[:parameter_count].astype(complex), (len(columns), 1, 1))
-    for k, c in enumerate(columns):
-        if c < parameter_count:
-            shifted[k, 0, c] += 1j * _STEP
+    theta, result = robot.robot_theta(theta), np.zeros((len(q), 3, len(columns)))
+    of_robot = [k for k, c in enumerate(columns) if c < len(theta)]
     at_once = max(1, _ROWS_AT_ONCE // max(len(q), 1))
-    for first in range(0, len(columns), at_once):
-        some = slice(first, first + at_once)
-        tip = robot.tool_pose(q, shifted[some])[1].imag / _STEP
-        full = np.broadcast_to(tip, (len(shifted[some]), len(q), 3))
-        result[:, :, some] = np.moveaxis(full, 0, -1)
+    for first in range(0, len(of_robot), at_once):
+        some = of_robot[first : first + at_once]
+        tip = robot.tool_pose(q, complex_steps(theta, [columns[k] for k in some]))[1].imag / STEP
+        result[:, :, some] = np.moveaxis(np.broadcast_to(tip, (len(some), len(q), 3)), 0, -1)
     return result
 
 

@@ -103,12 +103,13 @@ def residual(p: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def parts(p: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split parameters or flags (K,) into gains (J,), inertial changes (D,), joints' own (J, F)."""
-    joints = p.y.shape[1]
+    """Split parameters or flags (…, K): gains (…, J), inertial changes (…, D), joints' own (…, J,
+    F)."""
+    joints, changes = p.y.shape[1], len(p.changes)
     at = joints * p.gains
-    gain = x[:at] if at else np.ones(joints, dtype=x.dtype)
-    changes = len(p.changes)
-    return gain, x[at : at + changes], x[at + changes :].reshape(joints, -1)
+    gain = x[..., :at] if at else np.ones(joints, dtype=x.dtype)
+    own = x[..., at + changes :].reshape(*x.shape[:-1], joints, -1)
+    return gain, x[..., at : at + changes], own
 
 
 def start(p: Problem) -> np.ndarray:

@@ -29,7 +29,7 @@ from wrenchbed.drives.identify import (
     values_of,
 )
 from wrenchbed.drives.identify_at_rest import CONSTANT
-from wrenchbed.drives.joint_least_squares import Problem, Solution, solve
+from wrenchbed.drives.joint_least_squares import Problem, Solution, parts, solve
 from wrenchbed.drives.signals import DriveSignals, encoder_noise, motion_signals, signals_of_pieces
 from wrenchbed.errors import CalibrationError, ParameterError
 from wrenchbed.robots.base import Joint
@@ -189,7 +189,7 @@ def _iterated(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solut
     for _ in range(_STEPS):
         about = _linearised(problem, pieces, delay)
         solution = solve(about)
-        change = _of_joints(about, solution.x)[:, -1]
+        change = parts(about, solution.x)[2][:, -1]
         if np.abs(change).max() < _CLOSE:
             break
         delay = np.clip(delay + np.clip(change, -most, most), -most, LATEST)
@@ -222,36 +222,29 @@ def _first_delays(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
     return np.array(best)
 
 
-def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Each joint's own parameters (…, J, F), in order of ``problem.kinds``, out of x (…, K)."""
-    joints = problem.y.shape[1]
-    numbers = x[..., joints + len(problem.changes) :]
-    return numbers.reshape(*x.shape[:-1], joints, -1)
-
-
 def _fit(
     recording: Recording, pieces: Sequence[Piece], problem: Problem, solution: Solution,
     doubt: np.ndarray, delay: np.ndarray, starts: dict[str, float],
 ) -> DriveFit:  # fmt: skip
     joints = arm_of(recording).joints
-    more = _of_joints(problem, np.arange(len(solution.x)))[:, -2:].ravel()
+    more = parts(problem, np.arange(len(solution.x)))[2][:, -2:].ravel()
     drive = replace(problem, own=problem.own[:, :, :-2], kinds=problem.kinds[:-2])
     of_drive = Solution(
         np.delete(solution.x, more), np.delete(solution.folds, more, axis=1),
         np.delete(solution.determined, more), solution.weight,
     )  # fmt: skip
-    late = delay + _of_joints(problem, solution.x)[:, -1]
+    late = delay + parts(problem, solution.x)[2][:, -1]
 
     def all_published(x: np.ndarray) -> np.ndarray:
         of_servos = published(drive, np.delete(x, more), starts)
-        return np.concatenate([of_servos, delay + _of_joints(problem, x)[:, -1]])
+        return np.concatenate([of_servos, delay + parts(problem, x)[2][:, -1]])
 
     shift = all_published(solution.x + doubt) - all_published(solution.x)
     covariance = jackknife(np.array([all_published(x) for x in solution.folds]))
     covariance += np.outer(shift, shift)
     values = values_of(drive, of_drive, starts, joints, covariance[: -len(joints), : -len(joints)])
     std = np.sqrt(np.diagonal(covariance))[-len(joints) :]
-    delays_known = _of_joints(problem, solution.determined)[:, -1]
+    delays_known = parts(problem, solution.determined)[2][:, -1]
     identified = [_as_servo(p, joints) for p in values]
     names = [(f"{DELAY}.{j}", "s") for j in range(1, len(joints) + 1)]
     identified += identified_values(names, late, std, np.zeros(len(joints)), delays_known, WIDE)
@@ -280,7 +273,7 @@ def _ratios(
 ) -> tuple[str, ...]:  # fmt: skip
     """Sentences on friction and damping over stiffness, of joints whose stiffness is unknown."""
     determined = {p.name: p.std is not None for p in identified}
-    numbers, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
+    numbers, folds = (parts(problem, x)[2] for x in (solution.x, solution.folds))
     sentences = []
     for j, joint in enumerate(joints):
         if determined[f"{STIFFNESS}.{j + 1}"]:

@@ -9,6 +9,7 @@ from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.mistakes import (
     CLEAN,
     TORQUES,
+    TORQUES_TURNED,
     TURNED,
     best_turn,
     channel_mistake,
@@ -45,7 +46,7 @@ CLEAR = 6.0
 APART = 3.0
 """Least load on a channel over what the residual of the other channels may make of it: 3 σ."""
 LONG = 0.5
-"""Longest lever [m] of a load that is fitted without one channel: tools' CoGs are nearer."""
+"""Longest lever [m] by which torques may be in another unit: tools' CoGs are nearer."""
 DEAD = 0.1
 """Largest measured over expected variation of a channel that counts as dead."""
 CONTRADICTED = 0.25
@@ -128,7 +129,6 @@ def _one_orientation(seen: Observed) -> Finding | None:
     weight = seen.mass * float(np.linalg.norm(seen.gravity))
     due = weight * float(np.sqrt(max(float(spread.sum()), 0.0)))
     if force > due + max(PUSHED * weight, SURE * float(seen.noise[:3].max(initial=0.0))):
-        away = np.linalg.norm(seen.y[:, :3] - np.median(seen.y[:, :3], axis=0), axis=1)
         radius, off = sphere(seen.y[:, :3])
         if off < SPHERE and abs(np.log(radius / weight)) < np.log(2.0):
             return Finding(
@@ -136,18 +136,25 @@ def _one_orientation(seen: Observed) -> Finding | None:
                 f"the forces are those of a weight of {radius:.3g} N turned about, while q1… turn "
                 f"the tool by {turned:.1f}° rms: the joints are frozen, or of another time",
             )
-        far = int(np.argmax(away))
         return Finding(
             "contact",
-            f"contact or a hand: forces change by up to {away.max():.3g} N (row {seen.row[far]}, "
-            f"{seen.t[far]:.1f} s) while the tool turns by {turned:.1f}° rms, which makes "
-            f"{due:.2g} N. Record without touching the tool, and turn it about",
+            f"{_pushed(seen)[1]} while the tool turns by {turned:.1f}° rms, which makes {due:.2g} "
+            "N. Record without touching the tool, and turn it about",
         )
     return Finding(
         "one orientation",
         f"all poses have nearly the same orientation (gravity turns by {turned:.1f}° rms): weight, "
         "bias and every other cause look the same. Turn the tool about",
     )
+
+
+def _pushed(seen: Observed) -> tuple[float, str]:
+    """Largest distance of a force from the median force [N], and the clause that states it as one
+    of a contact, with its row and time."""
+    away = np.linalg.norm(seen.y[:, :3] - np.median(seen.y[:, :3], axis=0), axis=1)
+    far, most = int(away.argmax()), float(away.max())
+    where = f"(row {seen.row[far]}, {seen.t[far]:.1f} s)"
+    return most, f"contact or a hand: forces change by up to {most:.3g} N {where}"
 
 
 def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
@@ -162,7 +169,6 @@ def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
                 len(rest) >= FEW
                 and load.share > FROZEN
                 and thinned(rest).moments.fit().share < load.share / 3.0
-                and (name != rows.ALL or _one_weight(rest, seen.y[inside, :3]))
             )
         if frozen:
             where = "in every row" if inside.all() else f"for {count} rows from row {row} on"
@@ -178,28 +184,15 @@ def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
     return None
 
 
-def _one_weight(rest: Observed, force: np.ndarray) -> bool:
-    """Whether forces (K, 3) [N] are as large as the weight in ``rest``, observations at rest."""
-    some = thinned(rest)
-    phi = some.moments.fit().phi
-    zero = (some.y[:, :3] - some.design[:, :3] @ phi).mean(axis=0)
-    size = np.linalg.norm(force - zero, axis=1)
-    weight = float(phi[0]) * float(np.linalg.norm(rest.gravity))
-    return bool(np.abs(size - weight).max(initial=0.0) < 0.3 * weight)
-
-
 def _beyond(seen: Observed, load: Load) -> Finding | None:
     """Finding if forces differ by more than the stated weight can cause in any pose; else None."""
-    weight = seen.mass * float(np.linalg.norm(seen.gravity))
-    away = np.linalg.norm(seen.y[:, :3] - np.median(seen.y[:, :3], axis=0), axis=1)
-    if not seen.stated or float(away.max()) < BEYOND * weight:
+    weight, (most, change) = seen.mass * float(np.linalg.norm(seen.gravity)), _pushed(seen)
+    if not seen.stated or most < BEYOND * weight:
         return None
-    far = int(away.argmax())
     return Finding(
         "contact",
-        f"contact or a hand: forces change by up to {away.max():.3g} N (row {seen.row[far]}, "
-        f"{seen.t[far]:.1f} s), a weight of {weight:.3g} N turned about by no more than twice "
-        "that, during much of the recording. Record without touching the tool",
+        f"{change}, a weight of {weight:.3g} N turned about by no more than twice that, during "
+        "much of the recording. Record without touching the tool",
         blocks=False,
     )
 
@@ -235,7 +228,7 @@ def _dead(seen: Observed, load: Load) -> Finding | None:
     """
     measured = seen.y.std(axis=0)
     for k, others in enumerate(seen.moments.without_each()):
-        if others.share > CLEAN or not _carried(others):
+        if others.share > CLEAN:
             continue
         swing = seen.moments.swing(others.phi)
         due, alike = float(swing[k]), swing[:3] if k < 3 else swing[3:]
@@ -246,16 +239,11 @@ def _dead(seen: Observed, load: Load) -> Finding | None:
     return None
 
 
-def _carried(load: Load) -> bool:
-    """Whether a fitted load has a positive mass and a CoG near enough for a robot to carry it."""
-    return bool(np.abs(load.phi[1:4]).max() < LONG * load.phi[0])
-
-
 def _one_channel(seen: Observed, load: Load) -> Finding | None:
     """Finding if one load explains all channels but one, dead or wrongly scaled; else None."""
     fits = seen.moments.without_each()
     k = int(np.argmin([f.share for f in fits]))
-    if fits[k].share > min(CLEAN, 0.2 * load.share) or not _carried(fits[k]):
+    if fits[k].share > min(CLEAN, 0.2 * load.share):
         return None
     due = float((seen.design[:, k] @ fits[k].phi).std())
     measured = float(seen.y[:, k].std())
@@ -346,11 +334,7 @@ def _units(seen: Observed, load: Load) -> Finding | None:
     if seen.cog is not None and np.linalg.norm(load.phi[1:4] / mass + seen.cog) < MIRRORED * float(
         np.linalg.norm(seen.cog)
     ):
-        return Finding(
-            "wrong sign",
-            "the torques have the opposite sign: the forces are a load's, the torques those of its "
-            "reaction. Give both as the load on the sensor",
-        )
+        return Finding("wrong sign", TORQUES_TURNED)
     return None
 
 

@@ -45,6 +45,15 @@ PLACE = 2e-3
 TURNED = np.deg2rad(10.0)
 """A sensor or a gravity turned by more than this is no imperfection of a mount or a base."""
 
+WRENCH_TURNED = (
+    "the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the opposite sign "
+    "(wanted: the load on the sensor, +m·g along gravity at rest)"
+)
+TORQUES_TURNED = (
+    "the torques have the opposite sign: the forces are a load's, the torques those of its "
+    "reaction. Give both as the load on the sensor"
+)
+
 
 class Mistake(NamedTuple):
     """A possible mistake in a recording, with the load that fits once it is corrected."""
@@ -137,21 +146,14 @@ def _all_mends() -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
 
 def _mends() -> Iterator[tuple[str, str, np.ndarray]]:
     eye = np.eye(6)
-    yield (
-        "the tool's mass comes out as {mass:.4g} kg: the wrench or the gravity has the opposite "
-        "sign (wanted: the load on the sensor, +m·g along gravity at rest)", "wrong sign", -eye,
-    )  # fmt: skip
+    yield WRENCH_TURNED, "wrong sign", -eye
     yield (
         "the tool's mass comes out as {mass:.4g} kg: the forces have the opposite sign of the "
         "torques: they are those of the load's reaction. Give both as the load on the sensor",
         "wrong sign",
         np.diag(np.repeat([-1.0, 1.0], 3)),
     )  # fmt: skip
-    yield (
-        "the torques have the opposite sign: the forces are a load's, the torques those of its "
-        "reaction. Give both as the load on the sensor", "wrong sign",
-        np.diag(np.repeat([1.0, -1.0], 3)),
-    )  # fmt: skip
+    yield TORQUES_TURNED, "wrong sign", np.diag(np.repeat([1.0, -1.0], 3))
     for k, c in enumerate(CHANNELS):
         sign = np.ones(6)
         sign[k] = -1.0
