@@ -164,6 +164,7 @@ def test_look_alikes_teach_beside_other_cases(monkeypatch):
 
 
 def test_one_look_alike_is_drawn_and_judged():
-    lesson = learn_reliability.lesson_at(ExperimentDesign.of(still(poses=30)), 0, 6)
-    assert (lesson.lead, lesson.truth, lesson.features) == ("none", ("none",), ())
-    assert len(lesson.design) == len(lessons()[0].design)
+    at = ExperimentDesign.of(still(poses=30))
+    none, single = (learn_reliability.lesson_at(at, 0, k) for k in (6, 0))
+    assert (none.lead, none.truth, none.features, single.case) == ("none", ("none",), (), "0-0")
+    assert len(none.design) == len(lessons()[0].design)

@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78588,
     "src/wrenchbed": 69109,
     "src/robot_emulators": 9479,
-    "tests": 37997,
+    "tests": 37998,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""
