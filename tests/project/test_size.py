@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 937,
     "cli": 2681,
     "data": 5375,
-    "diagnosis": 12913,
+    "diagnosis": 12918,
     "drives": 1660,
     "effects": 4999,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78588,
-    "src/wrenchbed": 69109,
+    "src": 78593,
+    "src/wrenchbed": 69114,
     "src/robot_emulators": 9479,
-    "tests": 37998,
+    "tests": 38000,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -85,7 +85,6 @@ def test_the_rise_of_friction_is_that_at_the_slowest_speed_that_counts(seed):
 
 
 def test_an_arm_whose_friction_falls_by_a_tenth_is_healthy():
-    """Beside a Coulomb friction that is a little off its stated value."""
     healthy = make([UR5] * 3, 41012, 12, False, 0)
     answer = diagnose_efforts(healthy.recording).diagnosis
     assert healthy.kind == "none" and answer.verdict == "none"
@@ -154,7 +153,6 @@ USE = np.ones(ROWS, dtype=bool)
 
 
 def noise(seed):
-    """White noise (N,), heavier tailed than a Gaussian."""
     return np.random.default_rng(seed).standard_t(6.0, ROWS)
 
 

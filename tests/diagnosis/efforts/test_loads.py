@@ -15,7 +15,6 @@ from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 
 TEN = pytest.mark.parametrize("seed", range(10))
-"""Robots, motions and noises."""
 
 
 @pytest.fixture(autouse=True)
@@ -24,7 +23,6 @@ def fresh(request):
 
 
 def claimed(found):
-    """Entries of ``which`` by effect."""
     return {entry["effect"]: entry for entry in found.diagnosis.which}
 
 
@@ -85,6 +83,12 @@ def test_what_is_fitted_because_nobody_states_it_is_said():
 
 
 @pytest.mark.slow
+def test_a_centre_that_no_tool_has_does_not_stop_the_answer(monkeypatch):
+    module = diagnose_efforts.__wrapped__.__globals__
+    monkeypatch.setitem(module, "displacement", lambda d: np.full(3, 9.0))
+    assert diagnose_efforts(case()).diagnosis.verdict == "none"
+
+
 def test_a_load_that_was_fitted_is_not_drawn_as_friction():
     found = diagnose_efforts(unstated(case(Gap("drive.coulomb", 2, 8.0), 7)))
     (chart,) = (c for c in effort_charts(found) if c.name == "friction-2")

@@ -40,10 +40,12 @@ from wrenchbed.robots.chain import SerialChain
 from wrenchbed.twin.twin import Twin
 
 Progress = Callable[[str], None]
-_PASSES, _DAMPING, _DISPLACED_M = 4, 0.6, 0.01
+_PASSES, _DAMPING, _DISPLACED_M, _REACH_M = 4, 0.6, 0.01, 0.5
 """Times at most that the columns of the tool's centre of gravity are made again, share of a step
 that is taken (whole steps overshoot by 0.6 of themselves: tuned on
-``tests/diagnosis/efforts/test_loads.py``), and step [m] below which they are good enough."""
+``tests/diagnosis/efforts/test_loads.py``), step [m] below which they are good enough, and distance
+[m] beyond which a moment is not that of the tool: light tools fitted to public UR5 reach 6 to 20 m.
+"""
 STEPS = 4
 """Number of steps of a diagnosis of efforts reported by ``progress`` (bar of cli/diagnose.py)."""
 
@@ -120,13 +122,16 @@ def diagnose_efforts(
     recording = stretch(recording)
     scene = effort_scene(recording, known, wrench=wrench)
     progress("effects and noise")
-    d = dictionary(scene, material)
+    d = as_stated = dictionary(scene, material)
     for _ in range(_PASSES):
-        further = displacement(d) - d.scene.displaced
+        fitted = displacement(d)
+        further = fitted - d.scene.displaced
         if np.abs(further).max() < _DISPLACED_M:
             break
-        moved = d.scene.displaced + _DAMPING * further
-        d = dictionary(replace(scene, displaced=moved), material)
+        if np.abs(fitted).max() > _REACH_M:
+            d = as_stated
+            break
+        d = dictionary(replace(scene, displaced=d.scene.displaced + _DAMPING * further), material)
     progress("structures and their evidence")
     evidence, simulators = Evidence(d), Simulators(d)
     likely = weighed(search(evidence), simulators)
