@@ -16,7 +16,7 @@ from wrenchbed.benchmark.fault import EFFECTS, KINDS, NEEDED, ROWS_NEEDED, STATE
 from wrenchbed.benchmark.referee import case
 from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee.case import DRAWS, FAMILIES, FaultyRobot, possible
-from wrenchbed.benchmark.referee.signal_laws import after, bouc_wen, lowpass
+from wrenchbed.benchmark.referee.lags_friction_and_noise import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
@@ -69,9 +69,9 @@ def test_no_file_of_the_other_physics_imports_what_it_judges(room, forbidden):
         assert not [m for m in modules(file) if m.startswith(forbidden)], file
 
 
-def test_referee_and_look_alikes_share_faults_and_rigid_bodies_only():
+def test_referee_and_look_alikes_share_faults_and_mujoco_loads_only():
     both = reached("referee") & reached("lookalikes")
-    shared = {"benchmark.fault", "benchmark.rigid_bodies"}
+    shared = {"benchmark.fault", "benchmark.mujoco_loads"}
     assert {m for m in both if m.startswith("benchmark.")} == shared
 
 

@@ -22,7 +22,7 @@ from wrenchbed.hardware.device_base import Health
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.live_base import LiveDriver
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 UR5 = wb.load("robots", "ur5")
 PLAN = wb.Plan.of("ur5", UR5.home + 0.2 * np.random.default_rng(0).standard_normal((4, 6)))

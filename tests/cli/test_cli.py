@@ -13,7 +13,7 @@ import wrenchbed as wb
 from commanded import said
 from wrenchbed.cli import _GROUPS, _VERBS, console, main
 from wrenchbed.errors import ParameterError
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 
 @pytest.mark.parametrize("kind", ["robots", "sensors", "drivers", "effects"])

@@ -8,7 +8,7 @@ from wrenchbed.data import parquet
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
 from wrenchbed.planning import choose
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 UR5 = registry.load("robots", "ur5")
 MEDRUE = registry.load("robots", "medrue")

@@ -12,7 +12,7 @@ from altered import with_metadata
 from linear_case import dictionary, named, noise, refitter
 from simulated import driven
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
-from wrenchbed.diagnosis.explain.numbers_across_recordings import Structure
+from wrenchbed.diagnosis.explain.fit_of_several_recordings import Structure
 from wrenchbed.diagnosis.explain.refit import together
 from wrenchbed.diagnosis.explain.verdict import Cause, Part
 from wrenchbed.diagnosis.several import check, settles

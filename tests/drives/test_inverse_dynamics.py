@@ -17,10 +17,10 @@ from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.planning.collisions import Clearance
 from wrenchbed.robots.base import SimulatedRobot, models
 from wrenchbed.robots.chain import SerialChain
+from wrenchbed.robots.checked_moves import Limits
 from wrenchbed.robots.described import describe
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjspec_edits import link_inertias
-from wrenchbed.robots.motion_limits import Limits
 from wrenchbed.robots.ur5 import ur_arm
 from wrenchbed.simulation.drives.drive_train import JointTorques
 

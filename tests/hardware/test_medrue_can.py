@@ -11,7 +11,7 @@ from can_witness import Witness, quick_stopped
 from medrue_bench import HOST, away, options, until
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
 from wrenchbed.hardware.drivers.can import CanDriver, ati_gauge_board, drive_configuration
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 pytestmark = pytest.mark.wire
 

@@ -17,7 +17,7 @@ from wrenchbed.hardware.device_base import Health
 from wrenchbed.hardware.drivers import live_base
 from wrenchbed.hardware.drivers.base import ArmSample, block_of
 from wrenchbed.hardware.drivers.live_base import WatchedMove, check_ready
-from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk, straight
+from wrenchbed.robots.checked_moves import Limits, duration, minimum_jerk, straight
 
 
 class Robot:

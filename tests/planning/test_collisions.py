@@ -9,7 +9,7 @@ import wrenchbed as wb
 from wrenchbed.campaigns.moves import itinerary
 from wrenchbed.errors import PlanError
 from wrenchbed.planning.collisions import Clearance
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 UR5 = wb.load("robots", "ur5")
 INTO_BENCH = np.array([0.0, 0.35, 0.0, 0.0, 1.5708, 0.0])  # the arm points 20° below the horizon

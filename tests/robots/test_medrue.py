@@ -11,9 +11,9 @@ import wrenchbed as wb
 from wrenchbed.calibration.observability import analyse
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.wrench import wrench
+from wrenchbed.robots.checked_moves import minimum_jerk
 from wrenchbed.robots.medrue import inverse_kinematics, kinematics
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER
-from wrenchbed.robots.motion_limits import minimum_jerk
 from wrenchbed.simulation.mujoco_wrench import Simulation, loop_sites
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot
 

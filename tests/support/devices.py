@@ -19,7 +19,7 @@ from wrenchbed import registry
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.transducers.base import Transducer
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 SMALL = 0.02
 """Length of a small move [rad or m]."""

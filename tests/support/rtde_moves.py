@@ -11,7 +11,7 @@ from rtde_observer import Observer
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device_base import wait_until
 from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 HOST = "127.0.2.12"
 A = np.array([0.0, -1.2, -1.9, -1.6, 1.5708, 0.0])

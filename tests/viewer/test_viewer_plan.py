@@ -13,7 +13,7 @@ from wrenchbed.campaigns.moves import itinerary
 from wrenchbed.cli import main
 from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.simulation.triangle_meshes import motion
 from wrenchbed.viewer import rerun_window

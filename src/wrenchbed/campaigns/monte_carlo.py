@@ -31,7 +31,7 @@ from wrenchbed.physics.noise import noise_model
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import poses
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.motion_limits import Limits, duration
+from wrenchbed.robots.checked_moves import Limits, duration
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.replay import simulate
 from wrenchbed.twin.twin import Twin

@@ -17,7 +17,7 @@ from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.physics.wrench import weight
 from wrenchbed.planning.collisions import clearance
 from wrenchbed.robots.base import Robot, SimulatedRobot
-from wrenchbed.robots.motion_limits import Limits, duration, entered, straight
+from wrenchbed.robots.checked_moves import Limits, duration, entered, straight
 
 MARGIN_M = 0.05
 """Added to each side of the box around the plan [m]: smaller stops moves that swing around it;

@@ -19,7 +19,7 @@ from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.live_base import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 CHANNELS_OF = {
     "wrench": CHANNELS, "effort": (), "pose": (), "command": ("q_target",), "imu": (),

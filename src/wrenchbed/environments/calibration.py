@@ -17,7 +17,7 @@ from wrenchbed.environments.rendering import Rendered, simulated
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.planning.criteria import Criterion, InverseTrace
-from wrenchbed.robots.motion_limits import duration
+from wrenchbed.robots.checked_moves import duration
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.mujoco_wrench import Simulation
 

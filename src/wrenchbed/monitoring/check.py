@@ -30,7 +30,7 @@ from wrenchbed.planning.collisions import Clearance
 from wrenchbed.planning.criteria import INDICES
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.robots.base import Robot, SimulatedRobot
-from wrenchbed.robots.motion_limits import duration
+from wrenchbed.robots.checked_moves import duration
 
 PLAN = "plan.parquet"
 """Name of the plan's file in a history's folder."""

@@ -13,6 +13,6 @@ Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as 
 SUPPORT = (
     "arm_numbers", "arm_mjcf", "arm_from_mujoco", "chain", "closed_loop", "compiled", "described",
     "file_arm", "inverse_dynamics", "loop_arm", "menagerie", "mjspec_edits", "model_file",
-    "model_xml", "motion_limits", "serial_arm",
+    "checked_moves", "serial_arm", "user_model_xml",
 )  # fmt: skip
 """Modules of this package that are no plug-ins; `registry` skips them."""

@@ -23,7 +23,7 @@ from wrenchbed.robots.arm_numbers import (
     about,
     lighter,
 )
-from wrenchbed.robots.model_xml import ModelSource
+from wrenchbed.robots.user_model_xml import ModelSource
 
 SITE = "wrenchbed frame"
 """Name of the site that marks the sensor's frame."""

@@ -25,7 +25,7 @@ from wrenchbed.robots import menagerie
 from wrenchbed.robots.arm_numbers import ArmLink, ArmModel, Load
 from wrenchbed.robots.file_arm import ArmDescription, FileArm
 from wrenchbed.robots.loop_arm import LoopArm
-from wrenchbed.robots.model_xml import content
+from wrenchbed.robots.user_model_xml import content
 
 FORMAT = 1
 DEFAULT_SENSOR = "ati-gamma"

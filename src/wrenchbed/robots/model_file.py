@@ -16,7 +16,7 @@ from wrenchbed.jobs.bounded import bounded
 from wrenchbed.physics.wrench import symmetric
 from wrenchbed.robots.arm_from_mujoco import CONSTRAINTS, FLOATS, SITE, ArmTree
 from wrenchbed.robots.arm_numbers import ArmModel
-from wrenchbed.robots.model_xml import ModelSource
+from wrenchbed.robots.user_model_xml import ModelSource
 
 _BOUND = 1e-12
 """Mass and inertia that MuJoCo gets for massless bodies [kg, kg·m²], refused if they move."""

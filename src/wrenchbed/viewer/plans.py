@@ -11,7 +11,7 @@ from wrenchbed.campaigns.moves import Leg, itinerary
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk
+from wrenchbed.robots.checked_moves import Limits, duration, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.simulation.triangle_meshes import motion

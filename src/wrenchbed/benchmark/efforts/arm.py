@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from wrenchbed.benchmark.fault import Rng
-from wrenchbed.benchmark.rigid_bodies import Edit, RigidBodies
+from wrenchbed.benchmark.mujoco_loads import Edit, RigidBodies
 from wrenchbed.robots.base import SimulatedRobot
 
 LINK_MASS, LINK_COG, LINK_INERTIA = 0.01, 0.01, 0.03

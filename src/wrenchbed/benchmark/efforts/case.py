@@ -23,7 +23,7 @@ from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.drives import HEALTHY, EffortFault, EffortSetting, simulate
 from wrenchbed.benchmark.efforts.faults import WARMING
 from wrenchbed.benchmark.fault import NEEDED, Rng, as_stated, numbered
-from wrenchbed.benchmark.rigid_bodies import Edit
+from wrenchbed.benchmark.mujoco_loads import Edit
 from wrenchbed.data.metadata import SensorInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError

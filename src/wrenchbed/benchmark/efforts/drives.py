@@ -12,7 +12,7 @@ from scipy import signal
 
 from wrenchbed.benchmark.efforts.arm import Path, TrueArm, draw, manufactured
 from wrenchbed.benchmark.fault import Fault, Rng, log_uniform
-from wrenchbed.benchmark.rigid_bodies import Edit
+from wrenchbed.benchmark.mujoco_loads import Edit
 from wrenchbed.robots.base import SimulatedRobot
 
 UNITS = ("tau", "i")

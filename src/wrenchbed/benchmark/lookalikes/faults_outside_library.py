@@ -9,7 +9,7 @@ from wrenchbed.benchmark.fault import Rng
 from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, off, relax
 from wrenchbed.benchmark.lookalikes.motion_loads import rotate_back
-from wrenchbed.benchmark.rigid_bodies import wrench_at
+from wrenchbed.benchmark.mujoco_loads import wrench_at
 
 _G = 9.81
 """Gravity by which typical accelerations are scaled [m/s²]."""

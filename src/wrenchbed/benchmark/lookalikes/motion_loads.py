@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.rigid_bodies import RigidBodies
+from wrenchbed.benchmark.mujoco_loads import RigidBodies
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import Robot, SimulatedRobot

@@ -29,7 +29,7 @@ from wrenchbed.benchmark.lookalikes.motion_loads import (
     rotate,
     rotate_back,
 )
-from wrenchbed.benchmark.rigid_bodies import wrench_at
+from wrenchbed.benchmark.mujoco_loads import wrench_at
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import SimulatedRobot
 

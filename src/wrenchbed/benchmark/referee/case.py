@@ -14,6 +14,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark import fault as common
 from wrenchbed.benchmark.fault import Rng, by_channel
 from wrenchbed.benchmark.referee import faults_outside_library, machine_faults, sensor_faults
+from wrenchbed.benchmark.referee.lags_friction_and_noise import held, rows, shaken
 from wrenchbed.benchmark.referee.machine import (
     Mechanics,
     RefereeFault,
@@ -29,7 +30,6 @@ from wrenchbed.benchmark.referee.machine import (
     signal,
 )
 from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
-from wrenchbed.benchmark.referee.signal_laws import held, rows, shaken
 from wrenchbed.benchmark.referee.signatures import Bench, bench
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError

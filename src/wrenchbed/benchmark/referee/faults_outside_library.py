@@ -7,6 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark.fault import Rng, elapsed, sign
+from wrenchbed.benchmark.mujoco_loads import wrench_at
+from wrenchbed.benchmark.referee.lags_friction_and_noise import dahl, ornstein
 from wrenchbed.benchmark.referee.machine import (
     BEND,
     ZERO,
@@ -17,8 +19,6 @@ from wrenchbed.benchmark.referee.machine import (
     touched,
 )
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.signal_laws import dahl, ornstein
-from wrenchbed.benchmark.rigid_bodies import wrench_at
 
 
 def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:

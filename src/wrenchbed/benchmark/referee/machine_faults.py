@@ -10,11 +10,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark.fault import Rng, by_axis, by_moment, elapsed, sign
+from wrenchbed.benchmark.mujoco_loads import wrench_at
 from wrenchbed.benchmark.referee import machine
+from wrenchbed.benchmark.referee.lags_friction_and_noise import dahl
 from wrenchbed.benchmark.referee.machine import Mechanics, RefereeFault, Ride, direction
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.signal_laws import dahl
-from wrenchbed.benchmark.rigid_bodies import wrench_at
 from wrenchbed.physics.wrench import symmetric
 
 _TONE = 0.9

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
 from wrenchbed.benchmark.fault import Rng, UsualFit, as_stated
-from wrenchbed.benchmark.rigid_bodies import RigidBodies
+from wrenchbed.benchmark.mujoco_loads import RigidBodies
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import Tool

@@ -10,9 +10,9 @@ import numpy as np
 
 from wrenchbed.benchmark.fault import Rng, at_times, by_channel, by_pair, elapsed, log_uniform, sign
 from wrenchbed.benchmark.referee import machine
+from wrenchbed.benchmark.referee.lags_friction_and_noise import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import RefereeFault, RowFault, about, shifted, touched
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.signal_laws import after, bouc_wen, lowpass
 
 _ARM = 0.05
 """Typical lever of crosstalk between forces and torques [m]."""

@@ -15,10 +15,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from wrenchbed.benchmark.fault import STATED, UsualFit
+from wrenchbed.benchmark.mujoco_loads import RigidBodies, wrench_at
+from wrenchbed.benchmark.referee.lags_friction_and_noise import after, bouc_wen, dahl, lowpass
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.signal_laws import after, bouc_wen, dahl, lowpass
-from wrenchbed.benchmark.rigid_bodies import RigidBodies, wrench_at
 from wrenchbed.robots.base import INERTIA_AXES
 
 _H = 1e-4

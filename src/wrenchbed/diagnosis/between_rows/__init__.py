@@ -1,5 +1,5 @@
 """Effects that no mean shows: noise, coarse counts, repeats, vibration.
-Read first: `row_effects`, then `scatter`.
+Read first: `row_effects`, then `row_residual_scatter`.
 Free: the inside of functions (estimators); tests/diagnosis/test_between_rows checks detections and
 sizes. Capital constants are thresholds of claims: after a change run new sealed cases
 (docs/how-to/sealed.md).

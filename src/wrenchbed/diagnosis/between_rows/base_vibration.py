@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from wrenchbed.diagnosis.between_rows.scatter import Scatter
+from wrenchbed.diagnosis.between_rows.row_residual_scatter import Scatter
 
 _I, _J = np.triu_indices(6)
 _P, _Q = np.triu_indices(3)

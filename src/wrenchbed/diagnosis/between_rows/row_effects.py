@@ -21,7 +21,7 @@ from scipy.special import ndtr
 from wrenchbed.data.holds import runs
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.between_rows.base_vibration import Line, Shaking, line, shaking
-from wrenchbed.diagnosis.between_rows.scatter import Scatter, scatter
+from wrenchbed.diagnosis.between_rows.row_residual_scatter import Scatter, scatter
 from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
 from wrenchbed.diagnosis.prepare.orientation_only_motion import accelerometer_rows, averages
 from wrenchbed.diagnosis.prepare.prepared import Prepared

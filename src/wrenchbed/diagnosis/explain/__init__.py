@@ -1,5 +1,5 @@
 """Sets of up to three effects ("structures"), their nonlinear refit, claims, verdict, reliability.
-Read first: `structures`, then `numbers_across_recordings` and `refit`, `claims` and `verdict`.
+Read first: `structures`, then `fit_of_several_recordings` and `refit`, `claims` and `verdict`.
 Free: speed and caches; tests/diagnosis/test_refit, test_claims and test_elements judge them.
 Others rely on: lessons.jsonl (made by `scripts/learn_reliability`, never by hand; features in the
 order of `reliability.NAMES`, `familiarity.NAMES`), `INSEPARABLE` (run `scripts/effects`), words of

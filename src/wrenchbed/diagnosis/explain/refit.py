@@ -1,7 +1,7 @@
 """Nonlinear refit of a set of causes: finite angles, shapes, and the evidence at the minimum.
 
 Gauss–Newton; shape parameters with jumps, where derivatives fail, by a random search first. One
-recording is the case N = 1 of several that are fitted together (`numbers_across_recordings`).
+recording is the case N = 1 of several that are fitted together (`fit_of_several_recordings`).
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,7 +15,7 @@ from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import Moments, ScaledEvidence, Whitened, over_scales
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
 from wrenchbed.diagnosis.explain.finalist import Finalist
-from wrenchbed.diagnosis.explain.numbers_across_recordings import SHAPE_SPREAD, Structure
+from wrenchbed.diagnosis.explain.fit_of_several_recordings import SHAPE_SPREAD, Structure
 from wrenchbed.diagnosis.explain.readings_model import ReadingsModel
 
 _STEPS = 12

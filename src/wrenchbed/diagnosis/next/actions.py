@@ -13,7 +13,7 @@ from wrenchbed.errors import PlanError
 from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.planning.choose import multisine
 from wrenchbed.robots.base import Robot, SimulatedRobot
-from wrenchbed.robots.motion_limits import duration, reachable
+from wrenchbed.robots.checked_moves import duration, reachable
 
 POSES = 20
 """Largest number of poses of a proposed recording: some five minutes."""

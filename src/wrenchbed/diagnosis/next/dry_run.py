@@ -25,7 +25,7 @@ from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES, Robot
-from wrenchbed.robots.motion_limits import duration
+from wrenchbed.robots.checked_moves import duration
 from wrenchbed.simulation.closed_form import Model
 
 SAMPLES, RATE, SEED = 60, 100.0, 0

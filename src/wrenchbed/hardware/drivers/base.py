@@ -16,7 +16,7 @@ from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device_base import Device
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.robots.base import INERTIA_AXES, Robot
-from wrenchbed.robots.motion_limits import Limits, duration, entered, straight
+from wrenchbed.robots.checked_moves import Limits, duration, entered, straight
 
 Block = Mapping[str, np.ndarray]
 """Columns of a recording by name, each an array (n,) with one value a row."""

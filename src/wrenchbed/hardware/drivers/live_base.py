@@ -29,7 +29,7 @@ from wrenchbed.hardware.drivers.base import (
 from wrenchbed.hardware.drivers.row_times import EvenRow, Resampler
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 Sample = TypeVar("Sample", ArmSample, WrenchSample)
 LIVE = Limits(speed=0.25, tracking=0.7)

@@ -41,7 +41,7 @@ from wrenchbed.physics.rotations import exp
 from wrenchbed.physics.taylor_jets import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.motion_limits import Limits, minimum_jerk
+from wrenchbed.robots.checked_moves import Limits, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.drives.drive_train import DriveTrain, Kind, ReportedEfforts
 from wrenchbed.simulation.drives.faults import FAULTS, PREFIX, apart, faults_apart

@@ -14,7 +14,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 EMCY, TPDO1, RPDO1, HEARTBEAT = 0x080, 0x180, 0x200, 0x700
 """First CAN id of each service of nodes; the node id is added; source: CiA 301."""

@@ -19,7 +19,7 @@ from collections.abc import Callable
 import numpy as np
 
 from wrenchbed.hardware.drivers.row_times import hermite
-from wrenchbed.robots.motion_limits import minimum_jerk
+from wrenchbed.robots.checked_moves import minimum_jerk
 
 BRAKE_S = 0.15
 """Time in which a motion is braked to rest [s]: at top speed, 6.7 times that speed per second."""

@@ -23,7 +23,7 @@ from wrenchbed.hardware.device_base import STALE_S, wait_until
 from wrenchbed.hardware.drivers.rtde import control_worker
 from wrenchbed.hardware.drivers.rtde.control_worker import Closed, MessageChannel, SharedNumbers
 from wrenchbed.hardware.drivers.rtde.states import NATIVE_HZ, Snapshot, StateReceiver
-from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.robots.checked_moves import Limits
 
 T = TypeVar("T")
 PERIOD_S = 0.05

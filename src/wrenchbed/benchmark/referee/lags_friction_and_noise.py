@@ -13,9 +13,9 @@ from scipy.signal import lfilter
 
 from wrenchbed import registry
 from wrenchbed.benchmark.fault import Rng, converted
+from wrenchbed.benchmark.mujoco_loads import wrench_at
 from wrenchbed.benchmark.referee.machine import RefereeFault, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.rigid_bodies import wrench_at
 
 _ROUNDING = 1e-9
 """Share by which C's logarithm and numpy's differ less: a million times double precision."""
