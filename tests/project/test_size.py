@@ -23,7 +23,7 @@ WRENCHBED = {
     "jobs": 555,
     "monitoring": 1388,
     "pages": 1255,
-    "physics": 1027,
+    "physics": 1028,
     "planning": 1037,
     "plant": 761,
     "reports": 2117,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78593,
-    "src/wrenchbed": 69114,
+    "src": 78594,
+    "src/wrenchbed": 69115,
     "src/robot_emulators": 9479,
     "tests": 38000,
     "scripts": 3476,
