@@ -26,7 +26,6 @@ NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
 OFF = 0.03
 """Errors of gravity and wrench, relative to their size, of a map that is right."""
 
-
 QUANTITIES = {"t": "time"} | dict(zip(CHANNELS, ["force"] * 3 + ["torque"] * 3, strict=True))
 """What the columns of a map's targets are; the others are of orientations and joints."""
 
@@ -112,6 +111,7 @@ def test_wide_draws_are_answered_rightly_or_refused(tmp_path, named):
         (2, True, "first"),  # mN and mN·m in its names
         (29, True, "rightly refused"),  # counts
         (25, False, "rightly refused"),  # a weight that is compensated, beside twelve other columns
+        (4260, True, "rightly refused"),  # the same, in radians without a unit: a constant fits
         (8, False, "named"),  # kgf
     ],
 )

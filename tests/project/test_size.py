@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1144,
     "channels": 937,
     "cli": 2681,
-    "data": 5375,
+    "data": 5394,
     "diagnosis": 12918,
     "drives": 1660,
     "effects": 4999,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78594,
-    "src/wrenchbed": 69115,
+    "src": 78613,
+    "src/wrenchbed": 69134,
     "src/robot_emulators": 9479,
     "tests": 38000,
     "scripts": 3476,

@@ -46,6 +46,9 @@ _STILL = 1e-3
 _JUMP = 0.01
 """Least median step, over a column's range, of rows that are poses of their own: a grid of poses
 has larger steps, a motion of some hundred rows smaller ones."""
+_BETTER = 0.9
+"""Largest residual of a load, over that of a constant, that is smaller: the load's four numbers
+take up some 5 % of the noise of a dozen poses."""
 _COST = {"inverse": 0.3, "base": 0.3, "quarter": 1.0, "free": 2.0, "axis": 0.5}
 """Penalty of each unusual convention; among equal fits the least penalty wins."""
 
@@ -322,6 +325,14 @@ class Convention:
     def cog(self) -> np.ndarray:
         """Centre of gravity of the fitted load in sensor axes (3,) [m]."""
         return np.asarray(self.fit.lever * SIZES[self.units[1]][1] / SIZES[self.units[0]][1])
+
+    @property
+    def as_constant(self) -> bool:
+        """Whether readings that are constant in the axes as written explain the poses as well."""
+        seen = self.poses.mean(self.pairing.readings)
+        force, torque = np.split(seen - seen.mean(axis=0), 2, axis=1)
+        worse = self.fit.force_rms > _BETTER * np.sqrt((force**2).mean())
+        return bool(worse and self.fit.torque_rms > _BETTER * np.sqrt((torque**2).mean()))
 
     @property
     def quality(self) -> str:

@@ -164,12 +164,10 @@ def guess(
         fitting = [replace(c, fit=known.fitted(c, gravity)) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
-    has_names = bool(best.pairing.load.loads)
-    if best.fit.share > _MOST_LEFT or (best.fit.torque_share > _MOST_LEFT and not has_names):
+    if unexplained := _unexplained(best):
         raise MapError(
             f"{tables[0].path}: no convention makes the wrench the weight of one rigid load: "
-            f"the best ({best.words()}) leaves {best.fit.share:.0%} of what changes in the force "
-            f"and {best.fit.torque_share:.0%} in the torque. Is the weight already compensated, or "
+            f"the best ({best.words()}) {unexplained}. Is the weight already compensated, or "
             f"did something touch the tool?{more}"
         )
     alike = [c for c in fitting if c.fit.against(best.fit) < _SAME]
@@ -193,6 +191,16 @@ def guess(
     unused = tuple(p for p in paths if not any(fnmatch(p.name, match) for match in patterns))
     notes = [*_notes(chosen[0], tables, stated, untried), *(f"not used: {p}" for p in unused)]
     return Guess(chosen, maps, tuple(others), tuple(notes), unused=unused)
+
+
+def _unexplained(best: Convention) -> str:
+    """What a convention's load leaves, or that it is no better than none; empty if it will do."""
+    fit, has_names = best.fit, bool(best.pairing.load.loads)
+    if fit.share > _MOST_LEFT or (fit.torque_share > _MOST_LEFT and not has_names):
+        change = f"{fit.share:.0%} of what changes in the force and {fit.torque_share:.0%}"
+        return f"leaves {change} in the torque"
+    constant = best.in_base and best.as_constant
+    return "explains no more than readings that are constant" if constant else ""
 
 
 def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
