@@ -20,7 +20,7 @@ STANDING = np.repeat(UR5.home[None], 400, axis=0)
 class Ahead(Arm):
     """An arm that is told its targets ahead, and is at each when it is due."""
 
-    lead = 0.3
+    lead, rate = 0.3, 125.0
 
     def __init__(self, **limits) -> None:
         super().__init__(**limits)
@@ -31,11 +31,17 @@ class Ahead(Arm):
         return Applied(q)
 
     def _read(self) -> ArmSample:
-        now = time.monotonic()
+        return self._at(time.monotonic())
+
+    def _at(self, now: float) -> ArmSample:
         if self.due:
             t, q = zip(*self.due, strict=True)
             self.q = np.array([np.interp(now, t, column) for column in np.transpose(q)])
         return ArmSample(now, None, 0.0, self.q, np.zeros(6))
+
+    def _states(self, after: float) -> list[ArmSample]:  # a link keeps them for a late machine
+        ends = (np.floor(t * self.rate + 1e-6) + 1 for t in (after, time.monotonic()))  # rounding
+        return [self._at(tick / self.rate) for tick in np.arange(*ends)]
 
 
 def sweep(n: int) -> np.ndarray:
@@ -63,19 +69,13 @@ def test_the_whole_trajectory_is_sent_and_recorded():
 
 def test_no_state_of_a_fast_robot_is_lost_however_late_the_loop_is(monkeypatch):
     """States come at 500 Hz and are kept; the loop looks every 8 ms or later."""
-
-    class Fast(Arm):
-        def _states(self, after):
-            ends = (np.floor(t * 500.0 + 1e-6) + 1 for t in (after, time.monotonic()))  # rounding
-            ticks = np.arange(*ends)
-            return [ArmSample(t, None, 0.0, self.q, np.zeros(6)) for t in ticks / 500.0]
-
     taken, add = [], live_base.Resampler.add
     monkeypatch.setattr(
         live_base.Resampler, "add", lambda even, arm: (taken.append(arm.t), add(even, arm))
     )
     monkeypatch.setattr(live_base, "_POLL_S", 0.008)
-    with Fast() as arm:
+    monkeypatch.setattr(Ahead, "rate", 500.0)
+    with Ahead() as arm:
         assert len(columns(arm.track(STANDING[:60], 125.0))["t"]) == 60
     assert np.diff(taken) == pytest.approx(0.002, abs=1e-6)
 
