@@ -20,17 +20,9 @@ ROWS = 8
 
 @dataclass(frozen=True)
 class Imperfections:
-    """What is wrong beside the load.
-
-    Attributes:
-        friction: at rest, over the largest weight on a joint.
-        noise: of a row [N·m].
-        zero: standard deviation of torque zeros, over the largest weight on the joint.
-        creep: change of the zeros during the recording, likewise.
-        links: errors of masses, relative; of centres a tenth of it in metres.
-        joints: standard deviation of the joints' zeros [rad].
-        gain: standard deviation of the torque sensors' gains.
-    """
+    """What is wrong beside the load: friction at rest, torque zeros and their creep, over the
+    largest weight on a joint; a row's noise [N·m]; links' masses, relative, and a tenth of it of
+    their centres [m]; zeros of joints [rad]; gains of torque sensors. Standard deviations."""
 
     friction: float = 0.02
     noise: float = 0.1

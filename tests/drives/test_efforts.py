@@ -1,6 +1,7 @@
 """Fits of joint torques and currents: truths recovered, intervals that hold, honest refusals."""
 
 import json
+import re
 from dataclasses import dataclass
 
 import arm_torques as arm
@@ -233,6 +234,17 @@ def test_an_empty_hand_on_links_that_are_a_little_lighter_is_no_refusal(clean):
     assert "3 % of each link's mass" in fit.status and fit["tool.cog.z"].std is None
     with pytest.raises(CalibrationError, match=r"tool\.mass comes out as -\d"):
         fit_of(0.2)
+
+
+@pytest.mark.parametrize("prefix", ["tau", "i"])
+@pytest.mark.parametrize("angle", [40.0, 90.0, 180.0])
+def test_a_gravity_along_another_axis_is_named(clean, angle, prefix):
+    scale, at = CONSTANT if prefix == "i" else 1.0, np.deg2rad(angle)
+    stated = (0.6 * 9.8 * np.sin(at), 0.8 * 9.8 * np.sin(at), -9.8 * np.cos(at))
+    with pytest.raises(CalibrationError, match=f"axis of the base, {angle:.0f}°") as error:
+        calibrate_efforts(clean.recording(clean.noisy(7) / scale, prefix, gravity=stated))
+    named = json.loads(re.search(r"state gravity = (\[.*?\])", str(error.value))[1])
+    assert named == pytest.approx([0.0, 0.0, -9.8], abs=0.2)
 
 
 def test_known_constants_make_currents_torques(clean, tmp_path):

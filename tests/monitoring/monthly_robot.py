@@ -44,16 +44,9 @@ DRAWS, SCALINGS = 50, 30
 
 @dataclass(frozen=True, eq=False)
 class MonthlyRobot:
-    """A robot that is checked month by month; it depends on its arguments alone.
-
-    Attributes:
-        robot: registered robot.
-        plan: poses of its checks.
-        seed: of everything random.
-        warm: whether recordings have the temperature.
-        fault: effect that begins at the month ``begins``, none if empty.
-        gap: of the fault, mean squared change of readings in units of a row's noise.
-    """
+    """A robot that is checked month by month; it depends on its arguments alone. ``warm``:
+    recordings have the temperature. The effect ``fault`` begins at the month ``begins``, with a
+    ``gap``, the mean squared change of readings in units of a row's noise."""
 
     robot: wb.Robot
     plan: wb.Plan

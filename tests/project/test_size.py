@@ -13,8 +13,8 @@ WRENCHBED = {
     "channels": 937,
     "cli": 2681,
     "data": 5394,
-    "diagnosis": 12918,
-    "drives": 1660,
+    "diagnosis": 12947,
+    "drives": 1696,
     "effects": 4999,
     "environments": 588,
     "exports": 828,
@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1028,
     "planning": 1037,
     "plant": 761,
-    "reports": 2117,
+    "reports": 2120,
     "robots": 4351,
     "sensors": 314,
     "simulation": 1302,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78613,
-    "src/wrenchbed": 69134,
+    "src": 78681,
+    "src/wrenchbed": 69202,
     "src/robot_emulators": 9479,
-    "tests": 38000,
+    "tests": 37995,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

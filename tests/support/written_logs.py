@@ -62,14 +62,9 @@ class Written:
 
 
 def write(folder: Path, seed: int, named: bool | None = None) -> Written:
-    """A recording in the convention that a seed gives.
-
-    Args:
-        folder: of the files.
-        seed: decides on all that is not stated.
-        named: a wide draw with or without names: more robots, units and columns, a wrench that
-            was set to zero, a weight that is compensated. Names state what is not N and N·m.
-    """
+    """A recording in the convention that a seed gives. ``named``: a wide draw with or without
+    names, with more robots, units and columns, a wrench that was set to zero, a weight that is
+    compensated; names state what is not N and N·m."""
     rng, wide = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     kind, layout = str(rng.choice(KINDS)), str(rng.choice(LAYOUTS))
     robot = None

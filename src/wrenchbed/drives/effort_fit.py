@@ -73,6 +73,7 @@ class DriveFit(WrittenFit):
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
         cannot_tell: sentences on what a fit of servo commands cannot determine.
         link_errors: whether uncertainties include usual errors of the stated links.
+        gravity: other than the stated one that explains the efforts far better [m/s²], or None.
     """
 
     recording: str
@@ -90,6 +91,7 @@ class DriveFit(WrittenFit):
     channels: str = EFFORT_FIT
     cannot_tell: tuple[str, ...] = ()
     link_errors: bool = False
+    gravity: tuple[float, ...] | None = None
 
     @property
     def about(self) -> str:
@@ -106,9 +108,13 @@ class DriveFit(WrittenFit):
     @property
     def explained(self) -> float:
         """Share of the rms of all efforts that the fit explains on held-out rows."""
-        left, whole = (np.square([getattr(e, k) for e in self.joints]).sum()
-                       for k in ("held_out", "measured"))  # fmt: skip
-        return 1.0 - float(np.sqrt(left / whole))
+        whole = np.square([e.measured for e in self.joints]).sum()
+        return 1.0 - float(np.sqrt(self.misfit / whole))
+
+    @property
+    def misfit(self) -> float:
+        """Sum over the joints of the mean squared error on held-out rows."""
+        return sum(e.held_out**2 for e in self.joints)
 
     @property
     def status(self) -> str:

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a second to load
 
+from wrenchbed.calibration.checks.mistakes import MENDED, TURNED, along_another_axis
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
@@ -23,6 +24,7 @@ from wrenchbed.drives.joint_least_squares import (
     FOLDS,
     Problem,
     Solution,
+    followed_gravity,
     moved_by,
     parts,
     residual,
@@ -91,7 +93,16 @@ def calibrate_efforts(
     if rest:
         fit = calibrate_at_rest(recording, arm_of(recording), effort, prefix, groups)
     else:
-        fit = _calibrate_in_motion(recording, effort, prefix, groups, column)
+        fit, other = _calibrate_in_motion(recording, effort, prefix, groups, column)
+        stated = np.asarray(Model.of(arm_of(recording), recording.metadata).gravity)
+        angle = float(np.arctan2(np.linalg.norm(np.cross(stated, other)), stated @ other))
+        if angle > TURNED:
+            gravity = tuple(other.tolist())
+            turned = replace(recording, metadata=replace(recording.metadata, gravity=gravity))
+            better, _ = _calibrate_in_motion(turned, effort, prefix, groups, column)
+            if better.misfit < MENDED * fit.misfit:
+                refuted = along_another_axis(other, angle, "efforts")
+                fit = replace(fit, refuted=refuted, gravity=gravity)
     if constants is not None:
         fit = replace(fit, constants=tuple(map(float, constants)))
     if fit.refuted is not None and not force:
@@ -103,7 +114,8 @@ def calibrate_efforts(
 
 def _calibrate_in_motion(
     recording: Recording, effort: np.ndarray, prefix: str, groups: tuple[str, ...], dead: str
-) -> DriveFit:
+) -> tuple[DriveFit, np.ndarray]:
+    """Fit of a motion, and the gravity (3,) that its efforts follow, as large as the stated one."""
     signals = signals_of_pieces(recording, effort)
     problem, starts = problem_of(recording, signals, groups)
     check_moves(recording.name, problem)
@@ -120,11 +132,21 @@ def _calibrate_in_motion(
         away = np.array(moved) - published(problem, solution.x, starts)
         covariance = covariance + away.T @ away
         identified = values_of(problem, solution, starts, joints, covariance)
-    return DriveFit(
+    fit = DriveFit(
         recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified, errors,
         covariance, signals[0].cutoff, sum(float(np.ptp(s.t)) for s in signals), len(problem.use),
         refutation(errors, identified), link_errors=linked,
     )  # fmt: skip
+    pull = np.concatenate([s.filtered(_of_gravity(recording, s), s.coarse) for s in signals])
+    stated = np.asarray(Model.of(arm_of(recording), recording.metadata).gravity)
+    return fit, followed_gravity(problem, pull, stated)
+
+
+def _of_gravity(recording: Recording, signals: DriveSignals) -> np.ndarray:
+    """Torques (M, J, 3), in every ``coarse``-th row, per unit of gravity along each base axis."""
+    robot, q = arm_of(recording), signals.q.v[:: signals.coarse]
+    theta = robot.robot_theta(Model.of(robot, recording.metadata).configured(recording.metadata))
+    return np.stack([-robot.gravity_torque(q, theta, axis) for axis in np.eye(3)], axis=2)
 
 
 def _of_link_errors(recording: Recording, signals: DriveSignals) -> np.ndarray:

@@ -86,6 +86,14 @@ def moved_by(p: Problem, s: Solution, torques: np.ndarray) -> np.ndarray:
     return np.array([s.x + _shortest(whole, (r - right).sum(axis=0)) for r in shifted])
 
 
+def followed_gravity(p: Problem, pull: np.ndarray, stated: np.ndarray) -> np.ndarray:
+    """Gravity (3,) [m/s²], as large as the stated one (3,), that best explains the efforts beside
+    each joint's own columns; pull: torques per unit of gravity along each base axis (M, J, 3)."""
+    free = replace(p, loads=pull, changes=("x", "y", "z"), spread=np.full(3, np.inf))
+    other = stated + parts(free, solve(free).x)[1]
+    return np.asarray(other * np.linalg.norm(stated) / np.linalg.norm(other))
+
+
 def _prior_precision(p: Problem) -> np.ndarray:
     """Prior precision (K,) of the parameters: of inertial changes, else 0. Rows of a block count as
     one, because model errors are alike in them."""

@@ -56,8 +56,11 @@ class EffortAnswer(Answer):
         return claims
 
     def claim_of(self, entry: Mapping[str, Any]) -> Claim:
-        joint = entry["parameters"].get("joint", {}).get("value")
-        return claim(entry, title(entry["effect"], joint))
+        first, *others = (
+            (e["effect"], title(e["effect"], e["parameters"].get("joint", {}).get("value")))
+            for e in (entry, *entry["rivals"])
+        )
+        return claim(entry, first[1], others)
 
     @property
     def no_claim(self) -> str:

@@ -17,15 +17,8 @@ SPREAD = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """An arm by file with what is stated of it.
-
-    Attributes:
-        file, frame: model, and the frame that carries the tool.
-        mass, cog: of the stated tool [kg, m].
-        coulomb, viscous, noise: of each joint (J,) [N·m, N·m·s/rad, N·m].
-        home: middle of the motion (J,) [rad].
-        constant: of each drive (J,) [N·m/A].
-    """
+    """An arm by file, the frame that carries its stated tool [kg, m], friction and noise of each
+    joint (J,) [N·m, N·m·s/rad], the middle of its motion [rad], its drive constants [N·m/A]."""
 
     file: str
     frame: str
@@ -65,15 +58,8 @@ UR10 = Arm(
 
 
 def case(arm, folder, robot, seed, load=0.0, current=False, **stated):
-    """A recording of a minute.
-
-    Args:
-        robot: seed of the robot's own links and friction.
-        seed: of the motion and the noise.
-        load: that the arm carries more than is stated [kg], at the stated centre.
-        current: record currents.
-        stated: further metadata.
-    """
+    """A recording of a minute, by seeds of the robot's own links and friction, and of motion and
+    noise; ``load`` is carried beside what is stated [kg], at its centre."""
     own, rng = np.random.default_rng(robot), np.random.default_rng(seed)
     t, q = fourier(rng, home=arm.home)
     coulomb, viscous = (

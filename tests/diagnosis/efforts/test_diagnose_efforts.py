@@ -22,7 +22,7 @@ from wrenchbed.diagnosis.efforts.search import Evidence
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
 from wrenchbed.diagnosis.prepare.prepared import Material
-from wrenchbed.diagnosis.result import named_by
+from wrenchbed.diagnosis.result import cause, named_by, rival
 from wrenchbed.effects.drives.base import Block
 from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError
@@ -58,6 +58,23 @@ def test_a_cause_is_named_in_its_joint(effect, joint, size):
     assert d.verdict in ("identified", "ambiguous")
     assert d.which[0]["effect"] == effect and d.which[0]["parameters"]["joint"]["value"] == joint
     assert d.gap.closed.value > 0.6
+
+
+@pytest.mark.parametrize("angle", [40.0, 90.0])
+def test_gravity_along_another_axis_is_one_large_tilt_and_no_mass(angle):
+    at = np.deg2rad(angle)
+    stated = (9.80665 * np.sin(at), 0.0, -9.80665 * np.cos(at))
+    found = diagnose_efforts(case(seed=51, seconds=30.0, gravity=stated)).diagnosis
+    (cause,) = found.which
+    assert cause["effect"] == "base.tilt" and cause["probability"] > 0.9
+    assert cause["parameters"]["angle"]["value"] == pytest.approx(at, abs=0.03)
+    assert any("state gravity" in note for note in found.notes)
+
+
+def test_a_small_cause_is_put_into_words_beside_its_rival_of_a_link():
+    at = {"joint": {"value": 5}}
+    entry = cause("drive.asymmetry", 0.85, at, [rival("link.spring", 0.4, {"parameters": at})])
+    assert "; or the spring that" in EffortAnswer.claim_of(None, entry).sentence
 
 
 @pytest.mark.sampled

@@ -287,17 +287,17 @@ def _of_gravity(seen: Observed, into: np.ndarray) -> Iterator[Mistake]:
     if angle < TURNED:
         return
     gravity = u / max(size, 1e-300) * np.linalg.norm(seen.gravity)
-    other = replace(seen, gravity=gravity)
+    finding = Finding("gravity", along_another_axis(gravity, angle, "wrench"))
+    yield _fitted(seen, replace(seen, gravity=gravity).design, seen.y, finding)
+
+
+def along_another_axis(gravity: np.ndarray, angle: float, readings: str) -> str:
+    """Sentence on a gravity (3,) [m/s²] that is ``angle`` [rad] off the stated one, by its effect
+    on ``readings``: the wrench or the efforts."""
     along = ", ".join(f"{x + 0.0:.4f}" for x in gravity)
-    yield _fitted(
-        seen,
-        other.design,
-        seen.y,
-        Finding(
-            "gravity",
-            f"gravity acts along another axis of the base, {np.rad2deg(angle):.0f}° from where it "
-            f"is stated: state gravity = [{along}], or the sign of the wrench is wrong",
-        ),
+    return (
+        f"gravity acts along another axis of the base, {np.rad2deg(angle):.0f}° from where it is "
+        f"stated: state gravity = [{along}], or the sign of the {readings} is wrong"
     )
 
 

@@ -39,6 +39,8 @@ _GAIN = 0.01
 stated 0.75 to 1.5 % of full scale."""
 _TILT = np.deg2rad(0.1)
 """Prior std of a healthy robot's base tilt [rad]: what a bubble level leaves."""
+_ANY_AXIS = 1e-9
+"""Added to a change of gravity [m/s²], so that none, or one upside down, has a tilt's axis too."""
 _LINK_INERTIA = 0.05
 """Prior std of a link's inertia over its mean principal one: drawings lack cables and covers."""
 _GYRATION = 0.02
@@ -259,13 +261,15 @@ def _lag(scene: EffortScene) -> list[Column]:
 
 def _tilt(scene: EffortScene) -> Made:
     gravity = np.asarray(scene.model.gravity, dtype=float)
-    down = gravity / np.linalg.norm(gravity)
+    down, stated = gravity / np.linalg.norm(gravity), gravity - scene.turned
     side = np.eye(3)[int(np.argmin(np.abs(down)))]
-    columns = []
-    for k, axis in enumerate((np.cross(down, side), np.cross(down, np.cross(down, side)))):
-        axis = axis / np.linalg.norm(axis)
-        more = np.cross(axis, gravity)  # for 1 rad, to first order
-        held = -scene.robot.gravity_torque(scene.q.v, scene.theta, more)
-        seen = scene.sensed(scene.theta, more) - scene.load
-        columns.append(Column(f"base.tilt.{k}", np.hstack([held, seen]), _TILT))
+    axis = np.cross(down, scene.turned + _ANY_AXIS * side)
+    axis /= np.linalg.norm(axis)
+    changes = [np.cross(axis, gravity), np.cross(np.cross(down, axis), gravity)]  # for 1 rad
+    if scene.turned.any():  # a large tilt is about one axis: its column is exact at that size
+        angle = np.arctan2(np.linalg.norm(np.cross(stated, down)), stated @ down)
+        changes[0] = scene.turned / angle
+    columns = [
+        Column(f"base.tilt.{k}", scene.by_gravity(more), _TILT) for k, more in enumerate(changes)
+    ]
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]

@@ -147,11 +147,14 @@ def notes(
     scene, noise = d.scene, [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
     stated = ", ".join(k for k in scene.drives.value if scene.drives.known(k).any())
     fitted = scene.currents and not scene.drives.known("drive.constant").all()
+    along = ", ".join(f"{x + 0.0:.4f}" for x in scene.model.gravity)
     every = {
         f"noise of a row: {', '.join(noise)}, from what all effects together leave": True,
         f"stated: {stated}": stated,
         "no friction is stated: ordinary friction of every joint is fitted, and no cause":
             not stated,
+        f"gravity acts along another axis of the base: state gravity = [{along}]":
+            scene.turned.any(),
         _OF_COMMANDS: scene.commanded,
         "drive constants are fitted, and no cause: they hold as the link masses do": fitted,
         **{f"not ordinary noise: {text}": True for _, text in seen},

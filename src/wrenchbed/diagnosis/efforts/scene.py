@@ -3,6 +3,7 @@
 Columns of every cause are made at the recording's rate and thinned as the efforts are.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,7 +16,7 @@ from wrenchbed.drives.identify import FRICTION, arm_of, calibrate_efforts
 from wrenchbed.drives.identify_at_rest import CONSTANT
 from wrenchbed.drives.signals import DriveSignals, efforts_of, motion_signals
 from wrenchbed.effects.drives.operators import direction, moving
-from wrenchbed.errors import DiagnosisError
+from wrenchbed.errors import CalibrationError, DiagnosisError
 from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS, UNITS, Tool
 from wrenchbed.robots.base import SimulatedRobot
@@ -66,6 +67,8 @@ class EffortScene:
         wrench: measured (N, 6) [N, N·m] where used as evidence too, else None.
         displaced: displacement of the tool's CoG (3,) [m] at which changes of its first moment are
             exact, since inertia grows with its square; 0 before it is fitted.
+        turned: gravity of ``model``, about which all columns are made, less the stated one (3,)
+            [m/s²]; 0 unless the efforts follow a far other one than is stated.
     """
 
     recording: Recording
@@ -83,6 +86,7 @@ class EffortScene:
     step: int
     wrench: np.ndarray | None = None
     displaced: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    turned: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def commanded(self) -> bool:
@@ -117,8 +121,17 @@ class EffortScene:
 
     @property
     def residual(self) -> np.ndarray:
-        """Measured less predicted readings (N, C): efforts, then the wrench if any."""
-        return self.measured - np.hstack([self.total, self.load])
+        """Measured less predicted readings (N, C), with the stated gravity: efforts, then the
+        wrench if any."""
+        predicted = np.hstack([self.total, self.load])
+        return (
+            self.measured - predicted + (self.by_gravity(self.turned) if self.turned.any() else 0.0)
+        )
+
+    def by_gravity(self, more: np.ndarray) -> np.ndarray:
+        """Change of the readings (N, C) by additional gravity (3,) [m/s²]."""
+        held = -self.robot.gravity_torque(self.q.v, self.theta, more)
+        return np.hstack([held, self.sensed(self.theta, more) - self.load])
 
     @cached_property
     def load(self) -> np.ndarray:
@@ -186,8 +199,16 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
         raise DiagnosisError(
             f"{recording.name}: has no wrench fx … tz: use --channels effort, which needs none"
         )
-    robot = arm_of(recording)
+    robot, turned = arm_of(recording), np.zeros(3)
     prefix, effort = efforts_of(recording)
+    stated = prefix == "i" and drives.known(CONSTANT).all()
+    constants = drives.of(CONSTANT).tolist() if stated else None
+    with suppress(CalibrationError):  # what cannot be fitted follows no other gravity
+        fit = calibrate_efforts(recording, constants=constants, force=True)
+        if fit.gravity is not None:
+            turned = np.subtract(fit.gravity, Model.of(robot, recording.metadata).gravity)
+            metadata = replace(recording.metadata, gravity=fit.gravity)
+            recording = replace(recording, metadata=metadata)
     signals = motion_signals(recording.name, recording.t, recording.q, effort)
     rows = len(signals.t)
     enough = _PER_CUTOFF * signals.cutoff if f"{COMMANDED}1" in recording.columns else _RATE
@@ -212,6 +233,7 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
     return EffortScene(
         recording, robot, model, theta, inertias, signals, body, friction, levels, y, drives,
         currents, step, np.asarray(recording.wrench, dtype=float) if wrench else None,
+        turned=turned,
     )  # fmt: skip
 
 
