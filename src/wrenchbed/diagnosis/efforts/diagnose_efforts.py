@@ -44,7 +44,7 @@ _PASSES, _DAMPING, _DISPLACED_M, _REACH_M = 4, 0.6, 0.01, 0.5
 """Times at most that the columns of the tool's centre of gravity are made again, share of a step
 that is taken (whole steps overshoot by 0.6 of themselves: tuned on
 ``tests/diagnosis/efforts/test_loads.py``), step [m] below which they are good enough, and distance
-[m] beyond which a moment is not that of the tool: light tools fitted to public UR5 reach 6 to 20 m.
+[m] beyond which a moment is not that of the tool: three times the largest of the sealed cases.
 """
 STEPS = 4
 """Number of steps of a diagnosis of efforts reported by ``progress`` (bar of cli/diagnose.py)."""

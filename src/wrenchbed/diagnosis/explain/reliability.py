@@ -24,7 +24,7 @@ from wrenchbed.errors import DiagnosisError
 NAMES = ("constant", "evidence", "closed", "complete", "still")
 """Features of a claim, each 0 … 1: a constant 1, scaled log odds of the evidence, least share of
 the gap that it closes on held-out rows, 1 less the gap left there over `REST`, and whether the
-robot was at rest. Ten others separated no better (six arms, each judged by the others)."""
+robot was at rest. Seven others had no better log score (six arms, each judged by the others)."""
 MOST_ODDS = 30.0
 """Log odds beyond which evidence is as sure as it can be: less likely structures are dropped."""
 PRIOR_STD = 3.0
