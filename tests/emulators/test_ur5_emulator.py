@@ -182,9 +182,11 @@ def test_inputs_and_outputs(cb3):
         assert terminals.setToolDigitalOut(1, True)
         assert terminals.setSpeedSlider(0.5)
         assert terminals.setAnalogOutputVoltage(0, 0.25)
+        assert terminals.setAnalogOutputCurrent(1, 0.5)
         assert within(0.5, lambda: robot.getActualDigitalOutputBits() == 1 << 3 | 1 << 17)
         assert within(0.5, lambda: robot.getTargetSpeedFraction() == 0.5)
-        assert robot.getStandardAnalogOutput0() == pytest.approx(0.25)
+        assert within(0.5, lambda: robot.getStandardAnalogOutput1() == pytest.approx(0.012))  # A
+        assert robot.getStandardAnalogOutput0() == pytest.approx(2.5)  # V
         assert terminals.setStandardDigitalOut(3, False) and terminals.setSpeedSlider(1.0)
         assert within(0.5, lambda: robot.getActualDigitalOutputBits() == 1 << 17)
 

@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78681,
+    "src": 78691,
     "src/wrenchbed": 69202,
-    "src/robot_emulators": 9479,
-    "tests": 37995,
+    "src/robot_emulators": 9489,
+    "tests": 37997,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -140,8 +140,8 @@ class Outputs:
             "target_speed_fraction": (terminals.slider,),
             "actual_digital_output_bits": (terminals.bits,),
             "actual_configurable_digital_output_bits": (terminals.bits >> 8 & 0xFF,),
-            "standard_analog_output0": (terminals.analog[0],),
-            "standard_analog_output1": (terminals.analog[1],),
+            "standard_analog_output0": terminals.analog_values[:1],
+            "standard_analog_output1": terminals.analog_values[1:],
             "analog_io_types": (terminals.analog_types << 2,),
         }
 

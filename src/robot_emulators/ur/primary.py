@@ -45,7 +45,7 @@ def robot_state(controller: Controller, timestamp: float) -> bytes:
     """Return the bytes of the robot state message, with the controller's time stamp [s]."""
     modes, values, terminals = controller.modes, controller.values, controller.terminals
     settings, arm = controller.settings, controller.arm
-    slider, analog, types = terminals.slider, terminals.analog, terminals.analog_types
+    slider, analog, types = terminals.slider, terminals.analog_values, terminals.analog_types
     links = [[0.0] * 6, *arm.plant.arm.links.T.tolist()]  # theta, a, d, alpha of each joint
     sums = [zlib.crc32(repr(column).encode()) for column in zip(*links, strict=True)]
     limits = [x for pair in zip(arm.kinematics.lower, arm.kinematics.upper, strict=True)

@@ -79,6 +79,16 @@ class Terminals:
         self.analog_types = 0
         self.slider = 1.0
 
+    @property
+    def analog_values(self) -> tuple[float, float]:
+        """Readings of the analog outputs: 0 … 10 V or, of currents, 0.004 … 0.02 A (UR's RTDE
+        guide, ``standard_analog_output0`` [A or V])."""
+        first, second = (
+            10.0 * x if self.analog_types >> k & 1 else 0.004 + 0.016 * x
+            for k, x in enumerate(self.analog)
+        )
+        return first, second
+
     def take(self, written: dict[str, Values]) -> None:
         """Set the outputs that the values of one RTDE packet, by input field, select."""
         groups = (("standard", 0, 0xFF), ("configurable", _CONFIGURABLE, 0xFF), ("tool", _TOOL, 3))
