@@ -92,27 +92,32 @@ def test_nothing_has_the_evidence_of_normal_backgrounds_and_its_prior():
 
 
 def test_one_more_effect_has_prior_odds_of_two_ninths():
-    """The linear evidence of a second effect beside a first is that of both refitted."""
+    """The linear evidence of a second effect beside a first, on all levels of its background and
+    smaller ones of healthy robots, is that of dense normal densities."""
     d = dictionary()
     r = refitter(d, readings(d, {"base.tilt": 2.0, "cable.pull": 1.0}))
     tilt, pull = named(d, "base.tilt", "cable.pull")
-    one = r.fit((tilt,), 0)
+    f = r.fit((tilt,), 2)
     index = d.hypotheses.index(pull)
-    (told,) = (s for s in r.added(one) if s.index == index)
-    both = r.extended(one, pull)
-    assert both.names == ("base.tilt", "cable.pull")
-    s, level = r.searcher, r.searcher.levels[one.rung]
-    column = d.E[:, pull.columns]
-    w, p = column.T @ level.solve(r.y[:, None])[:, 0], column.T @ level.solve(column)
+    added = [s for s in r.added(f) if s.index == index]
+    assert [s.rung for s in added] == [f.rung, *range(f.rung)] and f.rung > 0
+    beside = f.design * f.spread
+
+    def density(rung, *more):
+        x = np.column_stack([beside, *more])
+        level = r.searcher.levels[rung]
+        covariance = np.diag(level.v0) + (level.E * level.V) @ level.E.T + x @ x.T
+        square = f.y @ np.linalg.solve(covariance, f.y) + np.linalg.slogdet(covariance)[1]
+        return r.rung_prior[rung] - 0.5 * square
+
     each = [
-        0.5 * w @ np.linalg.solve(np.eye(2) / z**2 + p, w)
-        - 0.5 * np.linalg.slogdet(np.eye(2) + z**2 * p)[1]
-        for z in s.scales(pull)
+        density(s.rung, z * d.E[:, pull.columns]) for s in added for z in r.searcher.scales(pull)
     ]
-    evidence = np.logaddexp.reduce(each) - np.log(len(each))
-    gained = told.log_posterior - one.log_posterior
-    assert gained == pytest.approx(evidence + s.prior(pull) + np.log(0.1 / 0.45), rel=1e-3)
-    assert not any(x.index == d.hypotheses.index(tilt) for x in r.added(one))
+    gained = np.logaddexp.reduce(each) - np.log(len(r.searcher.scales(pull)))
+    gained -= np.logaddexp.reduce([density(s.rung) for s in added])
+    total = np.logaddexp.reduce([s.log_posterior for s in added]) - f.log_posterior
+    assert total == pytest.approx(gained + r.searcher.prior(pull) + np.log(0.1 / 0.45), rel=1e-6)
+    assert not any(x.index == d.hypotheses.index(tilt) for x in r.added(f))
 
 
 def test_a_blamed_number_is_set_free():

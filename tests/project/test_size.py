@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 937,
     "cli": 2681,
     "data": 5394,
-    "diagnosis": 12947,
+    "diagnosis": 12997,
     "drives": 1696,
     "effects": 4999,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78691,
-    "src/wrenchbed": 69202,
+    "src": 78741,
+    "src/wrenchbed": 69252,
     "src/robot_emulators": 9489,
-    "tests": 37997,
+    "tests": 38002,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

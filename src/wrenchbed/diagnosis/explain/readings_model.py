@@ -3,8 +3,10 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import logsumexp
 
 from wrenchbed.channels.readings_with_effects import Responses
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, Hypothesis
@@ -24,6 +26,22 @@ _TRIALS = 160
 enough for the few shapes of one effect. Fewer end in a side minimum, more only cost time."""
 _RIDGE = 1e-3
 """Ridge that keeps an amplitude bounded where its shape changes no reading."""
+
+
+class _Beside(NamedTuple):
+    """Readings beside a background and k columns, all n columns of the dictionary at hand.
+
+    Attributes:
+        energy: square of the readings over background and columns.
+        score: derivatives of the log likelihood by all columns (n,).
+        half: H (k, n): HᵀH is the information on all columns that the k take up.
+        log_evidence: log probability of the readings, without the constant in 2π.
+    """
+
+    energy: float
+    score: np.ndarray
+    half: np.ndarray
+    log_evidence: float
 
 
 class ReadingsModel:
@@ -129,14 +147,20 @@ class ReadingsModel:
         return x
 
     def added(self, finalist: Finalist) -> list[SingleEvidence]:
-        """Evidence of each further effect or smooth function beside a fitted set of causes."""
+        """Evidence of each further effect or smooth function beside a fitted set of causes, on its
+        background level and on smaller ones of healthy robots: less remains to be imperfections."""
         f = finalist
-        score, half = self._beside(f.rung, f.design, f.spread, f.y)[1:]
-        base = f.log_posterior + float(np.log(MORE / PRIOR["one"]))
+        rungs = [f.rung, *(r for r in self.normal.tolist() if r < f.rung)]
+        beside = [self._beside(r, f.design, f.spread, f.y) for r in rungs]
+        evidence = np.array(
+            [b.log_evidence + self.rung_prior[r] for b, r in zip(beside, rungs, strict=True)]
+        )
+        base = f.log_posterior + float(np.log(MORE / PRIOR["one"])) - logsumexp(evidence)
         taken = set(f.names)
         return [
             s
-            for s in self.searcher.added(f.rung, base, score, half)
+            for r, b, e in zip(rungs, beside, evidence.tolist(), strict=True)
+            for s in self.searcher.added(r, base + e, b.score, b.half)
             if s.index < 0 or self.searcher.hypotheses[s.index].name not in taken
         ]
 
@@ -155,24 +179,25 @@ class ReadingsModel:
         moved = self.d.stated[np.abs(self.d.fitted(signal)) > self.d.tolerance]
         design = np.column_stack([f.design[:, gives_way], self.d.E[:, moved]])
         spread = np.append(spread[gives_way], np.full(len(moved), LARGEST))
-        energy, score, half = self._beside(f.rung, design, spread, signal)
-        return energy, self.searcher.remainders(f.rung, energy, score, half)
+        b = self._beside(f.rung, design, spread, signal)
+        return b.energy, self.searcher.remainders(f.rung, b.energy, b.score, b.half)
 
     def _beside(
         self, rung: int, design: np.ndarray, spread: np.ndarray, y: np.ndarray
-    ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Square of y (C R,) over the background level ``rung`` and columns (C R, k) with prior
-        standard deviations (k,); its scores w (n,) with all columns; and H (k, n): HᵀH is the
-        information on all n columns that those k take up."""
+    ) -> "_Beside":
+        """Readings y (C R,) over the background level ``rung`` and columns (C R, k) with prior
+        standard deviations (k,)."""
         level = self.searcher.levels[rung]
         solved = level.solve(np.column_stack([design, y]))
         side = self.d.E.T @ solved[:, :-1]
         normal = design.T @ solved[:, :-1] + np.diag(1.0 / spread**2)
         along = design.T @ solved[:, -1]
-        known = np.linalg.solve(normal, along)
-        half = np.linalg.solve(np.linalg.cholesky(normal), side.T)
+        known, lower = np.linalg.solve(normal, along), np.linalg.cholesky(normal)
+        half = np.linalg.solve(lower, side.T)
         energy = float(y @ solved[:, -1] - along @ known)
-        return energy, self.d.E.T @ solved[:, -1] - side @ known, half
+        log_det = level.log_det + 2.0 * float(np.log(np.diagonal(lower) * spread).sum())
+        score = self.d.E.T @ solved[:, -1] - side @ known
+        return _Beside(energy, score, half, -0.5 * (energy + log_det))
 
     def uncertainty(self, f: Finalist) -> np.ndarray:
         """Covariance (m, m) of a fitted set's m numbers, errors that no residual shows included.

@@ -150,7 +150,10 @@ class Refitter(ReadingsModel):
             x = self._minimum(s, rungs, self.searched(s.parts[0], rungs[0], x), spread)
         views = self._judged(s, rungs, x)
         best = [f.rung for f in views]
-        if best != rungs and len(x):
+        several = len(s.parts[0]) > 1
+        if several:  # what several could make goes to the one whose size makes it likelier
+            spread = s.merged([f.spread[: len(f.x)] for f in views])
+        if (best != rungs or several) and len(x):
             views = self._judged(s, best, self._minimum(s, best, x, spread))
         return views[self._place]
 

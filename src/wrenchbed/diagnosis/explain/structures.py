@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, build
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, build
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import (
     PRIOR,
@@ -20,7 +20,7 @@ from wrenchbed.diagnosis.evidence.search import (
     best_variants,
 )
 from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained, with_imitators
-from wrenchbed.diagnosis.explain.contributions import claimable, doubled
+from wrenchbed.diagnosis.explain.contributions import claimable, doubled, made_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.prepare.bias_and_load_fit import Baseline, calibrate
@@ -50,6 +50,8 @@ LEAST_LOAD = 1.0
 """Least variance of a channel's load, in noise variances of a row, that divides its change."""
 UNEXPLAINED = 0.1
 """Largest share of the gap that the best causes leave if the tool fitted with them is right."""
+MOSTLY = 0.5
+"""Largest share of a cause's readings, squared, that a simpler effect tried in its place leaves."""
 _PASSES = 2
 """Most repetitions of the linearisation: each reduces the error by the cause's relative size."""
 MOST = 3
@@ -110,7 +112,9 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     longer, mixed, mixed_kernel = _extended(searcher, refitter, finalists)
     finalists += longer
     best = min(finalists, key=_posterior)
-    finalists += with_rivals(refitter, best, claimable(refitter, best), singles)
+    claimed = claimable(refitter, best)
+    finalists += with_rivals(refitter, best, claimed, singles)
+    finalists += with_simpler(refitter, best, claimed)
     finalists = sorted([refitter.nothing(), *finalists], key=_posterior)
     beside_best = mixed > max(unknown, finalists[0].log_posterior)
     kernel = mixed_kernel if beside_best else _kernel(searcher, kernels)
@@ -173,6 +177,24 @@ def with_rivals(
         more = refitter.added(base) if base.parts else singles
         for s in _near(refitter, more, f, k):
             result.append(refitter.extended(base, refitter.searcher.hypotheses[s.index], s.rung))
+    return result
+
+
+def with_simpler(refitter: Refitter, f: Finalist, parts: Sequence[int]) -> list[Finalist]:
+    """Fits with, beside one of the causes ``parts``, by index, an effect of fewer numbers that may
+    make most of its readings: what many numbers take besides may be imperfections."""
+    result, hypotheses = list[Finalist](), refitter.searcher.hypotheses
+    for k in parts:
+        energy, left = refitter.remainders(f, k, made_by(refitter, f, [k]))
+        nearest: dict[str, Hypothesis] = {}
+        for i in np.argsort(left).tolist():
+            h = hypotheses[i]
+            if left[i] > MOSTLY * energy or len(nearest) == MOST:
+                break
+            fewer = len(h.columns) < len(f.parts[k].columns)
+            if fewer and h.name not in f.names and not h.effect.stated:
+                nearest.setdefault(h.name, h)
+        result += [refitter.extended(f, h) for h in nearest.values()]
     return result
 
 
