@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from wrenchbed.data.import_files import import_files as import_files
     from wrenchbed.data.lerobot import import_lerobot as import_lerobot
     from wrenchbed.data.lerobot import is_lerobot as is_lerobot
+    from wrenchbed.data.lerobot import write_lerobot as write_lerobot
     from wrenchbed.data.plan import Plan as Plan
     from wrenchbed.data.plan import read as _read_points
     from wrenchbed.data.recording import Recording as Recording

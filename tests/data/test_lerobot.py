@@ -1,6 +1,7 @@
 """Data sets of LeRobot, written here as its format 3.0 says."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -9,9 +10,11 @@ import pytest
 from pytest import approx
 
 from servo_arm import JOINTS, RANGES, Servos, feature, lerobot
+from servo_arm import recording as servos_recording
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import MapError
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.described import describe
 
 RNG = np.random.default_rng(0)
@@ -116,30 +119,75 @@ def test_efforts_and_wrenches_need_their_units_too(here, capsys):
     )
 
 
-@pytest.mark.parametrize(
-    ("wrong", "why"),
-    [
-        ("info", "observation.state"), ("none", "no Parquet"), ("broken", "cannot be read"),
-        ("column", "timestamp"), ("action", "has no elbow_flex"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_named(here, wrong, why, capsys):
-    folder = data_set(here / "set")
-    file = folder / "data" / "chunk-000" / "file-000.parquet"
-    info = folder / "meta" / "info.json"
-    if wrong == "info":
-        info.write_text(json.dumps({"features": {"action": feature(["a"])}}), encoding="utf-8")
-    elif wrong == "action":
-        raw = json.loads(info.read_text(encoding="utf-8"))
-        raw["features"]["action"]["names"][2] = "other"
-        info.write_text(json.dumps(raw), encoding="utf-8")
-    elif wrong == "none":
-        for f in file.parent.iterdir():
-            f.unlink()
-    elif wrong == "broken":
-        file.write_bytes(b"PAR1")
-    else:
-        pq.write_table(pq.read_table(file).drop_columns(["timestamp"]), file)
+FIRST = "data/chunk-000/file-000.parquet"
+WRONG = {
+    "observation.state": lambda folder: change(folder, "observation.state", "state"),
+    "has no elbow_flex": lambda folder: change(folder, "elbow_flex", "other"),  # of the action
+    "no Parquet": lambda folder: [file.unlink() for file in folder.rglob("*.parquet")],
+    "cannot be read": lambda folder: (folder / FIRST).write_bytes(b"PAR1"),
+    "timestamp": lambda folder: pq.write_table(
+        pq.read_table(folder / FIRST).drop_columns(["timestamp"]), folder / FIRST
+    ),
+}
+
+
+def change(folder, old, new):
+    info = folder / "meta/info.json"
+    info.write_text(info.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+
+
+@pytest.mark.parametrize("why", WRONG)
+def test_what_is_wrong_is_named(here, why, capsys):
+    WRONG[why](data_set(here / "set"))
     assert imported(here, 'unit = "deg"')[0] == 1
     error = capsys.readouterr().err
     assert why in error and error.count("\n") == 1 and MapError.__name__ not in error
+
+
+def written(here, *options, steps=1.0 / 30.0, segment=EPISODE):
+    """Exit code of `export` of a motion with joint targets to the folder ``out``; its columns."""
+    motion = servos_recording(Q, TARGET, robot=str(here / "so.toml"), segment=segment)
+    wrench = dict(zip(CHANNELS, RNG.normal(size=(6, 70)), strict=True))
+    columns = {**motion.columns, **wrench, "t": 5.0 + np.cumsum(np.full(70, steps))}
+    replace(motion, columns=columns).write(here / "rec.parquet")
+    words = ["export", here / "rec.parquet", "--to", "lerobot", "--out", here / "out", *options]
+    return main([str(w) for w in words]), columns
+
+
+def test_a_recording_becomes_what_lerobot_writes_itself_and_comes_back(here):
+    code, columns = written(here, "--task", "Push")
+    (here / "so.toml").unlink()  # the data set knows its robot
+    words = ["import", here / "out", "--out", here / "again.parquet"]
+    assert code == 0 and main([str(w) for w in words]) == 0
+    again = Recording.read(here / "again.parquet").columns
+    for name in ("q1", "q6", "q_target2", "fy", "tz", "segment"):
+        assert again[name] == approx(columns[name], abs=1e-6)
+    info = json.loads((here / "out/meta/info.json").read_text(encoding="utf-8"))
+    assert (info["fps"], info["total_frames"], info["splits"]) == (30, 70, {"train": "0:3"})
+    assert info["features"]["action"] == feature([f"{j}.pos" for j in JOINTS])
+    data = pq.read_table(here / "out" / FIRST)
+    assert set(data.column_names) == set(info["features"])
+    assert data.schema.field("action").type == pa.list_(pa.float32(), 6)
+    assert data["index"].to_pylist() == list(range(70))
+    assert data["timestamp"].to_numpy()[[29, 30, 31]] == approx([29 / 30, 0.0, 1 / 30])
+    episodes = pq.read_table(here / "out" / FIRST.replace("data", "meta/episodes"))
+    assert episodes["dataset_from_index"].to_pylist() == [0, 30, 55]
+    assert episodes["dataset_to_index"].to_pylist() == [30, 55, 70]
+    mean = [TARGET[k == EPISODE].mean(axis=0) for k in range(3)]
+    assert np.allclose(episodes["stats/action/mean"].to_pylist(), mean)
+    tasks = pq.read_table(here / "out/meta/tasks.parquet")
+    assert tasks.to_pydict() == {"task_index": [0], "task": ["Push"]}
+    assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
+
+
+def test_an_uneven_clock_is_written_only_at_a_stated_rate(here, capsys):
+    steps = np.where(np.arange(70) % 2, 0.02, 0.03)
+    assert written(here, steps=steps, segment=None)[0] == 1
+    assert "--fps 40" in capsys.readouterr().err and not (here / "out/meta").exists()
+    code, columns = written(here, "--fps", "20", steps=steps, segment=None)
+    data = pq.read_table(here / "out" / FIRST)
+    t = columns["t"][0] + np.arange(len(data)) / 20.0
+    force = np.array(data["observation.wrench"].to_pylist())[:, 2]
+    assert code == 0 and 0.0 <= columns["t"][-1] - t[-1] < 0.05
+    assert force == approx(np.interp(t, columns["t"], columns["fz"]), abs=1e-5)
+    assert written(here)[0] == 1 and "holds files already" in capsys.readouterr().err

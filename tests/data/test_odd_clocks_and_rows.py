@@ -37,12 +37,21 @@ def write(path, header, clock, values, spoil=lambda cells, row: cells):
     return path
 
 
+def mapped(folder, mode, files):
+    """Path of a map of files, by name, with the columns ``t`` and some of `NAMES`."""
+    unit, raw = {"t": "s", "q": "rad", "f": "N"}, {"recording": {"robot": "ur5", "mode": mode}}
+    columns = {n: {"column": n, "unit": "N·m" if n in TXYZ else unit[n[0]]} for n in ("t", *NAMES)}
+    parts = ((file, {n: columns[n] for n in ("t", *names)}) for file, names in files.items())
+    raw |= {"file": [{"match": file, "columns": part} for file, part in parts]}
+    (folder / "map.json").write_text(json.dumps(raw))
+    return folder / "map.json"
+
+
 def came(path, t, values, *options):
     """The guessed recording, and again by its map; both are what was written."""
     out = path.with_suffix(".parquet")
-    assert (
-        main(["import", str(path), "--guess", "--robot", "ur5", "--out", str(out), *options]) == 0
-    )
+    line = ["import", str(path), "--guess", "--robot", "ur5", "--out", str(out), *options]
+    assert main(line) == 0
     again = path.with_suffix(".again.parquet")
     line = ["import", str(path), "--map", str(path.with_suffix(".map.toml")), "--out", str(again)]
     assert main(line) == 0
@@ -193,13 +202,8 @@ def test_a_joint_that_passes_half_a_turn_is_unwrapped(tmp_path, capsys):
     q = np.stack([3.0 + 0.5 * np.sin(1.3 * t + k) for k in range(6)], axis=1)
     values = np.hstack([(q + np.pi) % (2 * np.pi) - np.pi, np.ones((len(t), 6)) + q])
     path = write(tmp_path / "log.csv", [",".join(("t", *NAMES))], map(repr, t.tolist()), values)
-    unit = {"t": "s", "q": "rad", "f": "N"}
-    columns = {n: {"column": n, "unit": unit[n[0]]} for n in ("t", *NAMES[:9])}
-    columns |= {n: {"column": n, "unit": "N·m"} for n in NAMES[9:]}
-    raw = {"recording": {"robot": "ur5", "mode": "dynamic"}, "file": [{"columns": columns}]}
-    (tmp_path / "map.json").write_text(json.dumps(raw))
-    out = tmp_path / "rec.parquet"
-    assert main(["import", str(path), "--map", str(tmp_path / "map.json"), "--out", str(out)]) == 0
+    by, out = mapped(tmp_path, "dynamic", {"log.csv": NAMES}), tmp_path / "rec.parquet"
+    assert main(["import", str(path), "--map", str(by), "--out", str(out)]) == 0
     assert "q1 passes ±180°: unwrapped" in capsys.readouterr().out
     assert np.ptp(Recording.read(out).q, axis=0).max() < 1.1
 
@@ -212,15 +216,10 @@ def test_joints_of_another_clock_are_unwrapped_before_they_are_laid_beside_a_wre
     wrapped = (path(moving) + np.pi) % (2 * np.pi) - np.pi
     load = np.random.default_rng(0).normal(size=(5000, 6))
     files = ((NAMES[6:], sensed, load, "wrench.csv"), (NAMES[:6], moving, wrapped, "joints.csv"))
-    raw: dict = {"recording": {"robot": "ur5", "mode": "dynamic"}, "file": []}
     for names, clock, values, name in files:
         write(tmp_path / name, [",".join(("t", *names))], map(repr, clock.tolist()), values)
-        unit = {"t": "s", "q": "rad", "f": "N"}
-        columns = {n: {"column": n, "unit": unit[n[0]]} for n in ("t", *names) if n not in TXYZ}
-        columns |= {n: {"column": n, "unit": "N·m"} for n in names if n in TXYZ}
-        raw["file"].append({"match": name, "columns": columns})
-    (tmp_path / "map.json").write_text(json.dumps(raw))
-    found = import_files([tmp_path / f[3] for f in files], read(tmp_path / "map.json"))
+    by = mapped(tmp_path, "dynamic", {name: names for names, _, _, name in files})
+    found = import_files([tmp_path / f[3] for f in files], read(by))
     q, t = found.recording.q, found.recording.t
     turns = 2 * np.pi * np.round((q - path(t)) / (2 * np.pi))
     assert (turns == turns[0]).all() and np.abs(q - turns - path(t)).max() < 1e-4
@@ -236,13 +235,8 @@ def test_poses_far_apart_with_a_pause_between_are_no_turns(tmp_path, capsys):
     q = np.array(rows) + 3e-4 * rng.normal(size=(1200, 6))
     values = np.hstack([q, np.ones((1200, 6)) + q])
     path = write(tmp_path / "log.csv", [",".join(("t", *NAMES))], map(repr, t), values)
-    columns = {n: {"column": n, "unit": "rad" if n[0] == "q" else "N"} for n in NAMES[:9]}
-    columns |= {n: {"column": n, "unit": "N·m"} for n in NAMES[9:]}
-    columns["t"] = {"column": "t", "unit": "s"}
-    raw = {"recording": {"robot": "ur5", "mode": "auto"}, "file": [{"columns": columns}]}
-    (tmp_path / "map.json").write_text(json.dumps(raw))
-    out = tmp_path / "rec.parquet"
-    assert main(["import", str(path), "--map", str(tmp_path / "map.json"), "--out", str(out)]) == 0
+    by, out = mapped(tmp_path, "auto", {"log.csv": NAMES}), tmp_path / "rec.parquet"
+    assert main(["import", str(path), "--map", str(by), "--out", str(out)]) == 0
     assert "unwrapped" not in capsys.readouterr().out
     assert Recording.read(out).q.min() < -2.39
 

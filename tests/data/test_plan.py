@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from recorded import save
 from wrenchbed import registry
-from wrenchbed.data import parquet
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
 from wrenchbed.planning import choose
@@ -14,10 +14,7 @@ UR5 = registry.load("robots", "ur5")
 MEDRUE = registry.load("robots", "medrue")
 
 
-def save(path, data, metadata=None):
-    raw = {"format": 1, "robot": "ur5"} if metadata is None else metadata
-    parquet.write(path, parquet.table_of(data, raw))
-    return path
+LEAST = {"format": 1, "robot": "ur5"}
 
 
 def columns(n=5):
@@ -34,15 +31,11 @@ def test_a_plan_returns_as_written(tmp_path, rate):
     assert (again.robot, again.mode, again.rate_hz) == ("ur5", plan.mode, rate)
 
 
-def test_the_contracts_minimum_is_a_plan(tmp_path):
-    plan = Plan.read(save(tmp_path / "plan.parquet", columns()))
-    assert plan.mode == "static"
-    assert list(plan.segment) == [0, 1, 2, 3, 4]
-
-
-def test_dwell_and_segment_are_kept(tmp_path):
+def test_the_contracts_minimum_is_a_plan_and_dwell_and_segment_are_kept(tmp_path):
+    plan = Plan.read(save(tmp_path / "plan.parquet", columns(), LEAST))
+    assert (plan.mode, plan.segment.tolist()) == ("static", [0, 1, 2, 3, 4])
     data = columns() | {"segment": np.array([3, 3, 1, 1, 0]), "dwell": np.full(5, 0.5)}
-    plan = Plan.read(save(tmp_path / "plan.parquet", data))
+    plan = Plan.read(save(tmp_path / "plan.parquet", data, LEAST))
     assert list(plan.segment) == [3, 3, 1, 1, 0]
     plan.write(tmp_path / "again.parquet")
     assert np.array_equal(Plan.read(tmp_path / "again.parquet").dwell, np.full(5, 0.5))
@@ -51,12 +44,12 @@ def test_dwell_and_segment_are_kept(tmp_path):
 @pytest.mark.parametrize(
     ("data", "metadata", "words"),
     [
-        ({"x": np.zeros(3)}, None, "column 'q1' is missing; found x"),
-        ({k: v[:0] for k, v in columns().items()}, None, "0 rows"),
-        (columns() | {"q2": np.full(5, np.nan)}, None, "column 'q2', row 0: nan"),
-        (columns() | {"q2": np.array(list("abcde"))}, None, "column 'q2' holds"),
-        (columns() | {"dwell": np.array([1, 1, -1, 1, 1.0])}, None, "'dwell', row 2: -1.0 s"),
-        (columns() | {"segment": np.full(5, 0.5)}, None, "'segment' must hold whole"),
+        ({"x": np.zeros(3)}, LEAST, "column 'q1' is missing; found x"),
+        ({k: v[:0] for k, v in columns().items()}, LEAST, "0 rows"),
+        (columns() | {"q2": np.full(5, np.nan)}, LEAST, "column 'q2', row 0: nan"),
+        (columns() | {"q2": np.array(list("abcde"))}, LEAST, "column 'q2' holds"),
+        (columns() | {"dwell": np.array([1, 1, -1, 1, 1.0])}, LEAST, "'dwell', row 2: -1.0 s"),
+        (columns() | {"segment": np.full(5, 0.5)}, LEAST, "'segment' must hold whole"),
         (columns(), {"format": 1}, "robot is missing: it must be"),
         (columns(), {"format": 1, "robot": "ur5", "mode": "x"}, "mode = 'x'"),
         (columns(), {"format": 1, "robot": "ur5", "rate_hz": -5}, "rate_hz = -5"),

@@ -2,26 +2,19 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from recorded import METADATA, columns
+from recorded import METADATA, columns, save
 from wrenchbed.data import parquet
 from wrenchbed.data.metadata import ToolInfo, parse
 from wrenchbed.data.recording import Recording
 from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import MapError, RecordingError, TwinError
 from wrenchbed.files.checked import Fields, load
-
-
-def save(path: Path, data: dict[str, np.ndarray], metadata: dict | None = None) -> Path:
-    raw = METADATA.to_json() if metadata is None else metadata
-    parquet.write(path, parquet.table_of(data, raw))
-    return path
 
 
 def test_a_recording_returns_bit_for_bit_and_needs_three_fields(tmp_path):
@@ -66,7 +59,7 @@ def put(name: str, row: int, value: float):
 def test_bad_columns_are_named_with_file_and_row(tmp_path, change, words):
     data = columns() | {"humidity": np.zeros(20)}
     change(data)
-    path = save(tmp_path / "rec.parquet", data)
+    path = save(tmp_path / "rec.parquet", data, METADATA.to_json())
     with pytest.raises(RecordingError, match=words) as caught:
         Recording.read(path)
     assert str(path) in str(caught.value)
@@ -127,7 +120,7 @@ def test_files_that_are_no_recordings_are_refused(tmp_path):
 
 def test_a_file_that_is_unpacked_in_parts_is_the_same(tmp_path, monkeypatch):
     data = columns() | {"note": np.array(["x"] * 20), "small": np.arange(20, dtype=np.float32)}
-    path = save(tmp_path / "rec.parquet", data)
+    path = save(tmp_path / "rec.parquet", data, METADATA.to_json())
     whole = Recording.read(path).columns
     monkeypatch.setattr(parquet, "ROWS_AT_ONCE", 7)
     again = Recording.read(path)
@@ -147,7 +140,7 @@ def test_a_file_that_is_unpacked_in_parts_is_the_same(tmp_path, monkeypatch):
 def test_a_large_file_is_never_in_memory_twice(tmp_path):
     rows = 2_000_000
     noise = np.random.default_rng(0).standard_normal(rows)
-    path = save(tmp_path / "rec.parquet", dict.fromkeys(columns(), noise))
+    path = save(tmp_path / "rec.parquet", dict.fromkeys(columns(), noise), METADATA.to_json())
     code = f"""
 import resource
 from pathlib import Path

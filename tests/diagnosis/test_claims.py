@@ -192,8 +192,7 @@ def test_a_stated_number_is_wrong_when_it_is_far_off_and_counts(error, tolerance
 
 
 @pytest.mark.parametrize(
-    ("name", "tolerance", "error"),
-    [("tool.mass", 0.45, 0.53), ("sensor.bias", 0.4, 0.48)],
+    ("name", "tolerance", "error"), [("tool.mass", 0.45, 0.53), ("sensor.bias", 0.4, 0.48)]
 )
 def test_how_surely_a_number_is_wrong_is_by_its_odds(name, tolerance, error):
     """0.15 times the density of a slip of the pen, five tolerances wide, against that within."""

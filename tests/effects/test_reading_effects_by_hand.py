@@ -178,8 +178,6 @@ def test_a_row_is_stale_as_a_whole_and_the_first_is_fresh():
     assert np.array_equal(corrupted("timing.stale", rows, np.arange(4000.0), 1), rows)
 
 
-# ---- zeros, gains, levels, clocks, rows ---------------------------------------------------------
-
 ROW = np.array([[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]])
 
 

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
@@ -60,11 +61,7 @@ def with_inertia(path):
     raw["theta"] |= INERTIA
     for name, value in INERTIA.items():
         raw["parameters"][name] = {"value": value, "std": 1e-6, "unit": "kg·m²"}
-    n = len(raw["covariance"])
-    covariance = np.zeros((n + 6, n + 6))
-    covariance[:n, :n] = raw["covariance"]
-    covariance[n:, n:] = 1e-12 * np.eye(6)
-    raw["covariance"] = covariance.tolist()
+    raw["covariance"] = block_diag(raw["covariance"], 1e-12 * np.eye(6)).tolist()
     path.write_text(json.dumps(raw))
     return path
 
@@ -94,9 +91,6 @@ def written(fit, tmp_path, name, **options):
 
 def numbers_in(text):
     return [float(x) for x in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", text)]
-
-
-# ---- each format -------------------------------------------------------------------------------
 
 
 def test_ur_script_holds_payload_and_gravity(fit, tmp_path):
@@ -129,9 +123,8 @@ def test_franka_takes_columns_in_flange_axes(fit, tmp_path):
 
 def test_kuka_turns_into_principal_axes(fit, tmp_path):
     """KUKA's angles: A about Z, then B about the new Y, then C about the new X [°]."""
-    _, mass, x, y, z, a, b, c, *moments = numbers_in(
-        written(fit, tmp_path, "kuka").splitlines()[-1]
-    )
+    last = written(fit, tmp_path, "kuka").splitlines()[-1]
+    _, mass, x, y, z, a, b, c, *moments = numbers_in(last)
     assert mass == near(MASS) and np.array([x, y, z]) / 1e3 == near(TURN.apply(COG))
     vectors = ([0, 0, a], [0, b, 0], [c, 0, 0])
     turns = [Rotation.from_rotvec(v, degrees=True).as_matrix() for v in vectors]
@@ -196,9 +189,6 @@ def felt(controller) -> np.ndarray:
         controller.estimate.update(turn.apply(load).ravel(), rotation[0], np.zeros(6))
         rows.append(controller.estimate.wrench.copy())
     return np.array(rows)
-
-
-# ---- uncertainty, and what is not exported -----------------------------------------------------
 
 
 @pytest.mark.slow
@@ -312,9 +302,6 @@ def test_effects_of_a_twin_are_in_the_numbers_or_named_as_left_out(tmp_path):
     want = Rotation.from_rotvec([0.11, -0.02, 0.0]).apply([0.0, 0.0, -9.80665])
     assert numbers.gravity.value == pytest.approx(want, abs=2e-3)  # turns do not quite add up
     assert numbers.mass.std is None
-
-
-# ---- every format, found by itself -------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", wb.names("exports"))

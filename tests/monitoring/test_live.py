@@ -238,9 +238,6 @@ def test_addresses_are_checked_and_unknown_hosts_refused_before_anything_is_lost
         Datagrams(f"{'n' * 70}:9")  # longer than a name may be: nobody is asked for it
 
 
-# ---- through the wires of an emulator ----------------------------------------------------------
-
-
 @pytest.mark.sampled
 @pytest.mark.wire
 @pytest.mark.parametrize("rate", [125, 500])

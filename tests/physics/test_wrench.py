@@ -11,13 +11,7 @@ from wrenchbed.calibration.calibrate import identify_from_gravity
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics import taylor_jets as td
 from wrenchbed.physics.rigid_load_regressor import Motion, load, motion_of, regressor
-from wrenchbed.physics.rotations import (
-    euler,
-    euler_rates,
-    exp,
-    matrix,
-    quaternion,
-)
+from wrenchbed.physics.rotations import euler, euler_rates, exp, matrix, quaternion
 from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import Tool, physical_inertia, wrench
 

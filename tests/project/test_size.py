@@ -6,20 +6,20 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
-    ".": 537,
+    ".": 538,
     "benchmark": 7773,
     "calibration": 5139,
     "campaigns": 1144,
     "channels": 937,
-    "cli": 2681,
-    "data": 5394,
-    "diagnosis": 12997,
+    "cli": 2688,
+    "data": 5530,
+    "diagnosis": 12983,
     "drives": 1696,
     "effects": 4999,
     "environments": 588,
     "exports": 828,
     "files": 576,
-    "hardware": 6685,
+    "hardware": 6679,
     "jobs": 555,
     "monitoring": 1388,
     "pages": 1255,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78741,
-    "src/wrenchbed": 69252,
+    "src": 78865,
+    "src/wrenchbed": 69376,
     "src/robot_emulators": 9489,
-    "tests": 38002,
+    "tests": 38000,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -1,7 +1,10 @@
 """Columns and metadata that any recording may have, of no robot in particular."""
 
+from pathlib import Path
+
 import numpy as np
 
+from wrenchbed.data import parquet
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -16,6 +19,11 @@ METADATA = Metadata(
     gravity=(0.0, 0.0, -9.80665),
     extra={"operator": "Ada"},
 )
+
+
+def save(path: Path, data: dict[str, np.ndarray], metadata: dict) -> Path:
+    parquet.write(path, parquet.table_of(data, metadata))
+    return path
 
 
 def columns(n: int = 20) -> dict[str, np.ndarray]:

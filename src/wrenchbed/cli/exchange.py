@@ -12,6 +12,7 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.column_map import ColumnMap
+from wrenchbed.data.lerobot import MAP
 from wrenchbed.data.overwrite_rules import Kind, keeping
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, WrenchbedError, WrenchbedWarning
@@ -48,15 +49,15 @@ def import_(
 
     Args:
         files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time. Or the folder of
-            a LeRobot data set, whose map says in [lerobot] what its values are.
+            a LeRobot data set, whose map says in [lerobot] what its values are (`export` writes it
+            into the folder).
         out: Recording to write; of a log of holds and moves, OUT.motion.parquet gets all of it.
         guess: Find the map: each convention is tried on one rigid load. Writes OUT.map.toml.
         map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one.
         force: Replace recordings at OUT; they are kept as OUT~, or OUT~2 and so on.
     """
     if any(wb.is_lerobot(file) for file in files):
-        _import_lerobot(files, map, rows_read, out, force, as_json)
-        return
+        map = _map_of_lerobot(files, map, rows_read)
     if guess == (map is not None) or not files:
         raise ParameterError("give files, and either --map MAP or --guess")
     guessed: dict[str, list[str]] = {}
@@ -67,14 +68,15 @@ def import_(
         console.check_out(map_file, Kind.MAP, *files)
         guesses = wb.guess_map(files, stated, rows_read.mode, rows_read.skip_incomplete)
         write_text(map_file, guesses.text(map_file.parent))
-        column_map, guessed = guesses.column_map(), {"guess": [*guesses.lines, f"map → {map_file}"]}
-        files = tuple(file for file in files if file not in guesses.unused)
+        guessed = {"guess": [*guesses.lines, f"map → {map_file}"]}
+        some = [file for file in files if file not in guesses.unused]
+        imported = wb.import_files(some, _changed(guesses.column_map(), rows_read))
+    elif flags := [n.replace("_", "-") for n, value in vars(stated).items() if value is not None]:
+        raise ParameterError(f"--{flags[0]} belongs to --guess; a map states it itself")
+    elif wb.is_lerobot(files[0]):
+        imported = wb.import_lerobot(files[0], map)
     else:
-        if flags := [name for name, value in vars(stated).items() if value is not None]:
-            flag = flags[0].replace("_", "-")
-            raise ParameterError(f"--{flag} belongs to --guess; a map states it itself")
-        column_map = wb.read_map(map)
-    imported = wb.import_files(files, _changed(column_map, rows_read))
+        imported = wb.import_files(files, _changed(wb.read_map(map), rows_read))
     if imported.motion is not None:
         console.check_out(whole, Kind.RECORDING, *inputs, out, force=force)
     keeping(out, imported.recording.write)
@@ -95,21 +97,16 @@ def import_(
     console.answer(result, as_json, "\n".join(lines))
 
 
-def _import_lerobot(
-    files: tuple[Path, ...], map: Path | None, options: RowOptions, out: Path, force: bool,
-    as_json: bool,
-) -> None:  # fmt: skip
+def _map_of_lerobot(files: tuple[Path, ...], map: Path | None, options: RowOptions) -> Path:
+    """Map by which to read the one LeRobot data set in ``files``: ``map``, else its own."""
+    if map is None and (files[0] / MAP).is_file():
+        map = files[0] / MAP
     if len(files) > 1 or map is None or options != RowOptions():
         raise ParameterError(
             "import of a LeRobot data set takes one folder, with --map MAP and no --guess, --mode "
             "or --skip-incomplete: [lerobot] unit of the map says what its values are"
         )
-    console.check_out(out, Kind.RECORDING, map, force=force)
-    imported = wb.import_lerobot(files[0], map)
-    keeping(out, imported.recording.write)
-    rows, notes = len(imported.recording), list(imported.notes)
-    result = {"recording": str(out), "rows": rows, "notes": notes}
-    console.answer(result, as_json, "\n".join([*notes, f"imported {rows} rows → {out}"]))
+    return map
 
 
 def _doubt(recording: Recording) -> str | None:
@@ -137,7 +134,7 @@ def _changed(column_map: ColumnMap, options: RowOptions) -> ColumnMap:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Options of `export --to`: inputs that some formats need besides fit.json or twin.json."""
+    """Options of `export --to`: inputs that some formats need besides FILE."""
 
     # Your own URDF, for --to urdf. It is read; OUT is a copy with the numbers.
     urdf: Path | None = None
@@ -145,6 +142,8 @@ class Numbers:
     # Place of the sensor in the flange, x y z [m] qw qx qy qz, where the robot's model knows no
     # flange.
     mount: tuple[float, float, float, float, float, float, float] | None = None
+    fps: int | None = None  # For --to lerobot: frames a second, where the clock is not even.
+    task: str = "move"  # For --to lerobot: what the robot does, in words.
 
 
 def export(
@@ -158,13 +157,15 @@ def export(
     force: bool = False,
     as_json: Json = False,
 ) -> None:
-    """Write a calibration for controllers, ROS 2 or URDF; a twin as MJCF; a recording as MCAP.
+    """Write a calibration for controllers, ROS 2 or URDF; a twin as MJCF; a recording as MCAP or as
+    a LeRobot data set.
 
     Args:
-        file: fit.json or twin.json; with --mcap a recording. Of a fit of commands --to mjcf writes
-            the robot with the fitted position servos.
-        to: Format: ur, ros2, urdf, franka, kuka, xarm or mjcf, see `wrenchbed list exports`.
-        out: File to write; with --to mjcf a folder.
+        file: fit.json or twin.json; with --mcap and --to lerobot a recording. Of a fit of commands
+            --to mjcf writes the robot with the fitted position servos.
+        to: Format: ur, ros2, urdf, franka, kuka, xarm (see `wrenchbed list exports`), mjcf or
+            lerobot.
+        out: File to write; with --to mjcf and --to lerobot a folder.
         mjcf: The same as --to mjcf --out MJCF.
         mcap: File of ROS 2 messages to write: WrenchStamped, JointState, Temperature.
         force: With --mcap: replace a log; it is kept as MCAP~, or MCAP~2 and so on.
@@ -185,6 +186,12 @@ def export(
         console.answer({"mcap": str(mcap), "rows": len(recording)}, as_json, text)
     elif mjcf is not None:
         _export_model(file, mjcf, as_json)
+    elif to == "lerobot" and out is not None:
+        fps = None if numbers.fps is None else console.check_positive("--fps", numbers.fps)
+        console.check_folder(out)
+        notes = wb.write_lerobot(wb.Recording.read(file), out, fps, numbers.task)
+        text = "\n".join([*notes, f"exported → {out}"])
+        console.answer({"lerobot": str(out), "notes": list(notes)}, as_json, text)
     else:
         if out is None:
             raise ParameterError(f"export --to {to} needs --out, a file")

@@ -263,10 +263,12 @@ def in_gap(old: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.asarray(wide[np.searchsorted(old[:-1], t, side="right") - 1])
 
 
-def pieces(columns: Mapping[str, np.ndarray]) -> list[slice]:
-    """Slices of a motion's rows between gaps of its clock, column ``t``, and ends of segments."""
+def pieces(columns: Mapping[str, np.ndarray], lost: bool = False) -> list[slice]:
+    """Slices of a motion's rows between gaps of its clock, column ``t``, and ends of segments;
+    ``lost``: a gap of some lost rows, which interpolation fills, parts nothing."""
     step = np.diff(columns["t"])
-    parted = step > _PARTED * float(np.median(step)) if len(step) else step > 0.0
+    least = _GAP if lost else _PARTED
+    parted = step > least * float(np.median(step)) if len(step) else step > 0.0
     if "segment" in columns:
         parted |= np.diff(columns["segment"]) != 0
     ends = [0, *(np.flatnonzero(parted) + 1).tolist(), len(columns["t"])]

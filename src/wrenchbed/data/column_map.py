@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.data.metadata import MODES, Metadata, SensorInfo, ToolInfo, parse
+from wrenchbed.data.metadata import FIELDS, MODES, Metadata, SensorInfo, ToolInfo, parse
 from wrenchbed.data.recording import QUATERNION, TARGET, commanded, effort_prefix
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.files.checked import Fields, load
@@ -201,8 +201,7 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
 def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
     """Read mode and metadata from ``stated``, a map's table ``[recording]``; errors begin with
     ``name``, and robot and sensor files are relative to ``folder``."""
-    fields = set(Metadata.__dataclass_fields__) - {"extra"} | {"format", "configured"}
-    stated.only(fields, "[recording]")
+    stated.only(FIELDS | {"configured"}, "[recording]")
     parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}
     for part, known in {**parts, "tolerance": TOLERANCES}.items():
         stated.part(part).only(known, f"[recording.{part}]")

@@ -245,7 +245,7 @@ class Split:
         keep = self.hold >= 0
         columns = {k: v[keep] for k, v in recording.columns.items()} | {"segment": self.hold[keep]}
         if not recording.joints:
-            q = _continuous(recording.q[keep])
+            q = continuous(recording.q[keep])
             columns |= dict(zip(QUATERNION, q.T, strict=True))
         columns["t"] = columns["t"] - columns["t"][0]
         return Recording(metadata, columns, recording.name)
@@ -385,10 +385,10 @@ class _Path:
 def _smooth(recording: Recording) -> np.ndarray:
     """Joint values (N, J) of a recording, or its quaternions (N, 4) without sign flips."""
     q = recording.q.astype(float)
-    return q if recording.joints else _continuous(q)
+    return q if recording.joints else continuous(q)
 
 
-def _continuous(q: np.ndarray) -> np.ndarray:
+def continuous(q: np.ndarray) -> np.ndarray:
     """Flip signs of quaternions (N, 4) so that consecutive ones are close."""
     flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     return np.concatenate([q[:1], q[1:] * flips[:, None]])

@@ -1,11 +1,15 @@
-"""Data sets of LeRobot: joint values and commands by the names of their features.
+"""Data sets of LeRobot, read and written: joint values and commands by the names of features.
 
 A folder with ``meta/info.json`` and Parquet files under ``data/`` (format 3.0; 2.0 and 2.1 have the
 same columns). Values are degrees or shares of a range, which no file says: the map's ``[lerobot]``
-does. An episode becomes a segment.
+does. An episode becomes a segment. Written are SI units, in format 3.0 as
+``lerobot/datasets/dataset_metadata.py`` of LeRobot 0.4 to 0.6 reads it.
 """
 
+import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +18,20 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchbed import registry
+from wrenchbed.data import parquet
+from wrenchbed.data.clock import at_times, pieces
 from wrenchbed.data.column_map import UNITS, stated_recording
 from wrenchbed.data.holds import with_noise
 from wrenchbed.data.import_files import Imported
 from wrenchbed.data.recording import COMMAND, EFFORT_UNITS, Recording
-from wrenchbed.errors import MapError
-from wrenchbed.files import checked
+from wrenchbed.errors import MapError, ParameterError, RecordingError
+from wrenchbed.files import atomic_folder, checked, write_json
 from wrenchbed.physics.wrench import CHANNELS
 
 INFO = Path("meta") / "info.json"
 """File whose presence marks a folder as a LeRobot data set."""
+MAP = Path("meta") / "wrenchbed.json"
+"""Map of a data set that wrenchbed wrote."""
 STATE, ACTION, EFFORT, WRENCH = (
     "observation.state", "action", "observation.effort", "observation.wrench"
 )  # fmt: skip
@@ -34,7 +42,11 @@ _ENDS = (-100.0, 100.0)
 _BETWEEN_S = 1.0
 """Time put between episodes [s]; how long it really was is not recorded."""
 _KEYS = ("unit", "joints", "range", "ends", "sign", "zero", "effort", "wrench")
-_OF_JOINTS = [u for u, (quantity, _) in UNITS.items() if quantity in ("angle", "length")]
+_OFF, _SAME = 0.1, 1e-6
+"""Largest time between a row and its frame, over the step between frames, and rounding of it."""
+_FILE = "chunk-000/file-000.parquet"
+_PARTS = ("data/chunk", "data/file", "meta/episodes/chunk", "meta/episodes/file")
+_QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
 
 
 def is_lerobot(path: Path) -> bool:
@@ -167,7 +179,9 @@ def _clock(table: pa.Table, where: str) -> dict[str, np.ndarray]:
 
 def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
     """Numbers (N, K) of the feature ``kind``, one row a frame."""
-    flat = table[kind].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(float)
+    column = table[kind].combine_chunks()
+    column = column.flatten() if pa.types.is_nested(column.type) else column
+    flat = column.to_numpy(zero_copy_only=False).astype(float)
     if len(flat) % len(table):
         raise MapError(f"{folder}: rows of {kind} have different lengths")
     return np.asarray(flat.reshape(len(table), -1))
@@ -175,7 +189,8 @@ def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
 
 def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarray:
     """Convert joint values (N, J) in the units that the map states to rad and m; ``joints``: J."""
-    units = [*_OF_JOINTS, NORMALISED]
+    known = [u for u, (quantity, _) in UNITS.items() if quantity in ("angle", "length")]
+    units = [*known, NORMALISED]
     rule = (
         f"must say what the data set's values are, which it does not: {', '.join(units)}; LeRobot "
         "records deg, or normalised values of -100 … 100 between the ends of its calibration"
@@ -206,3 +221,121 @@ def _pairs(stated: checked.Fields, key: str, joints: int, what: str) -> np.ndarr
     ):
         raise stated.error(key, f"must be {joints} pairs: {what}")
     return result
+
+
+def write_lerobot(
+    recording: Recording, folder: Path, fps: int | None = None, task: str = "move"
+) -> tuple[str, ...]:
+    """Write a motion of joints as a LeRobot data set to a new folder; return sentences on it.
+
+    Segments, and two rows or more between gaps of the clock, become episodes. Values are in SI
+    units; ``meta/wrenchbed.json`` is the map by which `import_lerobot` reads them again.
+
+    Args:
+        fps: frames a second to which columns are interpolated; None: the recording's own.
+        task: what the robot does, in words, which some policies take as their instruction.
+
+    Raises:
+        RecordingError: poses at rest, no joints, or an uneven clock without ``fps``.
+        ParameterError: the folder holds files.
+    """
+    if folder.is_dir() and any(folder.iterdir()):
+        raise ParameterError(f"{folder}: holds files already; give another name")
+    episodes, rate = _episodes(recording, fps)
+    sources, counts = _sources(recording), [len(columns["t"]) for columns in episodes]
+    columns = {k: np.concatenate([each[k] for each in episodes]) for k in episodes[0]}
+    frame = np.concatenate([np.arange(count) for count in counts])
+    values = {k: np.stack([columns[c] for c in cs], axis=1) for k, (_, cs) in sources.items()}
+    values |= {"timestamp": frame / rate}
+    whole = {k: x.astype(np.float32) for k, x in values.items()} | {
+        "frame_index": frame, "episode_index": np.repeat(np.arange(len(counts)), counts),
+        "index": np.arange(len(frame)), "task_index": 0 * frame,
+    }  # fmt: skip
+    arrays = {k: pa.array(x.ravel()) for k, x in whole.items()}
+    arrays |= {  # of one number a row LeRobot wants no lists
+        k: pa.FixedSizeListArray.from_arrays(arrays[k], x.shape[1])
+        for k, x in whole.items() if x.size > len(x)
+    }  # fmt: skip
+    rows = [
+        {"episode_index": number, "tasks": [task], "length": end - begin,
+         "dataset_from_index": begin, "dataset_to_index": end}
+        | dict.fromkeys((f"{x}_index" for x in _PARTS), 0)
+        | {f"stats/{k}/{s}": v for k, x in whole.items() for s, v in _stats(x[begin:end]).items()}
+        for number, (begin, end) in enumerate(pairwise([0, *np.cumsum(counts).tolist()]))
+    ]  # fmt: skip
+    info = {
+        "codebase_version": "v3.0", "robot_type": recording.metadata.robot.partition("@")[0],
+        "total_episodes": len(counts), "total_frames": len(frame), "total_tasks": 1, "fps": rate,
+        "chunks_size": 1000, "data_files_size_in_mb": 100, "video_files_size_in_mb": 200,
+        "splits": {"train": f"0:{len(counts)}"}, "video_path": None,
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "features": {k: {"dtype": str(x.dtype), "shape": list(x.shape[1:]) or [1],
+                         "names": sources[k][0] if k in sources else None}
+                     for k, x in whole.items()},
+    }  # fmt: skip
+    stated = replace(recording.metadata, rate_hz=float(rate), extra={}).to_json()
+    units = {"unit": "rad", "wrench": "N, N·m"}
+    units |= {"effort": EFFORT_UNITS[recording.effort]} if recording.effort else {}
+    text = {"name": "task", "field_name": "task", "pandas_type": "unicode", "numpy_type": "object"}
+    labels = {"index_columns": ["task"], "columns": [text], "column_indexes": []}
+    tasks = pa.table({"task_index": [0], "task": [task]})  # pandas, which LeRobot asks, labels rows
+    tasks = tasks.replace_schema_metadata({"pandas": json.dumps(labels)})
+    with atomic_folder(folder) as new:
+        parquet.write(new / "data" / _FILE, pa.table(arrays))
+        parquet.write(new / "meta/episodes" / _FILE, pa.Table.from_pylist(rows))
+        parquet.write(new / "meta/tasks.parquet", tasks)
+        write_json(new / "meta/stats.json", {k: _stats(x) for k, x in whole.items()})
+        write_json(new / MAP, {"recording": stated, "lerobot": units})
+        write_json(new / INFO, info)
+    notes = [f"{len(counts)} episodes at {rate} frames a second: {', '.join(sources)}"]
+    used = {"t", "segment", *(c for _, columns in sources.values() for c in columns)}
+    if left := dict.fromkeys(c.rstrip("0123456789") for c in recording.columns if c not in used):
+        notes.append(f"left out: {', '.join(left)}")
+    if ACTION not in sources:
+        notes.append("no action, which policies learn: the recording has no q_target1 …")
+    return tuple(notes)
+
+
+def _episodes(recording: Recording, fps: int | None) -> tuple[list[dict[str, np.ndarray]], int]:
+    """Columns (n,) of each episode, and its frames a second: ``fps``, else those of the clock."""
+    every = dict(recording.columns)
+    slices = [rows for rows in pieces(every, fps is not None) if rows.stop > rows.start + 1]
+    parts = [{k: v[rows] for k, v in every.items()} for rows in slices]
+    if recording.metadata.mode != "dynamic" or not recording.joints or not parts:
+        raise RecordingError(f"{recording.name}: a LeRobot data set needs a motion of joints")
+    if fps is not None:
+        result = list[dict[str, np.ndarray]]()
+        for part in parts:
+            t = part["t"]
+            frames = np.arange(1 + int((t[-1] - t[0]) * fps + _SAME))
+            result.append(at_times(part, t[0] + frames / fps) | {"t": frames / fps})
+        return result, fps
+    steps = np.concatenate([np.diff(part["t"]) for part in parts])
+    rate = max(1, round(1.0 / float(steps.mean())))
+    off = max(np.abs((p["t"] - p["t"][0]) * rate - np.arange(len(p["t"]))).max() for p in parts)
+    if off > _OFF:
+        raise RecordingError(
+            f"{recording.name}: its clock is up to {off:.2g} of a step off {rate} frames a second "
+            f"(at most {_OFF:g}): state to how many to interpolate it, --fps {rate}"
+        )
+    return parts, rate
+
+
+def _sources(recording: Recording) -> dict[str, tuple[list[str], list[str]]]:
+    """Feature → names of its numbers, and the columns of a recording that it holds."""
+    joints = registry.load("robots", recording.metadata.robot).joint_names
+    result = {WRENCH: (list(CHANNELS), list(CHANNELS))}
+    of_joints = {STATE: ("pos", "q"), ACTION: ("pos", COMMAND)}
+    for kind, (what, prefix) in (of_joints | {EFFORT: ("effort", recording.effort)}).items():
+        columns = [f"{prefix}{k + 1}" for k in range(len(joints))]
+        result[kind] = ([f"{joint}.{what}" for joint in joints], columns)
+    return {k: v for k, v in result.items() if set(v[1]) <= set(recording.columns)}
+
+
+def _stats(values: np.ndarray) -> dict[str, list[float]]:
+    """Statistics of a feature's values (N,) or (N, K) by which LeRobot normalises them."""
+    x = values.reshape(len(values), -1).astype(float)
+    each = {"min": x.min(axis=0), "max": x.max(axis=0), "mean": x.mean(axis=0)}
+    each |= {"std": x.std(axis=0), "count": np.array([len(x)])}
+    each |= {f"q{round(100 * q):02d}": np.quantile(x, q, axis=0) for q in _QUANTILES}
+    return {k: v.tolist() for k, v in each.items()}

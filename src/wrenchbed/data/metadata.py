@@ -74,6 +74,9 @@ class Metadata:
         return stated | model_field(self.robot) | model_field(self.sensor.model, "sensors")
 
 
+FIELDS = {"format", ROBOT_MODEL, SENSOR_MODEL, *Metadata.__dataclass_fields__} - {"extra"}
+
+
 def model_field(name: str | None, kind: str = "robots") -> dict[str, Any]:
     """Metadata entry with the model of a user's own robot, or, with ``kind`` ``sensors``, sensor of
     this name; empty for one that ships."""
@@ -106,7 +109,6 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
         NotFoundError, ParameterError: a user's TOML of the robot or the sensor cannot be read.
     """
     fields = Fields(raw, f"{where}: metadata ", RecordingError)
-    known = {"format", ROBOT_MODEL, SENSOR_MODEL, *Metadata.__dataclass_fields__} - {"extra"}
     robot = fields.stated_text("robot", "must be a name")
     mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'")
     tool, sensor = fields.part("tool"), fields.part("sensor")
@@ -134,5 +136,5 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
         ),
         tolerance=dict(fields.part("tolerance").raw),
         gravity=gravity,
-        extra={k: v for k, v in raw.items() if k not in known},
+        extra={k: v for k, v in raw.items() if k not in FIELDS},
     )

@@ -13,14 +13,7 @@ from scipy.special import softmax
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import drive_effects
 from wrenchbed.diagnosis.evidence.likelihood import Products
-from wrenchbed.diagnosis.evidence.search import (
-    MORE,
-    NONE,
-    PRIOR,
-    UNKNOWN,
-    Candidates,
-    batches,
-)
+from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN, Candidates, batches
 
 AMPLITUDE = 6.0
 """Prior rms that a named cause adds to the readings, over a row's noise std: an estimate."""

@@ -113,9 +113,7 @@ class Candidates:
         return self._informations[rung]
 
 
-def batches(
-    each: Iterable[tuple[int, np.ndarray, np.ndarray, np.ndarray, float]],
-) -> list[Batch]:
+def batches(each: Iterable[tuple[int, np.ndarray, np.ndarray, np.ndarray, float]]) -> list[Batch]:
     """Hypotheses grouped by number of columns; each: index, columns, size, scales, log prior."""
     groups: dict[int, list[Any]] = {}
     for hypothesis in each:

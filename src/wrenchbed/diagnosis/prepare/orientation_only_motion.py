@@ -14,6 +14,7 @@ import numpy as np
 
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.channels.accelerometer import CHANNEL as ACCELEROMETER
+from wrenchbed.data.holds import continuous
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
@@ -105,7 +106,7 @@ def averaged(
         )
     means = averages(recording)
     t = means.of(recording.t[:, None])[:, 0]
-    q = means.of(_continuous(recording.q))
+    q = means.of(continuous(recording.q))
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     y = means.of(recording.wrench)
     covariance, count = data.row_covariance, np.full(len(t), means.stride)
@@ -183,9 +184,3 @@ def _own_reading(read: np.ndarray, weight: np.ndarray) -> np.ndarray:
     start = np.vstack([np.eye(3), np.zeros(3)])
     step = np.linalg.solve(design.T @ design + trust, design.T @ (read - design @ start))
     return np.asarray(start + step)
-
-
-def _continuous(q: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4) with signs that make them continuous."""
-    flips = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    return np.asarray(q * np.concatenate([[1.0], np.cumprod(flips)])[:, None])

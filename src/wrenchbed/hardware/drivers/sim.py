@@ -19,13 +19,7 @@ from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import TARGET, TOUCH_STD
 from wrenchbed.effects.chain import ActiveEffect, EffectChain, active_effect, parse_effect
-from wrenchbed.errors import (
-    DriverError,
-    LateError,
-    NotFoundError,
-    ParameterError,
-    WrenchbedWarning,
-)
+from wrenchbed.errors import DriverError, LateError, NotFoundError, ParameterError, WrenchbedWarning
 from wrenchbed.hardware.drivers.base import (
     Applied,
     ArmSample,
