@@ -85,6 +85,10 @@ def without_cause(f: wb.Findings) -> wb.Findings:
     return changed(f, verdict="unknown", gap=gap, which=[], where=[], probabilities=p)
 
 
+def rival(name: str) -> dict:
+    return {"effect": name, "probability": 0.1, "parameters": {}}
+
+
 def undrawn(f: wb.Findings) -> str:
     """Its page without what is drawn."""
     with patch("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>")):
@@ -147,7 +151,7 @@ def test_every_effect_states_its_size_as_a_quantity(name):
 def test_an_ambiguous_cause_is_one_or_the_other(springy):
     (cause,) = springy.diagnosis.which
     page = shown(
-        changed(springy, verdict="ambiguous", which=[dict(cause) | {"rivals": ["cable.pull"]}])
+        changed(springy, verdict="ambiguous", which=[{**cause, "rivals": [rival("cable.pull")]}])
     )
     said = "hose pulls on the tool. This recording does not distinguish the causes joined by “or”."
     assert said in page.sections["page"]
@@ -221,7 +225,8 @@ def test_the_picture_has_each_pose_with_what_is_left_before_and_after(springy, t
 def test_two_causes_are_counted(springy):
     (cause,) = springy.diagnosis.which
     gain = {"gain.fx": {"value": 0.01, "std": 1e-3, "unit": "1"}}
-    other = dict(cause) | {"effect": "sensor.gain", "rivals": ["tool.mass"], "parameters": gain}
+    rivals = [rival("tool.mass")]
+    other = dict(cause) | {"effect": "sensor.gain", "rivals": rivals, "parameters": gain}
     both = changed(springy, which=[cause, other], verdict="ambiguous")
     told = WrenchAnswer(both).headline
     assert told.startswith("Two causes. Joint 2 is compliant and deflects under gravity. Axes")

@@ -18,6 +18,7 @@ from rich.console import Console
 
 from wrenchbed.cli.diagnose import answer_display
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
+from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings, diagnose_efforts
 from wrenchbed.diagnosis.gap.gap_bootstrap import Interval
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
@@ -25,13 +26,15 @@ from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.reports.answer import LEAST_SCATTER
 from wrenchbed.reports.claim import title
-from wrenchbed.reports.diagnosis_page import diagnosis_page
+from wrenchbed.reports.diagnosis_page import diagnosis_page, effort_page
+from wrenchbed.reports.effort_answer import EffortAnswer
 from wrenchbed.reports.robot_scene import blame
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.viewer.diagnoses import answers
 
 REFUSALS = (CalibrationError, DiagnosisError, RecordingError)
 """Answers to a recording that cannot answer."""
+Found = Findings | EffortFindings
 Told = dict[str, Any]
 Faces = dict[str, str]
 Rules = Iterator[tuple[Any, ...]]
@@ -51,22 +54,23 @@ _NEVER = re.compile(
     r"|\d\)?(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? (?:rad|m|mrad|kg·m²)(?![\w·/²³])"
 )
 """What no text may hold; the last: metres, radians, kilogram square metres, which nobody reads."""
-_NO_CAUSE = re.compile("No known|No cause found|More than five effects")
+_NO_CAUSE = re.compile("[Nn]o known|No cause found|More than five effects")
 
 
 class Answer:
     """A diagnosis and its JSON."""
 
-    def __init__(self, found: Findings) -> None:
+    def __init__(self, found: Found) -> None:
         self.found, self.told = found, found.diagnosis.to_json()
         self.verdict, self.gap, self.which = (self.told[k] for k in ("verdict", "gap", "which"))
         self.probabilities: dict[str, float] = self.told["probabilities"]
         self.where: list[Told] = self.told["where"]
         self.notes = " ".join(found.diagnosis.notes)
-        self.words = WrenchAnswer(found)
+        self.efforts = isinstance(found, EffortFindings)
+        self.words = EffortAnswer(found) if self.efforts else WrenchAnswer(found)
         self.headline, self.place = self.words.headline, self.words.place
         self.places = self.words.where
-        self.between_rows = frozenset(r.effect for r in found.rows)
+        self.between_rows = frozenset(() if self.efforts else (r.effect for r in found.rows))
         self.painted = blame(self.told)
 
     @cached_property
@@ -80,17 +84,17 @@ class Answer:
 
     @property
     def seen(self) -> list[str]:
-        return [f.variable for f in self.found.places if f.seen]
+        return [] if self.efforts else [f.variable for f in self.found.places if f.seen]
 
 
-def violations(found: Findings) -> list[tuple[str, str]]:
+def violations(found: Found) -> list[tuple[str, str]]:
     """Name of the group and the facts of each contradiction."""
     answer = Answer(found)
     own = [broken for rules in RULES for broken in _broken(rules.__name__, rules(answer))]
     return own + violations_of(found, faces(found))
 
 
-def violations_of(found: Findings, texts: Faces) -> list[tuple[str, str]]:
+def violations_of(found: Found, texts: Faces) -> list[tuple[str, str]]:
     """Name of the group and the facts of each contradiction between texts and JSON."""
     answer = Answer(found)
     return [
@@ -108,7 +112,9 @@ def _broken(name: str, rules: Rules) -> Iterator[tuple[str, str]]:
 def outcome(recording: Any) -> tuple[str, list[tuple[str, str]]]:
     """Verdict of a diagnosis, or ``refused``, and the violations; crashes are violations too."""
     try:
-        found = diagnose(recording)
+        efforts = recording.effort is not None and recording.metadata.mode == "dynamic"
+        wrench = {"wrench": recording.has_wrench}
+        found = diagnose_efforts(recording, **wrench) if efforts else diagnose(recording)
     except REFUSALS as refusal:
         text = str(refusal)
         return "refused", [] if text and "\n" not in text else [("refusal", repr(text))]
@@ -117,19 +123,20 @@ def outcome(recording: Any) -> tuple[str, list[tuple[str, str]]]:
     return found.diagnosis.verdict, violations(found)
 
 
-def faces(found: Findings) -> Faces:
+def faces(found: Found) -> Faces:
     """Every text in which people read a diagnosis, by its name."""
+    efforts = isinstance(found, EffortFindings)
     console = Console(width=80, file=io.StringIO(), color_system=None)
-    console.print(answer_display(WrenchAnswer(found)))
+    console.print(answer_display(Answer(found).words))
     with patch("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>")):
-        page = diagnosis_page(found).html()
+        page = (effort_page if efforts else diagnosis_page)(found).html()
     page = re.sub(r"<(style|script|svg)\b.*?</\1>", " ", page, flags=re.DOTALL)
-    rerun = answers(found, blame(found.diagnosis.to_json()))
-    return {
-        "terminal": flat(console.file.getvalue()),
-        "page": flat(html.unescape(re.sub(r"<[^>]*>", " ", page))),
-        "rerun": flat(rerun.replace("|", " ").replace("•", "").replace("**", "").replace("#", "")),
-    }
+    page = html.unescape(re.sub(r"<[^>]*>", " ", page))
+    texts = {"terminal": console.file.getvalue(), "page": page}
+    if not efforts:
+        rerun = answers(found, blame(found.diagnosis.to_json()))
+        texts["rerun"] = re.sub(r"[|•#]|\*\*", " ", rerun)
+    return {face: flat(text) for face, text in texts.items()}
 
 
 def flat(text: str) -> str:
@@ -174,7 +181,7 @@ def figures(a: Answer) -> Rules:
     for name, m in members.items():
         yield _inside(m.value, m.low, m.high), "closed by", name, m
     if g["closed"] is not None:
-        start = g["calibrated"] if a.found.diagnosis.twin.active else g["configured"]
+        start = g[g["closed_from"]]
         expected = (start - g["with_effects"]) / (start - g["floor"])
         yield _near(g["closed"], expected, 1e-6), "closed", g["closed"], "gaps say", expected
 
@@ -194,13 +201,14 @@ def verdict(a: Answer) -> Rules:
         small = g["calibrated"] - max(g["floor"], 0) <= 1.0
         yield small or "not significantly above 1" in a.distance["text"], "interval not stated", g
     if a.verdict == "unknown" and a.quiet:
-        yield "scatter" in a.notes or "touch" in a.notes, "unknown without gap or note", g
+        said = re.search("scatter|touch|not ordinary noise", a.notes)
+        yield said, "unknown without gap or note", g
     means = [w for w in a.which if w["effect"] not in a.between_rows]
     left = bool(means) and (g["closed"] is None or g["closed"] < 0.5 or g["closed_ci95"][0] <= 0.0)
     yield g["with_effects"] is None or left == (a.verdict == "partial"), a.verdict, g
     for w in (w for w in means if w["effect"] != "environment.contact" and w["probability"] > 0.5):
         closes = next((d.gap.members[n] for n in named_by(w) if n in d.gap.members), None)
-        yield (closes or Interval(0.0, 0.0, 0.0)).low > 0.0, w["effect"], closes
+        yield a.efforts or (closes or Interval(0.0, 0.0, 0.0)).low > 0.0, w["effect"], closes
     lead = "|".join(named_by(a.which[0])) if a.which else a.verdict
     yield lead in p, lead, "has no probability among", p
     if lead in p:
@@ -214,14 +222,19 @@ def verdict(a: Answer) -> Rules:
     yield first in a.told["set90"] and set(a.told["set90"]) <= known, first, a.told["set90"], known
 
 
+def _part(name: str) -> str:
+    """Part of the robot in the name of an effect; a drive is part of its joint."""
+    return name.split(".")[0].replace("drive", "joint")
+
+
 def where(a: Answer) -> Rules:
     """Every cause has its place, with what it closes; painted is what is named."""
-    parts = {n.split(".")[0] for w in a.which for n in named_by(w)}
+    parts = {_part(n) for w in a.which for n in named_by(w)}
     for e in a.where:
         yield _inside(e["share"]), e
     for w in a.which:
-        part, closed = w["effect"].split(".")[0], w["closed_share"]
-        here = [e["share"] for e in a.where if e["subsystem"] == part]
+        part, closed = _part(w["effect"]), w["closed_share"]
+        here = [e["share"] for e in a.where if _part(e["subsystem"]) == part]
         yield here, w["effect"], "is not in where"
         yield not here or closed is None or any(_near(s, closed) for s in here), w["effect"], here
         joint = w["parameters"].get("joint", {}).get("value")
@@ -254,7 +267,7 @@ def gaps_in_words(a: Answer) -> Rules:
         yield "trust" in text or not re.search(r"\bnan\b|\binf\b", text), text
     text = f"{far['figure']} {far['text']}"
     if g.with_effects is not None:
-        start = g.calibrated.value if d.twin.active else g.configured
+        start = a.gap[a.gap["closed_from"]]
         both = f"from {numbers.gap(start)} to {numbers.gap(g.with_effects.value)}"
         yield both in text, both, "not in:", text
         yield "shrinks" not in text or g.with_effects.value < start, both, text
@@ -271,9 +284,9 @@ def causes_in_words(a: Answer) -> Rules:
     yield elsewhere == (a.verdict == "partial"), a.verdict, a.headline
     yield a.verdict != "none" or a.headline.startswith("No cause found"), a.headline
     for w in a.which:
-        for name in named_by(w)[1:]:
+        for name in () if a.efforts else named_by(w)[1:]:
             yield title(name).lower() in a.headline.lower(), name, "not in:", a.headline
-        yield w["effect"].split(".")[0] in a.place, w["effect"], "not in:", a.place
+        yield _part(w["effect"]) in a.place, w["effect"], "not in:", a.place
     varies = re.search(r"varies with (?:the sensor's )?(.+)\.$", a.headline)
     best = max(a.where, key=lambda w: w["share"], default={"detail": "", "sentence": ""})
     said = not varies or "channel" in best["sentence"] or varies[1] in best["sentence"]
@@ -299,7 +312,8 @@ def names(a: Answer, face: str, text: str) -> Rules:
         size = {k: v for k, v in (w.get("size") or {}).items() if "unit" in v}
         values = {"sum": w["combination"]} if w["combination"] else size | w["parameters"]
         for key, value in list(values.items())[:3]:
-            shown = flat(numbers.quantity(key, value, signed=w["effect"] in SIGNED))
+            signed = w["effect"] in SIGNED or (a.efforts and bool(value.get("std")))
+            shown = flat(numbers.quantity(key, value, signed=signed))
             yield shown in text, w["effect"], key, shown
     claims = "No cause is" not in text and not _NO_CAUSE.search(said)
     yield claims == bool(a.which), len(a.which), "causes:", text[:300]
@@ -308,6 +322,8 @@ def names(a: Answer, face: str, text: str) -> Rules:
 def numbers_of_json(a: Answer, face: str, text: str) -> Rules:
     """A face has probabilities, gaps and further sentences of the JSON, and no odd units."""
     for wanted in (*_probabilities(a, face), *_gaps(a.gap), *_sentences(a.told)):
+        yield flat(wanted) in text, "lacks", wanted
+    for wanted in (*a.words.notes, *a.words.blind, *a.words.minor, *a.words.steps):
         yield flat(wanted) in text, "lacks", wanted
     for match in _NEVER.finditer(text):
         yield False, text[max(0, match.start() - 40) : match.end() + 20]
@@ -354,7 +370,8 @@ def places(a: Answer, face: str, text: str) -> Rules:
     if a.words.distrusted:
         yield "twin.json holds" not in text and "do not trust" in text, "no warning", a.notes
     if a.verdict == "unknown" and a.quiet and face == "terminal":
-        yield re.search("scatter|touches the tool", text.split(" where ")[0]), text[:200]
+        head = text.split(" where ")[0]
+        yield re.search("scatter|touches the tool|The gap is small", head), text[:200]
 
 
 OF_FACES = (names, numbers_of_json, places)

@@ -213,10 +213,6 @@ def cause(effect, probability=1.0, rivals=(), **parameters):
     }
 
 
-def told(*causes, **probabilities):
-    return {"which": list(causes), "probabilities": probabilities}
-
-
 def parts(robot="ur5", world=False):
     arm = wb.load("robots", robot)
     simulation = wb.Simulation(arm, arm.parameters.nominal)
@@ -229,26 +225,23 @@ def shares_of(simulation, shares):
     return {(of[p.body], p.share) for p in _parts(simulation, shares)}
 
 
-def test_rivals_share_what_their_class_has():
-    shares = blame(
-        told(
-            cause("sensor.gain", 0.9, ["sensor.creep", "tool.mass"]),
-            **{"sensor.gain": 0.5, "sensor.creep": 0.25, "tool.mass": 0.25},
-        )
-    )
-    assert shares == pytest.approx({"sensor": 0.675, "tool": 0.225})
+def test_rivals_have_their_own_probability_and_joint():
+    rivals = [
+        cause("sensor.creep", 0.2),
+        cause("tool.mass", 0.3),
+        cause("drive.coulomb", 0.1, joint=4),
+    ]
+    shares = blame({"which": [cause("link.length", 0.9, rivals, **{"length.a3": 0.1})]})
+    assert shares == pytest.approx({"link 3": 0.3, "sensor": 0.2, "tool": 0.3, "joint 4": 0.1})
 
 
 def test_joints_and_links_that_a_cause_names_are_blamed_alone():
-    one = told(cause("joint.compliance", 0.8, joint=2), **{"joint.compliance": 0.8})
-    assert blame(one) == pytest.approx({"joint 2": 0.8})
+    assert blame({"which": [cause("joint.compliance", 0.8, joint=2)]}) == {"joint 2": 0.8}
     several = cause("joint.offset", **{"offset.q3": 0.01, "offset.q5": 0.02})
     several["parameters"]["offset.q1"] = {"value": 1e-4, "std": 1e-3}
     assert joints(several) == [3, 5]
-    assert set(blame(told(several, **{"joint.offset": 1.0}))) == {"joint 3", "joint 5"}
-    assert set(blame(told(cause("link.length", **{"twist.2": 0.1}), **{"link.length": 1.0}))) == {
-        "link 2"
-    }
+    assert set(blame({"which": [several]})) == {"joint 3", "joint 5"}
+    assert set(blame({"which": [cause("link.length", **{"twist.2": 0.1})]})) == {"link 2"}
 
 
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])

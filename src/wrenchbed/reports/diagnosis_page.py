@@ -43,7 +43,7 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
         "rows": words.row_sentences,
         "next": words.d.next,
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
-        "notes": words.notes_besides_rows,
+        "notes": words.notes[len(words.row_sentences) :],
     }
     return _page(words, command, _data(findings), _of_causes(words, readings), more)
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis.decision.decide import LEAST
+from wrenchbed.diagnosis.decision.decide import LEAST, small
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.efforts.fitted_causes import remaining
 from wrenchbed.diagnosis.efforts.names import place as place_of
 from wrenchbed.diagnosis.efforts.names import title
-from wrenchbed.diagnosis.evidence.search import NONE
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
@@ -64,11 +64,21 @@ class EffortAnswer(Answer):
 
     @property
     def no_claim(self) -> str:
+        if self._sign:
+            return f"The gap is small, but no known effect explains this. {self._sign[1]}."
         if self.d.verdict != NONE:
             return TOO_MANY if self.alike else f"No known effect explains the gap{self.loudest}."
         if self.unstated:
             return f"No cause found beside what nobody states and was fitted: {self.unstated}."
         return "No cause found: the residual is within normal imperfections."
+
+    @cached_property
+    def _sign(self) -> tuple[str, str] | None:
+        """(place, sentence) of what is no ordinary noise although the gap may be noise, if any."""
+        if self.d.verdict != UNKNOWN or self.alike or not small(self.d.gap):
+            return None
+        signs = ((w["detail"], w["sentence"]) for w in self.d.where if not w["share"])
+        return next(((at, text.removesuffix(": no cause is claimed.")) for at, text in signs), None)
 
     @cached_property
     def unstated(self) -> str:
@@ -92,7 +102,8 @@ class EffortAnswer(Answer):
         if self.alike:
             return f"{self.d.cannot_tell[0]}: no choice is made."
         outside = self.findings.outside
-        return self.unknown("the gap", f" It looks most like: {outside}." if outside else "")
+        what = f"what {self._sign[0]} shows" if self._sign else "the gap"
+        return self.unknown(what, f" It looks most like: {outside}." if outside else "")
 
     @property
     def place(self) -> str:
@@ -108,14 +119,12 @@ class EffortAnswer(Answer):
 
     @property
     def far(self) -> tuple[str, str]:
-        g = self.d.gap
-        if g.with_effects is None:
-            figure = f"Gap {numbers.gap(g.calibrated.value)}"
-            if self.d.verdict != NONE:
-                return figure, self.stays
-            text = f"This is the gap of the calibrated simulator {self.on}"
-            return figure, f"{text}. No cause is named; there is nothing to close."
-        return self.shrinks()
+        if self.d.gap.with_effects is not None:
+            return self.shrinks()
+        text = f"This is the gap of the calibrated simulator {self.on}."
+        text += " No cause is named; there is nothing to close."
+        stays = self.d.verdict != NONE and not self._sign
+        return f"Gap {numbers.gap(self.d.gap.calibrated.value)}", self.stays if stays else text
 
     @property
     def advice_without_experiment(self) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.diagnosis.result import Diagnosis, named_by
+from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Role
 from wrenchbed.pages.scene import Arrows, Part, Scene
@@ -37,20 +37,17 @@ _TENTHS = 4
 def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
     """Probability (0 … 1) that each part is a cause, by name, from the JSON of a diagnosis.
 
-    Joints that a cause names, or whose drives it names, are parts of their own, ``joint 2``.
-    Indistinguishable rivals share the probability of their group.
+    Joints that a cause or rival names, or whose drives it names, are parts of their own, ``joint
+    2``. Indistinguishable rivals have their shares of the probability of their group.
     """
     shares: dict[str, float] = {}
-    known = diagnosis["probabilities"]
     for cause in diagnosis["which"]:
-        names = named_by(cause)
-        weights = [max(float(known.get(n, 0.0)), 1e-9) for n in names]
-        for name, weight in zip(names, weights, strict=True):
-            share = float(cause["probability"]) * weight / sum(weights)
-            part = str(name).split(".")[0].replace("drive", "joint")
-            blamed = joints(cause) if part in ("joint", "link") and name == names[0] else []
-            if len(blamed) > 1 and joints_or(cause):
-                share /= len(blamed)  # one of them
+        others = [(rival, float(rival["probability"])) for rival in cause["rivals"]]
+        first = max(float(cause["probability"]) - sum(p for _, p in others), 0.0)
+        for entry, p in ((cause, first), *others):
+            part = str(entry["effect"]).split(".")[0].replace("drive", "joint")
+            blamed = joints(entry) if part in ("joint", "link") else []
+            share = p / len(blamed) if joints_or(entry) and blamed else p  # one of them
             for place in [f"{part} {k}" for k in blamed] or [part]:
                 shares[place] = min(1.0, shares.get(place, 0.0) + share)
     return shares
@@ -122,10 +119,10 @@ def wrench_scene(e: HeldOutReadings) -> Scene | None:
 def effort_scene(f: EffortFindings) -> Scene:
     """Drawing of the robot in the stretch of a motion whose efforts the page draws."""
     scene, shown = f.d.scene, shown_rows(f)
-    residual = np.nan_to_num(residuals_of(f)["calibrated"][shown])
+    residual = np.ma.masked_invalid(residuals_of(f)["calibrated"][shown])
     times = [f"{x:.2f} s" for x in scene.signals.t[scene.kept()][shown]]
     q = scene.q.v[scene.kept()][shown]
-    rms = np.sqrt((residual**2).mean(axis=1))
+    rms = np.ma.sqrt((residual**2).mean(axis=1)).filled(np.nan)
     return _scene(f.diagnosis, Simulation(scene.robot, scene.theta), q, shown, times, rms)
 
 
@@ -142,8 +139,8 @@ def _scene(
 ) -> Scene:  # fmt: skip
     """Drawing of the robot at evenly spread ones of K moments and at that with the largest
     residual: joint values q (K, J), numbers of observations ``ids`` (K,), ``times`` in words,
-    residual ``rms`` (K,) [noise of a row], ``arrows`` at all K."""
-    worst = int(np.argmax(rms))
+    residual ``rms`` (K,) [noise of a row], NaN where no joint counts, ``arrows`` at all K."""
+    worst, counted = int(np.argmax(np.nan_to_num(rms))), np.isfinite(rms)
     rows = np.linspace(0, len(q) - 1, min(len(q), MOST_MOMENTS)).astype(int)
     rows = np.union1d(rows, [worst])
     seen, shares = motion(simulation, q[rows]), blame(d.to_json())
@@ -152,7 +149,8 @@ def _scene(
     sensor = np.concatenate([seen.rotation, seen.sensor[..., None]], axis=-1)
     parts = _parts(simulation, shares)
     arrows = [replace(a, vectors=a.vectors[rows].round(_TENTHS)) for a in arrows]
-    labels = [f"{times[k]}, residual {numbers.gap(float(rms[k]))} × noise" for k in rows]
+    labels = [f"{times[k]}, residual {numbers.gap(float(rms[k]))} × noise" if counted[k]
+              else f"{times[k]}, hardly any joint moves" for k in rows]  # fmt: skip
     eye = np.subtract(*simulation.robot.eye)
     frames = np.concatenate([frames, sensor[:, None]], axis=1).round(_TENTHS)
     return Scene(

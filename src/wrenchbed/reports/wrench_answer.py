@@ -9,7 +9,6 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.next.blind import unseen
 from wrenchbed.diagnosis.prepare.contact import CONTACT
-from wrenchbed.diagnosis.result import named_by
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import MOST_HEADLINE, TOO_MANY, Answer
 from wrenchbed.reports.claim import Claim, capital, listed
@@ -46,15 +45,11 @@ class WrenchAnswer(Answer):
         self.fitted = f"{usual} fitted, as every user does"
         self.row_effects = frozenset(r.effect for r in findings.rows)
         self.row_sentences = [r.sentence for r in findings.rows]
-        self.notes = [*self.row_sentences, *self.notes_besides_rows, *self.fitted_load]
+        others = [n for n in self.d.notes if n not in self.row_sentences]
+        self.notes = [*self.row_sentences, *others, *self.fitted_load]
         local = [f.variable for f in findings.places if f.seen and " between " in f.variable]
         self._kernel = local[0] if local else findings.analysis.ranking.kernel
         self.variable = _KERNELS.get(self._kernel, self._kernel)
-
-    @property
-    def notes_besides_rows(self) -> list[str]:
-        """Notes of the diagnosis without the sentences on effects in single rows."""
-        return [n for n in self.d.notes if n not in self.row_sentences]
 
     @property
     def about(self) -> str:
@@ -102,10 +97,8 @@ class WrenchAnswer(Answer):
             return self._hint
         phrases = []
         for w in self.d.which:
-            others = (n.split(".")[0] for n in named_by(w)[1:])
-            phrases.append(
-                " or ".join(f"in {_the(n)}" for n in dict.fromkeys((place_of(w), *others)))
-            )
+            places = dict.fromkeys(map(place_of, (w, *w["rivals"])))
+            phrases.append(" or ".join(f"in {_the(place)}" for place in places))
         known = listed(list(dict.fromkeys(phrases)))
         return f"Mostly not {known}" if self.d.verdict == "partial" else capital(known)
 

@@ -47,8 +47,8 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
     for c in words.causes:
         texts = [text for _, text in c.choices] + [f"{size.name} {size.value}" for size in c.sizes]
         rows.append(f"- {c.names} {c.probability}: {', '.join(texts)}")
-    rows += ["", words.leading, "", words.distance, ""]
-    rows += [f"- {name} {gap}" for name, gap in words.bars]
+    bars = (f"- {name} {gap}" for name, gap in words.bars)
+    rows += ["", words.leading, "", words.distance, "", *bars]
     if shares:
         colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
         rows += ["", f"Painted by probability: {colours}. Grey: not named."]
@@ -56,8 +56,9 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
         ("Detected, below what counts", words.minor),
         ("What this recording cannot tell", d.cannot_tell),
         ("What to do next", words.steps),
-        ("Notes", d.notes),
+        ("What this recording could not have shown", words.blind),
+        ("Notes", words.notes),
     ):
         rows += ["", f"**{title}**", "", *(f"- {line}" for line in lines)] if lines else []
-    names = (d.recording, *d.others)
-    return "\n".join([*rows, *markdown(provenance(names, command, findings.seed))])
+    origin = provenance((d.recording, *d.others), command, findings.seed)
+    return "\n".join([*rows, *markdown(origin)])

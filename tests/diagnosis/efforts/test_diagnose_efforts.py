@@ -11,6 +11,7 @@ from arm_gaps import DIP, Gap, case
 from arm_torques import COG, COULOMB, MASS, NOISE, SWING, UR5, fourier
 
 from altered import with_columns
+from consistent import violations
 from wrenchbed.benchmark.efforts.arm import Path, TrueArm
 from wrenchbed.benchmark.efforts.case import make
 from wrenchbed.cli import main
@@ -30,21 +31,6 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.effort_answer import EffortAnswer
 
 
-def consistent(found):
-    d, raw = found.diagnosis, found.diagnosis.to_json()
-    g = d.gap
-    assert sum(d.probabilities.values()) == pytest.approx(1.0, abs=1e-9)
-    assert (d.verdict in ("none", "unknown")) == (not d.which)
-    if d.verdict == "none":
-        assert g.calibrated.low <= 1.0
-    for w in d.which:
-        assert 0.0 <= w["probability"] <= 1.0
-        if w["probability"] > 0.5:
-            assert g.closed.low > 0.0 or d.verdict == "partial"
-    assert json.loads(json.dumps(raw))["verdict"] == d.verdict
-    assert d.verdict == "partial" or EffortAnswer(found).headline
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize(
     ("effect", "joint", "size"),
@@ -53,7 +39,7 @@ def consistent(found):
 )  # fmt: skip
 def test_a_cause_is_named_in_its_joint(effect, joint, size):
     found = diagnose_efforts(case(Gap(effect, joint, size), seed=20 + joint, seconds=30.0))
-    consistent(found)
+    assert not violations(found)
     d = found.diagnosis
     assert d.verdict in ("identified", "ambiguous")
     assert d.which[0]["effect"] == effect and d.which[0]["parameters"]["joint"]["value"] == joint
@@ -111,7 +97,7 @@ def test_an_arm_whose_friction_falls_by_a_tenth_is_healthy():
 def test_hysteresis_is_one_cause_and_none_beside_five_alike(tmp_path, monkeypatch):
     size = 6.0
     found = diagnose_efforts(recording := case(Gap("gear hysteresis", 2, size), seed=22))
-    consistent(found)
+    assert not violations(found)
     (only,) = found.diagnosis.which
     assert only["effect"] == "drive.hysteresis" and not only["rivals"]
     assert only["parameters"]["joint"]["value"] == 2
@@ -130,7 +116,7 @@ def test_hysteresis_is_one_cause_and_none_beside_five_alike(tmp_path, monkeypatc
 @pytest.mark.slow
 def test_friction_that_fades_after_a_reversal_is_no_hysteresis():
     found = diagnose_efforts(case(Gap("breakaway", 2, 12.0), seed=23))
-    consistent(found)
+    assert not violations(found)
     first = found.diagnosis.which[0]
     assert first["effect"] == "drive.stiction" and first["parameters"]["size"]["value"] > 0.0
     assert "drive.hysteresis" not in named_by(first)[1:]
@@ -139,7 +125,7 @@ def test_friction_that_fades_after_a_reversal_is_no_hysteresis():
 @pytest.mark.slow
 def test_a_limited_torque_is_unknown():
     found = diagnose_efforts(case(Gap("clipped", 2, 0.8), seed=32))
-    consistent(found)
+    assert not violations(found)
     assert found.diagnosis.verdict == "unknown" and "limited" in found.outside
     assert EffortAnswer(found).steps == [step["sentence"] for step in found.diagnosis.next]
 

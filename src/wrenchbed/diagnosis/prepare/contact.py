@@ -21,6 +21,7 @@ from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.prepare.orientation_only_motion import averages, variance
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.effects.environment_contact import EFFECT, WAYS, tip
+from wrenchbed.pages.numbers import minus
 from wrenchbed.physics.rotations import apply, sphere
 from wrenchbed.physics.taylor_jets import value
 
@@ -222,12 +223,11 @@ def _touch(
 
 def _parameters(peak: float, point: np.ndarray, std: np.ndarray) -> dict[str, dict[str, Any]]:
     """Parameters of a contact: largest force ``peak`` [N], its point (3,) [m] and std (3,) [m]."""
-    result: dict[str, dict[str, Any]] = {"force": {"value": peak, "std": None, "unit": "N"}}
-    for axis, v, e in zip("xyz", point, std, strict=True):
-        result[f"point.{axis}"] = {"value": float(v), "std": float(e), "unit": "m"}
-    return result
+    force, each = {"value": peak, "std": None, "unit": "N"}, zip("xyz", point, std, strict=True)
+    places = {f"point.{a}": {"value": float(v), "std": float(e), "unit": "m"} for a, v, e in each}
+    return {"force": force} | places
 
 
 def _place(point: np.ndarray) -> str:
     """A point (3,) [m] in words."""
-    return "({:.0f}, {:.0f}, {:.0f}) mm in sensor axes".format(*(1e3 * point))
+    return minus("({:.0f}, {:.0f}, {:.0f}) mm in sensor axes".format(*(1e3 * point)))
