@@ -6,9 +6,21 @@ import pytest
 
 import consistent
 import mutated
+from wrenchbed.benchmark.sealed.make import EffortFamily, Family
 
 SAMPLE = (15, 1, 2, 4, 5, 6, 14, 16, 780057, 790081)
 """Cases for every run: `scripts/invariants` does thousands."""
+CASES, SEED = 60, 4545
+FAMILIES = {
+    "rest": Family("ur5", "static", CASES, SEED),
+    "motion": Family("ur5", "dynamic", CASES, SEED),
+    "loops": Family("medrue", "static", CASES, SEED),
+    "efforts": EffortFamily("ur5", "dynamic", CASES, SEED),
+    "both": EffortFamily("ur5", "dynamic", CASES, SEED, wrench=True),
+}
+EVERY = [
+    pytest.param(f, k, marks=pytest.mark.study if k else ()) for f in FAMILIES for k in range(CASES)
+]
 
 
 @pytest.mark.sampled
@@ -19,3 +31,10 @@ def test_no_answer_contradicts_itself(seed):
         warnings.simplefilter("ignore")
         _, found = consistent.outcome(case.recording)
     assert not found, f"{case}: {found}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "case"), EVERY)
+def test_page_terminal_json_and_rerun_say_the_same(family, case):
+    _, recording = FAMILIES[family].found(case)
+    assert consistent.outcome(recording)[1] == []

@@ -32,12 +32,10 @@ from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.viewer.diagnoses import diagnosis_view
 
 
-class Page:
+def sections_of(html: str) -> dict[str, str]:
     """Text of a page by the id of its section, the whole as ``page``."""
-
-    def __init__(self, html):
-        sections = re.findall(r'<section[^>]*id="(\w+)">(.*?)</section>', html, flags=re.DOTALL)
-        self.sections = {name: words(text) for name, text in [("page", html), *sections]}
+    sections = re.findall(r'<section[^>]*id="(\w+)">(.*?)</section>', html, flags=re.DOTALL)
+    return {name: words(text) for name, text in [("page", html), *sections]}
 
 
 def words(html: str) -> str:
@@ -95,20 +93,20 @@ def undrawn(f: wb.Findings) -> str:
         return diagnosis_page(f).html()
 
 
-def shown(f: wb.Findings) -> Page:
-    return Page(undrawn(f))
+def shown(f: wb.Findings) -> dict[str, str]:
+    return sections_of(undrawn(f))
 
 
 def test_the_page_holds_the_numbers_of_the_json(springy):
     told, page = springy.diagnosis.to_json(), shown(springy)
-    gap, far, whole = told["gap"], page.sections["far"], page.sections["page"]
+    gap, far, whole = told["gap"], page["far"], page["page"]
     closed, low, high = (min(x, 1.0) for x in (gap["closed"], *gap["closed_ci95"]))
     assert f"{numbers.percent(closed)} % closed" in far
     assert f"from {gap['calibrated']:.2f} to {abs(gap['with_effects']):.2f} on 24 poses" in far
     assert f"{numbers.percent(low)} … {numbers.percent(high)} %" in far
     (cause,) = told["which"]
     p = cause["parameters"]["stiffness"]
-    drawn = re.search(r"stiffness ([\d.]+) ± ([\d.]+) N·m/rad", page.sections["which"])
+    drawn = re.search(r"stiffness ([\d.]+) ± ([\d.]+) N·m/rad", page["which"])
     value, std = map(float, drawn.groups())
     assert value == pytest.approx(p["value"], abs=p["std"])
     assert std == pytest.approx(p["std"], rel=0.35)
@@ -119,15 +117,15 @@ def test_the_page_holds_the_numbers_of_the_json(springy):
 
 def test_an_identified_cause_is_named_on_the_first_screen(springy):
     page = shown(springy)
-    assert "● identified" in page.sections["page"]
+    assert "● identified" in page["page"]
     (cause,) = springy.diagnosis.which
     value = numbers.quantity("stiffness", cause["parameters"]["stiffness"])
     said = f"Joint 2 is compliant and deflects under gravity: stiffness {value}."
-    assert said in page.sections["page"]
-    assert page.sections["where"].startswith("Where In joint 2")
-    assert springy.diagnosis.where[0]["sentence"] in page.sections["where"]
-    assert "joint.compliance" in page.sections["which"]
-    assert words(f"Probability {numbers.chance(cause['probability'])}") in page.sections["which"]
+    assert said in page["page"]
+    assert page["where"].startswith("Where In joint 2")
+    assert springy.diagnosis.where[0]["sentence"] in page["where"]
+    assert "joint.compliance" in page["which"]
+    assert words(f"Probability {numbers.chance(cause['probability'])}") in page["which"]
 
 
 @pytest.mark.parametrize("name", registry.names("effects"))
@@ -154,10 +152,10 @@ def test_an_ambiguous_cause_is_one_or_the_other(springy):
         changed(springy, verdict="ambiguous", which=[{**cause, "rivals": [rival("cable.pull")]}])
     )
     said = "hose pulls on the tool. This recording does not distinguish the causes joined by “or”."
-    assert said in page.sections["page"]
-    assert "In joint 2 or in the cable" in page.sections["where"]
-    assert "joint.compliance or cable.pull" in page.sections["which"]
-    assert "that it is one of these. If it is joint.compliance:" in page.sections["which"]
+    assert said in page["page"]
+    assert "In joint 2 or in the cable" in page["where"]
+    assert "joint.compliance or cable.pull" in page["which"]
+    assert "that it is one of these. If it is joint.compliance:" in page["which"]
 
 
 def test_a_claim_names_its_elements_and_no_other(springy):
@@ -269,8 +267,8 @@ def test_each_verdict_has_its_sentences(case, springy, healthy):
     rest = {k: v for k, v in change.items() if k not in gap}
     page = shown(changed(found, gap=replace(found.diagnosis.gap, **gap), **rest))
     for section, text in (x.split(": ", 1) for x in texts.split("; ")):
-        assert text in page.sections[section]
-    assert ("closed" in page.sections["far"]) == case.startswith("springy")
+        assert text in page[section]
+    assert ("closed" in page["far"]) == case.startswith("springy")
 
 
 @pytest.mark.slow
@@ -284,10 +282,10 @@ def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     row = noisy.diagnosis.which[0]["size"]["row_noise.fx"]
     assert row["value"] ** 2 == pytest.approx(row["stated"] ** 2 + std["value"] ** 2)
     said = f"The sensor is noisier than stated: row noise fx {numbers.quantity('', row)} instead of"
-    assert said in page.sections["page"]
-    assert "of a row's variance comes from it" in page.sections["where"]
-    assert "of the gap lies" not in page.sections["where"]
-    assert "scatters single rows; the means have no gap to close" in page.sections["far"]
+    assert said in page["page"]
+    assert "of a row's variance comes from it" in page["where"]
+    assert "of the gap lies" not in page["where"]
+    assert "scatters single rows; the means have no gap to close" in page["far"]
 
 
 @pytest.mark.sampled
@@ -311,8 +309,8 @@ def test_names_and_commands_are_escaped(healthy):
     html = without_scripts(html)
     assert "<script" not in html
     assert "&lt;script&gt;alert(" in html
-    page = Page(html)
-    assert page.sections["page"].count(evil) == 5
+    page = sections_of(html)
+    assert page["page"].count(evil) == 5
 
 
 @pytest.mark.slow
@@ -322,7 +320,7 @@ def test_the_command_line_writes_it_with_its_command(tmp_path, capsys):
     assert "report.html" in capsys.readouterr().out
     digest = hashlib.sha256((tmp_path / "rec.parquet").read_bytes()).hexdigest()
     told = Rrd(out / "diagnosis.rrd").values("/report", "TextDocument:text")[0, 0]
-    page = Page((out / "report.html").read_text(encoding="utf-8")).sections["page"]
+    page = sections_of((out / "report.html").read_text(encoding="utf-8"))["page"]
     for shown in (told, page):
         assert f"SHA-256 of rec.parquet {digest}" in shown.replace(":", "")
         assert f"UTC by wrenchbed {version('wrenchbed')}" in shown

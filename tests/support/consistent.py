@@ -10,7 +10,6 @@ import json
 import math
 import re
 from collections.abc import Iterator
-from functools import cached_property
 from typing import Any
 from unittest.mock import patch
 
@@ -69,13 +68,9 @@ class Answer:
         self.efforts = isinstance(found, EffortFindings)
         self.words = EffortAnswer(found) if self.efforts else WrenchAnswer(found)
         self.headline, self.place = self.words.headline, self.words.place
-        self.places = self.words.where
+        self.places, self.far = self.words.where, " ".join(self.words.far)
         self.between_rows = frozenset(() if self.efforts else (r.effect for r in found.rows))
         self.painted = blame(self.told)
-
-    @cached_property
-    def distance(self) -> dict[str, str]:
-        return dict(zip(("figure", "text"), self.words.far, strict=True))
 
     @property
     def quiet(self) -> bool:
@@ -89,20 +84,11 @@ class Answer:
 
 def violations(found: Found) -> list[tuple[str, str]]:
     """Name of the group and the facts of each contradiction."""
-    answer = Answer(found)
-    own = [broken for rules in RULES for broken in _broken(rules.__name__, rules(answer))]
-    return own + violations_of(found, faces(found))
-
-
-def violations_of(found: Found, texts: Faces) -> list[tuple[str, str]]:
-    """Name of the group and the facts of each contradiction between texts and JSON."""
-    answer = Answer(found)
-    return [
-        broken
-        for rules in OF_FACES
-        for face, text in texts.items()
-        for broken in _broken(f"{rules.__name__} of {face}", rules(answer, face, text))
-    ]
+    answer, texts = Answer(found), faces(found)
+    groups = {rules.__name__: rules(answer) for rules in RULES}
+    for face, text in texts.items():
+        groups |= {f"{r.__name__} of {face}": r(answer, face, text) for r in OF_FACES}
+    return [broken for name, rules in groups.items() for broken in _broken(name, rules)]
 
 
 def _broken(name: str, rules: Rules) -> Iterator[tuple[str, str]]:
@@ -154,17 +140,10 @@ def _inside(value: float | None, low: float = 0.0, high: float = 1.0) -> bool:
     return value is not None and low - TINY <= value <= high + TINY
 
 
-def _finite(told: Told) -> bool:
-    try:
-        return bool(json.dumps(told, allow_nan=False))
-    except ValueError:
-        return False
-
-
 def figures(a: Answer) -> Rules:
     """Numbers are finite, probabilities a distribution, values inside their intervals."""
     g, p, members = a.gap, a.probabilities, a.found.diagnosis.gap.members
-    yield _finite(a.told), "JSON that is not finite"
+    yield not re.search("NaN|Infinity", json.dumps(a.told)), "JSON that is not finite"
     for w in a.which:
         for name, parameter in w["parameters"].items():
             whole = parameter.get("value") is not None and (parameter.get("std") or 0.0) >= 0.0
@@ -199,7 +178,7 @@ def verdict(a: Answer) -> Rules:
     if a.verdict == "none":
         yield g["calibrated_ci95"][0] <= 1.0, "none with a gap of", g
         small = g["calibrated"] - max(g["floor"], 0) <= 1.0
-        yield small or "not significantly above 1" in a.distance["text"], "interval not stated", g
+        yield small or "not significantly above 1" in a.far, "interval not stated", g
     if a.verdict == "unknown" and a.quiet:
         said = re.search("scatter|touch|not ordinary noise", a.notes)
         yield said, "unknown without gap or note", g
@@ -251,7 +230,7 @@ def where(a: Answer) -> Rules:
 
 def gaps_in_words(a: Answer) -> Rules:
     """Sentences tell the numbers of the JSON."""
-    d, g, far = a.found.diagnosis, a.found.diagnosis.gap, a.distance
+    d, g = a.found.diagnosis, a.found.diagnosis.gap
     for e in a.where:
         text = e["sentence"]
         much = "Less than 1 %" if e["share"] < 0.005 else f"{100 * e['share']:.0f} %"
@@ -265,7 +244,7 @@ def gaps_in_words(a: Answer) -> Rules:
             rest = g.with_effects and g.with_effects.value - max(g.floor, 0.0)
             yield rest is not None and _near(float(match[1]), rest, 6e-3), rest, "is left:", text
         yield "trust" in text or not re.search(r"\bnan\b|\binf\b", text), text
-    text = f"{far['figure']} {far['text']}"
+    text = a.far
     if g.with_effects is not None:
         start = a.gap[a.gap["closed_from"]]
         both = f"from {numbers.gap(start)} to {numbers.gap(g.with_effects.value)}"
@@ -359,7 +338,7 @@ def places(a: Answer, face: str, text: str) -> Rules:
     denied = ("none differs" in text and a.seen) or (a.where and "No place" in text)
     yield not denied, "where holds", len(a.where), "but:", text[:200]
     hint = max(a.where, key=lambda w: w["share"], default={"subsystem": None, "share": 0.0})
-    hinted = {hint["subsystem"], hint.get("detail")} & set(re.findall(r"\w+", a.place))
+    hinted = any(hint.get(k) and hint[k] in a.place for k in ("subsystem", "detail"))
     seen = a.which or hint["share"] == 0.0 or hinted
     yield seen, hint, "not in:", a.place
     for part in a.painted:

@@ -37,8 +37,7 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
 
 
 def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
-    """Markdown of a diagnosis: causes, gap, next steps; ``shares``: robot part → probability of
-    blame."""
+    """Markdown of a diagnosis; ``shares``: part of the robot → probability that it is to blame."""
     d, words = findings.diagnosis, WrenchAnswer(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {o['sentence']}" for o in d.outliers]

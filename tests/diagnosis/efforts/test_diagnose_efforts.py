@@ -193,8 +193,10 @@ def test_a_hit_once_a_turn_is_unknown_and_says_when():
     age = np.arange(125) / 125.0
     ring = np.exp(-5.0 * age) * np.sin(2.0 * np.pi * 10.0 * age)
     tau3 = healthy.columns["tau3"] + 8.0 * np.convolve(hits, ring)[: len(hits)]
-    d = diagnose_efforts(with_columns(healthy, {"tau3": tau3})).diagnosis
-    assert d.verdict == "unknown" and not d.which
+    found = diagnose_efforts(with_columns(healthy, {"tau3": tau3}))
+    d, headline = found.diagnosis, EffortAnswer(found).headline
+    assert d.verdict == "unknown" and not d.which and not violations(found)
+    assert headline.startswith("The gap is small, but no known effect explains this. Joint 3: ")
     assert d.where[0]["detail"] == "joint 3" and " s " in d.where[0]["sentence"]
 
 
