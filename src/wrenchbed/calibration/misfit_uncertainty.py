@@ -277,7 +277,7 @@ def _likeliest(
     k columns cost k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of faults that explain it
     alike, those with fewest are named. ``alone`` (n, C): changes beyond the parameters'.
     """
-    scores: list[tuple[float, np.ndarray, np.ndarray]] = []
+    scores = list[tuple[float, np.ndarray, np.ndarray]]()
     ends = np.cumsum([len(s.families) for s in every])
     for suspect, end in zip(every, ends, strict=True):
         of = slice(end - len(suspect.families), end)
@@ -286,7 +286,8 @@ def _likeliest(
         along = u[:, keep].T @ residual
         sizes = vt[keep].T @ (along / s[keep])
         score = float(along @ along) - keep.sum() * np.log(seen.worth)
-        scores.append((score, sizes, seen.S[:, of] @ sizes))
+        hidden = vt[~keep].T * np.sqrt((sizes**2).sum() / max(1, keep.sum()))
+        scores.append((score, sizes, seen.S[:, of] @ np.column_stack([sizes, hidden])))
     best = max(score for score, *_ in scores)
     least = best - max(ALIKE, ALIKE_PART * best)
     alike = [k for k in range(len(every)) if scores[k][0] >= least]

@@ -24,8 +24,12 @@ PART = 0.005
 late wrench keeps of the pose before."""
 CONSTANT = np.repeat([0.01, 5e-4], 3)
 """Ordinary zero of a tared sensor [N, N·m]."""
+PULL = 0.05
+"""Ordinary pull of a sensor's cable [N]."""
 ARM = 0.1
-"""Lever [m] that converts an ordinary crosstalk among forces to one of force in torque."""
+"""Lever [m] of a pull, and that converts a crosstalk among forces to one of force in torque."""
+KINDS = {"the forces": [0, 1, 2], "the torques": [3, 4, 5]}
+"""Indices of channels that are alike, by their name."""
 STEP = 1e-6
 """Step of finite differences of angles [rad], of joint values [rad; m] and of the clock's rate."""
 WAVES = 4
@@ -51,7 +55,9 @@ def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Susp
     """Yield all faults that may affect a fit at x (K,), for observations at indices ``some``."""
     read = problem.data.wrench - problem.residual(x)
     yield from _of_channels(read[some])
+    yield from _of_curves(read[some])
     yield from _of_frames(problem, x, some)
+    yield from _of_pull(problem, x, some)
     yield from _of_time(problem, x, some, read)
     names = {problem.model.parameters.names[i] for i in problem.free}
     if not any(name.startswith("sensor.bias") for name in names):
@@ -98,6 +104,16 @@ def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
             yield Suspect(("gain" if i == j else "crosstalk",), name, change)
 
 
+def _of_curves(read: np.ndarray) -> Iterator[Suspect]:
+    """Yield channels of readings (M, 6) that bend or saturate, each and of a kind together: a part
+    of the largest reading is lacking there, by its third power."""
+    largest = np.maximum(np.abs(read).max(axis=0), 1e-12)
+    lacking = GAIN * read[..., None] * (read / largest)[..., None] ** 2 * np.eye(6)
+    for name, some in {**{c: [k] for k, c in enumerate(CHANNELS)}, **KINDS}.items():
+        family = tuple(f"curve of {CHANNELS[k][0]}" for k in some)
+        yield Suspect(family, f"a curve or limit of {name}", lacking[..., some])
+
+
 def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
     """Yield faults of frames at parameters x (K,): a tilt of gravity, and zero offsets of joints;
     ``some`` are indices of the observations."""
@@ -123,6 +139,23 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
             tips = size * (touches.residual(model.robot, theta) - moved_tips)[:, None]
         change = size * (there - read)[..., None]
         yield Suspect(("zero",), f"a wrong zero of {joint.name}", change, tips)
+
+
+def _of_pull(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
+    """Yield a force that is constant in base axes, as of a hose, at the tool's centre of gravity
+    and at any point that moves with it, at parameters x (K,); ``some`` as in `_of_frames`."""
+    model, theta, q = problem.model, problem.at(x), problem.data.q[some]
+    read, gravity = model.predict(q, theta), np.asarray(model.gravity)
+    more = [replace(model, gravity=tuple(gravity + STEP * axis)) for axis in np.eye(3)]
+    change = np.stack([(m.predict(q, theta) - read) / STEP for m in more], axis=2)
+    change *= PULL / max(float(np.linalg.norm(change[:, :3], axis=1).mean()), 1e-12)
+    yield Suspect(3 * ("pull",), "a pull of a cable or hose", change)
+    levers = np.zeros((len(some), 6, 9))
+    for k, axis in enumerate(np.eye(3)):
+        torque = ARM * np.cross(axis, change[:, :3], axisb=1, axisc=1)
+        levers[:, 3:, 3 * k : 3 * k + 3] = torque
+    every, families = np.concatenate([change, levers], axis=2), 3 * ("pull",) + 9 * ("lever",)
+    yield Suspect(families, "a pull beside the tool", every)
 
 
 def _of_time(

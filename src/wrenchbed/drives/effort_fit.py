@@ -10,6 +10,8 @@ from wrenchbed.calibration.fit import IdentifiedValue, WrittenFit, entries, head
 
 EFFORT_FIT, COMMAND_FIT = "effort", "command"
 """What was fitted: joint efforts, or tracking errors of servos."""
+LEAST_SHOWN = 0.01
+"""Least size of links' errors, in usual ones (3 % of a mass, 3 mm), that is told."""
 _INERTIA = tuple(f"tool.inertia.{a}" for a in ("xx", "yy", "zz"))
 POSITIVE = (
     "tool.mass", "drive.constant", "drive.coulomb", "drive.viscous", "servo.stiffness", *_INERTIA,
@@ -72,7 +74,7 @@ class DriveFit(WrittenFit):
         constants: drive constants, where they were stated (J,) [N·m/A, of slides N/A].
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
         cannot_tell: sentences on what a fit of servo commands cannot determine.
-        link_errors: whether uncertainties include usual errors of the stated links.
+        link_errors: size of the stated links' errors that uncertainties include, in usual ones.
         gravity: other than the stated one that explains the efforts far better [m/s²], or None.
     """
 
@@ -90,7 +92,7 @@ class DriveFit(WrittenFit):
     rest: AtRest | None = None
     channels: str = EFFORT_FIT
     cannot_tell: tuple[str, ...] = ()
-    link_errors: bool = False
+    link_errors: float = 0.0
     gravity: tuple[float, ...] | None = None
 
     @property
@@ -144,8 +146,11 @@ class DriveFit(WrittenFit):
                 "; what is in N·m and kg holds as far as the model's link masses do; drive.viscous "
                 "is the damping of servo and joint together"
             )
-        elif self.link_errors:
-            text += "; uncertainties hold errors of 3 % of each link's mass and 3 mm of its centre"
+        elif self.link_errors >= LEAST_SHOWN:
+            text += (
+                f"; uncertainties hold errors of {3 * self.link_errors:.2g} % of each link's mass "
+                f"and {3 * self.link_errors:.2g} mm of its centre"
+            )
         elif "link" not in names and "tool" in names:
             text += "; the tool and drive constants hold as far as the model's link masses do"
         return text + untold_text

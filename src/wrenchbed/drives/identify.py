@@ -28,6 +28,7 @@ from wrenchbed.drives.joint_least_squares import (
     moved_by,
     parts,
     residual,
+    sizes_shown,
     solve,
     start,
 )
@@ -125,17 +126,24 @@ def _calibrate_in_motion(
     covariance = jackknife(np.array([published(problem, x, starts) for x in solution.folds]))
     identified = values_of(problem, solution, starts, joints, covariance)
     errors = errors_of(problem, solution, [joint.own(EFFORT_UNITS[prefix]) for joint in joints])
-    linked = problem.changes == LOAD and impossible(identified) is not None
-    if linked:
+    refuted, size = refutation(errors, identified), 0.0
+    if problem.changes == LOAD:
         torques = np.concatenate([_of_link_errors(recording, s) for s in signals])
-        moved = [published(problem, x, starts) for x in moved_by(problem, solution, torques)]
-        away = np.array(moved) - published(problem, solution.x, starts)
-        covariance = covariance + away.T @ away
-        identified = values_of(problem, solution, starts, joints, covariance)
+        moved = moved_by(problem, solution, torques)
+        shown = sizes_shown(problem, solution, torques, moved)
+        away = np.array([published(problem, x, starts) for x in moved])
+        away -= published(problem, solution.x, starts)
+        for size in (min(shown, 1.0), 1.0, max(shown, 1.0)):  # links that are worse excuse nothing
+            with_links = covariance + size**2 * away.T @ away
+            identified = values_of(problem, solution, starts, joints, with_links)
+            refuted = refutation(errors, identified) if size <= 1.0 else refuted
+            if refuted is None and size >= shown:
+                break
+        covariance = with_links
     fit = DriveFit(
         recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified, errors,
         covariance, signals[0].cutoff, sum(float(np.ptp(s.t)) for s in signals), len(problem.use),
-        refutation(errors, identified), link_errors=linked,
+        refuted, link_errors=size,
     )  # fmt: skip
     pull = np.concatenate([s.filtered(_of_gravity(recording, s), s.coarse) for s in signals])
     stated = np.asarray(Model.of(arm_of(recording), recording.metadata).gravity)

@@ -86,6 +86,23 @@ def moved_by(p: Problem, s: Solution, torques: np.ndarray) -> np.ndarray:
     return np.array([s.x + _shortest(whole, (r - right).sum(axis=0)) for r in shifted])
 
 
+def sizes_shown(p: Problem, s: Solution, torques: np.ndarray, moved: np.ndarray) -> float:
+    """Standard deviation of the factors of H ``torques`` (M, J, H) that the residual shows, by the
+    method of moments: their products with it vary more than between blocks of time. ``moved`` (H,
+    K): parameters by `moved_by`."""
+    gain, rest, weight = parts(p, s.x)[0], residual(p, s.x), s.weight * p.use
+    each = zip(np.moveaxis(torques, -1, 0), moved, strict=True)
+    left = [weight * (residual(replace(p, y=p.y + gain * one), x) - rest) for one, x in each]
+    alone = np.stack(left).reshape(len(left), -1)
+    block = np.repeat(p.fold, p.y.shape[1])
+    products = alone * (weight * rest).ravel()
+    score = np.stack([products[:, block == k].sum(axis=1) for k in range(FOLDS)])
+    total = score.sum(axis=0)
+    noise = FOLDS / (FOLDS - 1) * float(((score - total / FOLDS) ** 2).sum())
+    square = float(((alone @ alone.T) ** 2).sum())
+    return float(np.sqrt(max(0.0, total @ total - noise) / max(square, 1e-300)))
+
+
 def followed_gravity(p: Problem, pull: np.ndarray, stated: np.ndarray) -> np.ndarray:
     """Gravity (3,) [m/s²], as large as the stated one (3,), that best explains the efforts beside
     each joint's own columns; pull: torques per unit of gravity along each base axis (M, J, 3)."""
