@@ -25,6 +25,18 @@ STD = np.array(registry.load("sensors", "ati-gamma").noise.row_std)
 EFFECTS = ("sensor.noise", "sensor.quantization", "base.vibration", "timing.stale")
 
 
+@pytest.mark.parametrize("words", ["no measurements of it", "those of the move before"])
+def test_rows_that_are_no_repeats_of_their_pose_are_no_vibration(words):
+    rng = np.random.default_rng(5)
+    design = ExperimentDesign.of_plan(Plan.of("ur5", ROBOT.sample(50, rng)), ROBOT, samples=20)
+    sound = recording(design, draw(design, 3, "none"))
+    late = np.roll(sound.wrench, 1, axis=0)
+    lost = sound.wrench * (rng.random(len(sound)) > 0.05)[:, None]
+    d = wb.diagnose(with_wrench(sound, lost if words.startswith("no") else late)).diagnosis
+    assert (d.verdict, list(d.which), list(d.between)) == ("unknown", [], [])
+    assert any(words in note for note in d.notes)
+
+
 def test_a_limit_is_where_readings_pile_up_at_an_end():
     """Coarse counts come back everywhere, rows that are sent again too, and noise nowhere."""
     y = np.random.default_rng(2).standard_normal((400, 6))

@@ -8,12 +8,12 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5173,
+    "calibration": 5174,
     "campaigns": 1144,
     "channels": 937,
     "cli": 2688,
     "data": 5530,
-    "diagnosis": 12983,
+    "diagnosis": 12993,
     "drives": 1726,
     "effects": 4999,
     "environments": 588,
@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1028,
     "planning": 1037,
     "plant": 761,
-    "reports": 2120,
+    "reports": 2123,
     "robots": 4351,
     "sensors": 314,
     "simulation": 1302,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78929,
-    "src/wrenchbed": 69440,
+    "src": 78943,
+    "src/wrenchbed": 69454,
     "src/robot_emulators": 9489,
-    "tests": 38034,
+    "tests": 38045,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wrenchbed.calibration.checks.rows import contradicted
+from wrenchbed.calibration.observations import observe
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import json_entries
@@ -162,7 +164,15 @@ def examine(
 
 
 def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
-    """Effects that only a wrench's row scatter shows, and a sentence on unexplained scatter."""
+    """Effects that only a wrench's row scatter shows, and a sentence on unexplained scatter.
+
+    Rows that are no repeats of their pose, late or lost ones, scatter as if the base vibrated.
+    """
+    if not prepared.scene.moving and prepared.scene.mode == "static":
+        used = observe(prepared.recording)
+        finding = contradicted(prepared.recording, used.keep, used.count)
+        if finding is not None:
+            return (), finding.sentence
     rows, scatter = find_row_effects(prepared.excerpt, prepared.configuration)
     every, least = (*rows, *find_tool_vibration(prepared)), least_beside(prepared.touch)
     between = tuple(r for r in every if r.probability >= least)

@@ -25,6 +25,7 @@ _KERNELS = {
     "speed": "speed and acceleration",
 }
 _GAP = "the gap"
+_ROWS = "how rows scatter"
 _NAMED = ("all ", "channel ", "link ")
 _BLIND = ". These data cannot show "
 
@@ -78,6 +79,8 @@ class WrenchAnswer(Answer):
         follows = self._unexplained == _GAP and self._follows and self._agrees
         varies = f": it varies with {self.variable}" if follows else ""
         within = self.loudest if self._unexplained == _GAP else ""
+        if self._unexplained == _ROWS:
+            within = f": {self.findings.scattered.partition('. ')[0]}"
         return f"No known effect explains {self._unexplained}{within}{varies}."
 
     @property
@@ -219,7 +222,7 @@ class WrenchAnswer(Answer):
         """Phrase for what no effect explains: the gap, or single rows if poses' means have none."""
         if self.d.verdict == UNKNOWN and small(self.d.gap):
             if self.findings.scattered:
-                return "how rows scatter"
+                return _ROWS
             if self.findings.analysis.prepared.touch is not None:
                 return "what comes while something touches the tool"
         return _GAP

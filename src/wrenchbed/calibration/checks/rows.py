@@ -122,6 +122,7 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
         clipped = count[end] > max(LEAST_AT_END, LEAST_CLIPPED * len(recording))
         if (
             clipped
+            and levels[end] != 0.0  # rows without a reading, see `_lost`
             and count[end] > PILE * rest.max()
             and abs(levels[other]) > 1.02 * abs(levels[end])
         ):
