@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1028,
     "planning": 1037,
     "plant": 761,
-    "reports": 2123,
+    "reports": 2124,
     "robots": 4351,
     "sensors": 314,
     "simulation": 1302,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78943,
-    "src/wrenchbed": 69454,
+    "src": 78944,
+    "src/wrenchbed": 69455,
     "src/robot_emulators": 9489,
-    "tests": 38045,
+    "tests": 38048,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -164,6 +164,8 @@ def test_a_claim_names_its_elements_and_no_other(springy):
     longer, gain, three = size | {"value": 9e-4}, size | {"unit": "1"}, "joint 2, 3 or 4"
     joint = {"joint": {"value": 2, "rivals": [3, 4]}}
     leak = {"x.fz.ty": size | {"unit": "1/m"}, "channel": {"value": "fz"}, "of": {"value": "ty"}}
+    wide = {f"x.fx.{c}": size | {"value": 0.1, "std": 0.3, "unit": "1/m"} for c in CHANNELS[3:]}
+    wide |= {"x.fx.fz": size | {"value": -0.02, "std": 0.002, "unit": "1"}}
     course = {"size.fx": {"value": -1.8, "std": 0.1, "unit": "N", "over": 412.3}}
     heavy = {"mass": {"value": 2.34, "std": 0.02, "unit": "kg", "stated": 2.24}}
     for effect, elements, sizes, sentence, place in (
@@ -171,6 +173,7 @@ def test_a_claim_names_its_elements_and_no_other(springy):
         ("link.length", ["a3"], {"length.a3": longer}, ": length a3 +0.90 ± 0.10 mm", "link 3"),
         ("sensor.gain", ["fx", "fy"], {"gain.fx": gain}, ": fx or fy, gain fx", "the sensor"),
         ("sensor.crosstalk", ["fz"], leak, "ty into fz (−9.0 ± 1.0)·10⁻⁴ N/(N·m)", "the sensor"),
+        ("sensor.crosstalk", ["everything"], wide, "fz into fx −2.00 ± 0.20 %", "the sensor"),
         ("sensor.drift", ["fx"], course, "fx −1.80 ± 0.10 N over 412 s", "the sensor"),
         ("tool.mass", ["mass"], heavy, "(stated 2.24 kg, found 4.580 ± 0.020 kg).", "the tool"),
         ("joint.compliance", ["joint 2", "joint 3", "joint 4"], joint, three[1:], three),

@@ -108,7 +108,8 @@ def claim(
     ranked = [n for n in sizes if n in size] or list(sizes)
     if len(ranked) > MOST_SIZES:
         unsure = {n: abs((v.get("std") or np.inf) / (v["value"] or 1e-300)) for n, v in known}
-        ranked.sort(key=lambda n: (quantities[n]["unit"] in _WHERE, unsure[n]))
+        last = {n for n, v in known if v["unit"] in _WHERE and not n.startswith("x.")}
+        ranked.sort(key=lambda n: (n in last, unsure[n]))
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
     choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
                for n, v in values.items() if "unit" not in v}  # fmt: skip
