@@ -64,9 +64,8 @@ def test_what_nobody_brought_is_named_with_its_commit(tmp_path):
 ])  # fmt: skip
 def test_a_catalogue_that_is_wrong_is_one_line(tmp_path, capsys, text, options, words):
     (tmp_path / "sets.toml").write_text(text)
-    assert (
-        arena.main([str(tmp_path / "sets.toml"), str(DATA), str(tmp_path / "out"), *options]) == 1
-    )
+    line = [str(tmp_path / "sets.toml"), str(DATA), str(tmp_path / "out"), *options]
+    assert arena.main(line) == 1
     said = capsys.readouterr().err
     assert words in said and said.count("\n") == 1
 

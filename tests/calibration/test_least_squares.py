@@ -97,9 +97,8 @@ def test_variance_is_shared_out_over_channels_and_robust_with_a_robust_loss():
     assert problem(np.ones((1, 6)), designed(1, 9)[0]).dof == 1.0
     design, _ = designed(9, 1)
     y = np.outer([1.0, -2, 3, -4, 5, -6, 7, -8, 90], np.ones(6))
-    assert problem(y, design).residual_variance(np.zeros(0)) == pytest.approx(
-        (y**2).sum(axis=0) / 9
-    )
+    plain = problem(y, design).residual_variance(np.zeros(0))
+    assert plain == pytest.approx((y**2).sum(axis=0) / 9)
     robust = problem(y, design, loss="huber").residual_variance(np.zeros(0))
     assert robust == pytest.approx(np.full(6, (1.4826 * 5.0) ** 2))
     scale = 1.4826 * 1.345
@@ -168,9 +167,8 @@ def test_a_residual_that_noise_does_not_explain_widens_the_uncertainties():
     assert wide.noise.effective.max() < 240.0 / 10.0
     few = weighting.fit(noisy(5.0, m=20))  # too few to tell wander: 20 poses and 3 parameters
     assert few.noise.inflated
-    assert few.noise.effective == pytest.approx(
-        80.0 / (few.noise.scatter / few.noise.expected) ** 2, rel=1e-3
-    )
+    worth = 80.0 / (few.noise.scatter / few.noise.expected) ** 2
+    assert few.noise.effective == pytest.approx(worth, rel=1e-3)
 
 
 def test_without_any_noise_known_forces_and_torques_have_one_level_each():
@@ -220,9 +218,9 @@ def test_batch_means_show_what_is_slow():
     r = np.repeat(level, 50, axis=0)
     expected = 50 * level.var(axis=0, ddof=1) / level.var(axis=0)
     assert weighting._batch_time(r) == pytest.approx(expected)
-    assert weighting._batch_time(np.concatenate([r, 9.0 * r[:7]])) == pytest.approx(
-        50 * level.var(axis=0, ddof=1) / np.concatenate([r, 9.0 * r[:7]]).var(axis=0)
-    )
+    longer = np.concatenate([r, 9.0 * r[:7]])
+    want = 50 * level.var(axis=0, ddof=1) / longer.var(axis=0)
+    assert weighting._batch_time(longer) == pytest.approx(want)
 
 
 def test_the_kernel_is_the_integral_of_a_band_of_1_f_noise():
@@ -280,9 +278,8 @@ def test_both_levels_are_found_and_the_independent_one_is_at_least_what_is_known
     assert told.independent[:3] == pytest.approx(np.ones(3), rel=0.2)
     assert told.level[:3].max() < 0.2
     white = 2.0  # what a band up to one cycle a pose has in all directions
-    assert (told.independent + white * told.level)[3:] == pytest.approx(
-        np.full(3, 1.0 + white * 0.49), rel=0.3
-    )
+    both = (told.independent + white * told.level)[3:]
+    assert both == pytest.approx(np.full(3, 1.0 + white * 0.49), rel=0.3)
     assert told.level[3:] == pytest.approx(np.full(3, 0.49), rel=0.7)
     floored = weighting.estimate(modes, residual, design, np.full(6, 3.0))
     assert floored.independent == pytest.approx(np.full(6, 3.0))

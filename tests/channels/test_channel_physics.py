@@ -4,25 +4,28 @@ import arm_torques as arm
 import mujoco
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from iiwa import IIWA
 from plain_ur5 import GRAVITY, flange, poses, turned
+from simulated import driven
 from wrenchbed import registry
 from wrenchbed.channels.holding_torques import held_wrench, twists
 from wrenchbed.channels.own_noise import own_noise
 from wrenchbed.channels.readings_with_effects import readings
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.hardware.drivers.sim import Beside, SimOptions
 from wrenchbed.physics.taylor_jets import Jet, value
+from wrenchbed.planning.choose import multisine
 from wrenchbed.twin.twin import nominal
 
 UR5 = registry.load("robots", "ur5")
-ACCELEROMETER, EFFORT, POSE = (
-    registry.load("channels", name) for name in ("accelerometer", "effort", "pose")
-)
+NAMES = ("accelerometer", "effort", "pose")
+ACCELEROMETER, EFFORT, POSE = (registry.load("channels", name) for name in NAMES)
 ARMS = pytest.mark.parametrize("robot", [UR5, IIWA], ids=["ur5", "iiwa14"])
 Q = poses(30, np.random.default_rng(0))
 ASKEW = np.array([0.7, -0.4, -9.7])
@@ -52,6 +55,52 @@ def test_poses_that_turn_gravity_too_little_determine_no_mounting():
     for q in (same, about_gravity):
         read = readings((ACCELEROMETER,), scene(UR5, q))
         assert ACCELEROMETER.fitted(read + 1e-3, scene(UR5, q)) is None
+
+
+def felt(robot, q, place, gravity=ASKEW):
+    """What MuJoCo's accelerometer at a place (3,) of the tool, turned anyhow, reads (N, 3)."""
+    spec = robot.spec(robot.parameters.nominal)
+    spec.option.gravity = gravity
+    tool = next(body for body in spec.bodies if body.name == "tool")
+    tool.add_site(name="imu", pos=place, quat=[0.8, 0.2, -0.5, 0.3])
+    kind, site = mujoco.mjtSensor.mjSENS_ACCELEROMETER, mujoco.mjtObj.mjOBJ_SITE
+    spec.add_sensor(name="imu", type=kind, objtype=site, objname="imu")
+    model = spec.compile()
+    data, read = mujoco.MjData(model), np.empty((len(q.v), 3))
+    for k in range(len(read)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q.v[k], q.d[k], q.dd[k]
+        mujoco.mj_inverse(model, data)
+        read[k] = data.sensor("imu").data
+    return read
+
+
+@ARMS
+def test_in_motion_it_reads_what_mujocos_does_wherever_and_whenever_it_is(robot):
+    t, q = arm.fourier(np.random.default_rng(0), 4.0, 100.0, robot.home)
+    place, zero, moving = [0.03, -0.02, 0.04], np.array([0.2, -0.1, 0.3]), np.ones(len(t), bool)
+    rows = Scene(robot, robot.parameters.nominal, ASKEW, q, t, moving)
+    read = felt(robot, q, place) + zero
+    fitted = ACCELEROMETER.fitted(read, rows)
+    assert fitted.place == pytest.approx(place, abs=1e-9) and abs(fitted.lag) < 1e-9
+    assert np.abs(readings((fitted,), rows) - read).max() < 1e-9
+    shifted = Jet(q.v + 0.02 * np.eye(q.v.shape[1])[2], q.d, q.dd)
+    offset = ActiveEffect.of(robot, "joint.offset", {"joint": 3, "offset": 0.02})
+    moved = felt(robot, shifted, place) + zero
+    assert np.abs(readings((fitted,), rows, [offset]) - moved).max() < 1e-9
+    late = ACCELEROMETER.fitted(CubicSpline(t, read)(t - 0.003), rows)
+    assert late.lag == pytest.approx(0.003, rel=0.02)
+
+
+def test_in_motion_it_is_compared_beside_the_wrench_to_its_noise(tmp_path):
+    plan = multisine(UR5, 8.0, 100.0, 1)
+    whole = driven(plan, tmp_path / "rec.parquet", seed=1, noise="white")
+    path, rng = CubicSpline(whole.t, whole.q), np.random.default_rng(1)
+    q = Jet(*(path(whole.t, k) for k in range(3)))
+    read = felt(UR5, q, [0.03, 0.0, 0.05], UR5.gravity) + 0.02 * rng.normal(size=(len(whole), 3))
+    columns = {**whole.columns, **dict(zip(ACCELEROMETER.columns, read.T, strict=True))}
+    prepared = prepare(Recording(whole.metadata, columns))
+    assert [channel.name for channel in prepared.channels] == ["wrench", "accelerometer"]
+    assert prepared.sigma[6:] == pytest.approx([0.02] * 3, rel=0.3)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -128,9 +177,8 @@ def test_a_wrench_on_the_sensor_is_held_as_in_mujoco(robot):
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         turn, force = data.xmat[tool].reshape(3, 3), np.zeros(model.nv)
-        mujoco.mj_applyFT(
-            model, data, turn @ wrench[k, :3], turn @ wrench[k, 3:], data.xpos[tool], tool, force
-        )
+        pull, twist = turn @ wrench[k, :3], turn @ wrench[k, 3:]
+        mujoco.mj_applyFT(model, data, pull, twist, data.xpos[tool], tool, force)
         torque[k] = -force
     assert np.abs(held_wrench(twists(robot, rows.q, rows.theta), wrench) - torque).max() < 1e-9
 

@@ -154,10 +154,8 @@ def test_nothing_is_learnt_before_a_recording_is_refused(oriented, asked, capsys
     keep = np.arange(len(recording.t)) < 8
     columns = {name: x[keep] for name, x in recording.columns.items()}
     replace(recording, columns=columns).write(few)
-    assert (
-        main(["diagnose", str(few), "--out", str(oriented.parent / "out"), "--look-alikes", "30"])
-        == 1
-    )
+    line = ["diagnose", str(few), "--out", str(oriented.parent / "out"), "--look-alikes", "30"]
+    assert main(line) == 1
     assert asked == []
     assert "less than 5 s of motion" in capsys.readouterr().err
 

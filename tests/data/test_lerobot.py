@@ -114,9 +114,8 @@ def test_efforts_and_wrenches_need_their_units_too(here, capsys):
     assert "observation.effort is left out" in capsys.readouterr().out
     assert imported(here, 'unit = "deg"\neffort = "mA"\nwrench = "N, N·m"')[0] == 0
     recording = Recording.read(here / "rec.parquet")
-    assert recording.wrench == approx(wrench) and recording.columns["i3"] == approx(
-        1e-3 * tau[:, 2]
-    )
+    assert recording.wrench == approx(wrench)
+    assert recording.columns["i3"] == approx(1e-3 * tau[:, 2])
 
 
 FIRST = "data/chunk-000/file-000.parquet"

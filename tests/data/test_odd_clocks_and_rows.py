@@ -87,9 +87,8 @@ def test_a_line_of_units_is_none_of_names(tmp_path, log):
     t, values = log
     values = values * np.repeat([np.rad2deg(1.0), 1.0, 1e3], [6, 3, 3])
     units = ",".join(["s", *["deg"] * 6, *["N"] * 3, *["Nmm"] * 3])
-    path = write(
-        tmp_path / "log.csv", [",".join(("t", *NAMES)), units], map(repr, t.tolist()), values
-    )
+    lines = [",".join(("t", *NAMES)), units]
+    path = write(tmp_path / "log.csv", lines, map(repr, t.tolist()), values)
     came(path, t, log[1])
 
 

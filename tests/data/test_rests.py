@@ -92,11 +92,8 @@ def test_a_log_is_imported_as_poses_and_its_moves_are_kept(tmp_path, capsys):
     motion = wb.Recording.read(tmp_path / "rec.motion.parquet")
     assert motion.metadata.mode == "dynamic" and set(motion.columns["hold"]) == set(range(-1, 9))
     assert np.ptp(motion.q, axis=0).min() > 0.1
-    assert np.allclose(
-        motion.metadata.sensor.noise_std,
-        0.8 * np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3]),
-        rtol=0.25,
-    )
+    of_recording = 0.8 * np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3])
+    assert np.allclose(motion.metadata.sensor.noise_std, of_recording, rtol=0.25)
 
 
 def test_many_poses_are_poses_and_a_motion_without_a_hold_is_none(tmp_path):

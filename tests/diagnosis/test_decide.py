@@ -196,9 +196,8 @@ def test_doubt_goes_to_unknown_and_about_unknown_to_all_others(verdict, before, 
     told = reliable(facts, said, SimpleNamespace(further={}))
     assert told.word == verdict.partition(" ")[0]
     assert [c.probability for c in told.causes] == pytest.approx([right] * (right > 0.5) * claims)
-    assert {TILT: 0.0} | dict(told.probabilities) == pytest.approx(
-        dict(zip((TILT, "none", "unknown"), after, strict=True))
-    )
+    want = dict(zip((TILT, "none", "unknown"), after, strict=True))
+    assert {TILT: 0.0} | dict(told.probabilities) == pytest.approx(want)
 
 
 GAIN_OR_MASS = "sensor.gain|tool.mass"

@@ -101,9 +101,8 @@ def test_none_says_what_it_could_not_have_seen(tmp_path):
     assert answer["verdict"] == "none"
     blind = {(b["effect"], b["element"]): b for b in answer["blind"]}
     assert blind["joint.offset", "joint 1"]["smallest"] is None
-    assert blind["joint.offset", "joint 1"]["sentence"] == (
-        "joint.offset of joint 1: no effect on these readings"
-    )
+    told = blind["joint.offset", "joint 1"]["sentence"]
+    assert told == "joint.offset of joint 1: no effect on these readings"
     assert blind["link.length", "a2"]["smallest"] is None  # lengths move no load at rest
     assert blind["timing.delay", None]["smallest"] is None
     soft = blind["joint.compliance", "joint 6"]  # hardly loaded by the tool
@@ -236,15 +235,12 @@ def test_stated_numbers_may_be_as_wrong_whether_rows_were_averaged_first_or_not(
 def test_the_noise_of_means_is_not_that_of_a_count(spring):
     """Means of rows stand between the counts of a sensor; a row that stands on them does not."""
     means = averaged(spring)
-    assert np.diagonal(observe(means).row_covariance) == pytest.approx(
-        np.square(means.metadata.sensor.noise_std)
-    )
+    stated = np.square(means.metadata.sensor.noise_std)
+    assert np.diagonal(observe(means).row_covariance) == pytest.approx(stated)
     step = wb.load("sensors", spring.metadata.sensor.model).calibration().resolution
     columns = {c: np.round(means.columns[c] / u) * u for c, u in zip(CHANNELS, step, strict=True)}
     coarse = observe(replace(means, columns=means.columns | columns)).row_covariance
-    assert np.diagonal(coarse) == pytest.approx(
-        np.maximum(np.square(means.metadata.sensor.noise_std), np.square(step) / 12.0)
-    )
+    assert np.diagonal(coarse) == pytest.approx(np.maximum(stated, np.square(step) / 12.0))
 
 
 def test_what_counts_decides_whether_it_is_a_cause(spring):

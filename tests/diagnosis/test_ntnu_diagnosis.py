@@ -140,9 +140,8 @@ def test_a_force_at_no_point_is_unknown():
 
 def test_a_jump_of_the_zero_and_a_wrong_mass_are_no_touch():
     jump = np.array([4.0, -3.0, 2.0, 0.2, 0.1, 0.05])
-    assert (
-        contact.find_contact(gathered(disturbed(1, lambda t: during(t, 3.0, 9.9) * jump))) is None
-    )
+    jumped = disturbed(1, lambda t: during(t, 3.0, 9.9) * jump)
+    assert contact.find_contact(gathered(jumped)) is None
     rec = motion(1)
     light = replace(rec.metadata, tool=replace(rec.metadata.tool, mass=0.5))
     assert contact.find_contact(gathered(Recording(light, rec.columns))) is None

@@ -57,9 +57,8 @@ def test_rows_are_whitened_channel_by_channel_and_a_fold_is_held_out():
     assert p.variance == pytest.approx(np.full(6, 3.0))
     p.scene.held[1] = False
     assert list(p.poses) == [0, *range(2, 16)]  # joint values of the observations
-    assert p.noise_source == "as stated" and prepared(source="repeats").noise_source == (
-        "from its repeats"
-    )
+    assert p.noise_source == "as stated"
+    assert prepared(source="repeats").noise_source == "from its repeats"
 
 
 def test_a_motion_is_averaged_within_its_blocks():

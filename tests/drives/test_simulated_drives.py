@@ -94,9 +94,8 @@ def test_each_fault_is_its_law_on_one_joint(kind):
     quick = np.abs(q.d[:, j]) > 6e-3  # friction changes its sign within 1e-3 rad/s
     if kind == "delay":
         quick &= np.abs(np.gradient(before[:, j])) < 1.0
-    assert np.abs((after - before)[quick, j] - expected[quick]).max() < 1e-3 * max(
-        1.0, np.abs(expected).max()
-    )
+    apart = np.abs((after - before)[quick, j] - expected[quick])
+    assert apart.max() < 1e-3 * max(1.0, np.abs(expected).max())
     assert np.array_equal(np.delete(after, j, axis=1), np.delete(before, j, axis=1))
 
 

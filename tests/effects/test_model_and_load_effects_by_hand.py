@@ -128,10 +128,9 @@ def test_an_accelerometer_says_what_of_the_inertial_load_is_there():
         [0.0, 0.0, 0.0, -1e-2, -2e-2, -3e-2],
         [0.0, 0.0, 0.0, 0.0, 0.0, -(1.0 * 2e-2 * 2.0 - 2.0 * 1e-2 * 1.0)],
     ]
-    assert added(told, "tool.inertia", share=1.0) == pytest.approx(np.array(expected), abs=1e-12)
-    assert added(told, "tool.inertia", share=0.5) == pytest.approx(
-        0.5 * np.array(expected), abs=1e-12
-    )
+    for share in (1.0, 0.5):
+        want = pytest.approx(share * np.array(expected), abs=1e-12)
+        assert added(told, "tool.inertia", share=share) == want
     assert not added(scene, "tool.inertia", share=1.0).any()
 
 
@@ -270,9 +269,8 @@ def test_a_tool_gives_along_and_across_its_load(part):
     i, j = GIVES[part]
     give[i, j] = give[j, i] = 2e-5
     found = added(oriented(*TURNS), "tool.flexure", **{f"compliance__{part}": 2e-5})
-    assert found == pytest.approx(
-        np.concatenate([0.0 * force, np.cross(force @ give, force)], axis=1), abs=1e-12
-    )
+    bent = np.concatenate([0.0 * force, np.cross(force @ give, force)], axis=1)
+    assert found == pytest.approx(bent, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -207,9 +207,8 @@ def misses_heartbeats(bus):
 
 def refuses_by_code(bus):
     for index, sub, code in ((0x5FFF, 0, 0x06020000), (0x1018, 9, 0x06090011)):
-        assert (
-            struct.unpack_from("<BHBI", bus.ask(struct.pack("<BHB4x", 0x40, index, sub)))[3] == code
-        )
+        answer = bus.ask(struct.pack("<BHB4x", 0x40, index, sub))
+        assert struct.unpack_from("<BHBI", answer)[3] == code
     assert bus.write(0x603F, 0, 1, 2) == 0x06010002
     assert bus.write(0x6060, 0, 8, 2) == 0x06070012
     assert bus.write(0x60C2, 2, 0, 1) == 0x06090031

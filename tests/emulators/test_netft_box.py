@@ -26,9 +26,8 @@ def test_requests_start_replace_bias_and_stop_a_stream():
         rows = one.records(60)
         assert [r[0] for r in rows] == list(range(1, 61))
         assert set(np.diff([r[1] for r in rows])) == {7}
-        assert np.mean([r[3:] for r in rows], axis=0) / 1e6 == pytest.approx(
-            scene.body.base, abs=1e-3
-        )
+        mean = np.mean([r[3:] for r in rows], axis=0) / 1e6
+        assert mean == pytest.approx(scene.body.base, abs=1e-3)
         two.ask(2, 30)
         assert [r[0] for r in two.records(30)] == list(range(1, 31))
         assert one.silent() and two.silent()
@@ -86,9 +85,8 @@ def test_the_reported_time_has_a_constant_delay():
         body.newest = (5.0 + 0.008 * k, 0.008 * k)
         line.observe()
         for since in (0.0, 0.003, 0.0079):
-            assert line.simulated(5.0 + 0.008 * k + since) == pytest.approx(
-                0.008 * k + since - 0.010
-            )
+            passed = 0.008 * k + since
+            assert line.simulated(5.0 + passed) == pytest.approx(passed - 0.010)
     body.newest = (20.0, 1.0)  # cycles were lost
     line.observe()
     assert line.simulated(20.0) == pytest.approx(0.990)

@@ -93,9 +93,8 @@ def moves_and_answers(arm, robot):
     assert within(0.5, lambda: np.allclose(robot.getActualTCPPose(), pose, atol=1e-4))
     solved = arm.getInverseKinematics(pose.tolist())
     assert solved == pytest.approx(robot.getActualQ(), abs=1e-3)
-    assert arm.poseTrans([1, 0, 0, 0, 0, 0], [0, 2, 0, 0, 0, 0]) == pytest.approx(
-        [1, 2, 0, 0, 0, 0]
-    )
+    both = arm.poseTrans([1, 0, 0, 0, 0, 0], [0, 2, 0, 0, 0, 0])
+    assert both == pytest.approx([1, 2, 0, 0, 0, 0])
     assert arm.isJointsWithinSafetyLimits(HOME.tolist())
     assert not arm.isPoseWithinSafetyLimits([3.0, 0, 0, 0, 0, 0])
     assert arm.setTcp([0, 0, 0.1, 0, 0, 0])

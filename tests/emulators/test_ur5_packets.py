@@ -83,9 +83,8 @@ def test_inputs_are_claimed_and_freed():
     assert say(first, ask) == packet("I", b"\x01INT32,DOUBLE")
     assert say(first, ask) == packet("I", b"\x02INT32,DOUBLE")
     assert say(second, ask) == packet("I", b"\x00IN_USE,IN_USE")
-    assert say(second, packet("I", b"input_int_register_1,x")) == packet(
-        "I", b"\x00INT32,NOT_FOUND"
-    )
+    answer = say(second, packet("I", b"input_int_register_1,x"))
+    assert answer == packet("I", b"\x00INT32,NOT_FOUND")
     first[0].end()
     assert say(second, ask) == packet("I", b"\x01INT32,DOUBLE")
 

@@ -117,10 +117,8 @@ def test_parts_hold_what_they_should(listener):
     assert a == (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
     assert d == (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823)
     assert np.allclose(alpha, np.array([1, 0, 0, 1, -1, 0]) * np.pi / 2)
-    assert struct.unpack_from(">2d", found[6], 5) == (
-        arm.kinematics.lower[0],
-        arm.kinematics.upper[0],
-    )
+    limits = arm.kinematics.lower[0], arm.kinematics.upper[0]
+    assert struct.unpack_from(">2d", found[6], 5) == limits
     assert struct.unpack_from(">4d", found[6], 5 + 192) == (1.05, 1.4, 0.25, 1.2)
     assert struct.unpack_from(">6d", found[6], 5 + 232) == a
     assert struct.unpack_from(">i", found[6], 445 - 8)[0] == 1

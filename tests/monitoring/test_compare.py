@@ -55,9 +55,8 @@ def test_sigma_and_chi2_are_those_of_the_covariances(fits):
     assert [x.name for x in found.changes] == names
     assert [x.sigmas for x in found.changes] == pytest.approx(d / np.sqrt(np.diagonal(c)))
     chi2 = float(d @ np.linalg.solve(c, d))
-    assert found.together == pytest.approx(
-        {"chi2": chi2, "dof": len(d), "p": float(stats.chi2.sf(chi2, len(d)))}, rel=1e-6
-    )
+    want = {"chi2": chi2, "dof": len(d), "p": float(stats.chi2.sf(chi2, len(d)))}
+    assert found.together == pytest.approx(want, rel=1e-6)
 
 
 def test_false_alarms_stay_within_the_level():

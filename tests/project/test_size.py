@@ -8,12 +8,12 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5174,
+    "calibration": 5171,
     "campaigns": 1144,
-    "channels": 937,
-    "cli": 2688,
-    "data": 5530,
-    "diagnosis": 12993,
+    "channels": 975,
+    "cli": 2687,
+    "data": 5525,
+    "diagnosis": 12992,
     "drives": 1726,
     "effects": 4999,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78944,
-    "src/wrenchbed": 69455,
+    "src": 78972,
+    "src/wrenchbed": 69483,
     "src/robot_emulators": 9489,
-    "tests": 38048,
+    "tests": 38042,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

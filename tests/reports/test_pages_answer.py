@@ -146,10 +146,8 @@ def test_every_figure_answers_and_nothing_complains(page, pages, kind):
     shown(page, pages[kind])
     count = page.run("document.querySelectorAll('figure[data-chart]').length")
     assert count >= 1
-    assert (
-        page.run("document.querySelectorAll('figure.alive :is(.live svg, canvas.live)').length")
-        == count
-    )
+    alive = "document.querySelectorAll('figure.alive :is(.live svg, canvas.live)').length"
+    assert page.run(alive) == count
     assert page.console == []
     assert set(page.requests.values()) == {pages[kind].as_uri()}
     assert pages[kind].stat().st_size < 3_000_000

@@ -164,9 +164,8 @@ def test_the_toml_beside_the_model_is_its_robot(name, tmp_path):
     (words, numbers), (own, stated) = (
         (re.sub(NUMBER, "#", x), re.findall(NUMBER, x)) for x in texts
     )
-    assert words == own and [*map(float, numbers)] == pytest.approx(
-        [*map(float, stated)], abs=1e-15
-    )
+    there, here = ([*map(float, some)] for some in (numbers, stated))
+    assert words == own and there == pytest.approx(here, abs=1e-15)
     again = rebuilt(json.loads(json.dumps(robot.record)))
     q = robot.sample(5, np.random.default_rng(0))
     theta = random_theta(robot, np.random.default_rng(1))

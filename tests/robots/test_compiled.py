@@ -152,9 +152,8 @@ def test_far_and_missing_joint_values_are_as_in_numpy():
     for row, digits in ((3, 1e-6), (7, 1e-9)):  # a zero is added to so many digits of an angle
         assert apart(found[row], wanted[row]) < digits
     right_angles = np.arange(-40, 40).reshape(-1, 1) * np.ones(6) * np.pi / 2
-    assert np.abs(model.predict(right_angles, theta) - plain(model, right_angles, theta)).max() < (
-        1e-13 * np.abs(wanted[near]).max()
-    )
+    off = np.abs(model.predict(right_angles, theta) - plain(model, right_angles, theta))
+    assert off.max() < 1e-13 * np.abs(wanted[near]).max()
 
 
 @pytest.mark.sampled

@@ -42,12 +42,8 @@ def test_the_49_parameters_are_the_papers_and_joints_come_back():
     assert set(IDENTIFIED) == set(identified) - {"dq1", "d31", "d32"}
     for case, which in CASES:
         theta, q = theta_of(which), joints_of(case["psi_mm_deg"])
-        assert (
-            np.abs(
-                inverse_kinematics.joints(ROBOT.values(theta), *ROBOT.tool_pose(q, theta)) - q
-            ).max()
-            < 1e-12
-        )
+        back = inverse_kinematics.joints(ROBOT.values(theta), *ROBOT.tool_pose(q, theta))
+        assert np.abs(back - q).max() < 1e-12
 
 
 @pytest.mark.parametrize(

@@ -204,12 +204,8 @@ def _mcap(compression: str, *, crcs: bool = True, data_crcs: bool = True,
     topic = writer.register_channel("/wrench", encoding, schema)
     for on, kind, message, at in messages(store):
         if on == "/wrench":
-            as_json = encoding == "json"
-            data = (
-                json.dumps(plain(message)).encode()
-                if as_json
-                else store.serialize_cdr(message, kind)
-            )
+            as_json = json.dumps(plain(message)).encode()
+            data = as_json if encoding == "json" else store.serialize_cdr(message, kind)
             writer.add_message(topic, at, bytes(data), at)
     writer.finish()
     return stream.getvalue()

@@ -111,9 +111,8 @@ def own_servo(servos, targets, rate=50.0, step=2e-3, fastest=6.0):
         mujoco.mj_comVel(model, data)
         mujoco.mj_rne(model, data, 0, bias)
         mujoco.mj_fullM(model, data, mass)
-        rub = (
-            np.array(servos.friction) * (1.0 + 0.3 * np.exp(-((v / 0.1) ** 2))) * np.tanh(v / 0.01)
-        )
+        stribeck = 1.0 + 0.3 * np.exp(-((v / 0.1) ** 2))
+        rub = np.array(servos.friction) * stribeck * np.tanh(v / 0.01)
         counted = np.round(q / COUNT) * COUNT
         return np.linalg.solve(
             mass, np.array(servos.kp) * (setpoint - counted) - drag * v - rub - bias

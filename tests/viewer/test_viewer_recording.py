@@ -62,9 +62,8 @@ def test_curves_are_what_was_recorded(recorded):
         assert np.array_equal(values[:, 0], recording.wrench[:, k])
         assert np.allclose(values[:, 1], configured[:, k], atol=1e-9)
         assert np.allclose(values[:, 2], fitted[:, k], atol=1e-9)
-        assert np.array_equal(
-            rrd.times(f"/wrench/{channel}", "Scalars:scalars", "row"), np.arange(len(values))
-        )
+        rows = rrd.times(f"/wrench/{channel}", "Scalars:scalars", "row")
+        assert np.array_equal(rows, np.arange(len(values)))
         left = rrd.values(f"/residual/{channel}", "Scalars:scalars", "row")
         assert np.allclose(left[:, 0], (recording.wrench - fitted)[:, k], atol=1e-9)
     shown = rrd.values("/joints", "Scalars:scalars", "row")
@@ -122,12 +121,10 @@ def test_all_visible_geoms_are_drawn_as_large_as_mujoco_bounds_them(name):
                 low, high = own.min(axis=(0, 1)), own.max(axis=(0, 1))
                 assert np.allclose([low, high], [middle - half, middle + half], atol=1e-6)
             across = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
-            assert (
-                np.einsum("ti,ti->t", across, own.mean(axis=1)) > 0.0
-            ).all()  # seen from outside
-    assert np.count_nonzero(model.geom_group < 3) == sum(
-        len(geoms_of(model, b)) for b in bodies(model).values()
-    )
+            outwards = np.einsum("ti,ti->t", across, own.mean(axis=1))
+            assert (outwards > 0.0).all()
+    seen = sum(len(geoms_of(model, b)) for b in bodies(model).values())
+    assert np.count_nonzero(model.geom_group < 3) == seen
 
 
 def test_a_shape_that_is_not_drawn_is_named():

@@ -54,9 +54,8 @@ class Goal:
     def quantile(self, covariance: np.ndarray, share: float) -> float:
         """Position error [m], rms over the poses, that a robot stays below with probability
         ``share`` if its parameters' errors have the covariance (K, K)."""
-        half = np.linalg.cholesky(
-            self.weight + 1e-15 * np.trace(self.weight) * np.eye(len(covariance))
-        )
+        ridge = 1e-15 * np.trace(self.weight) * np.eye(len(covariance))
+        half = np.linalg.cholesky(self.weight + ridge)
         squares = np.clip(np.linalg.eigvalsh(half.T @ covariance @ half), 0.0, None)
         draws = np.random.default_rng(0).chisquare(1.0, (_DRAWS, len(squares)))
         return float(np.sqrt(np.quantile(draws @ squares, share)))

@@ -70,13 +70,11 @@ def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
     nonlinear functions of gravity's direction (linear ones are gains and crosstalk)."""
     t = problem.data.t[some]
     along = np.pi * (t - t.min()) / max(float(np.ptp(t)), 1e-9)
-    yield _shapes(
-        "drift", "a zero that drifts", problem, np.cos(np.outer(along, 1 + np.arange(WAVES)))
-    )
+    waves = np.cos(np.outer(along, 1 + np.arange(WAVES)))
+    yield _shapes("drift", "a zero that drifts", problem, waves)
     robot, gravity = problem.model.robot, np.asarray(problem.model.gravity)
-    seen = robot.gravity_seen(
-        value(problem.data.q[some]), robot.robot_theta(problem.at(x)), gravity
-    )
+    theta = robot.robot_theta(problem.at(x))
+    seen = robot.gravity_seen(value(problem.data.q[some]), theta, gravity)
     a, b, c = (seen / np.linalg.norm(gravity)).T
     one = np.ones_like(a)
     smooth = [one, a * b, b * c, c * a, a * a - b * b, 3.0 * c * c - 1.0]

@@ -72,8 +72,11 @@ class Channel(ABC):
         return np.asarray(np.add.reduceat(rows, starts) / data.count[:, None])
 
     def rows(self, recording: Recording, data: Observations) -> np.ndarray:
-        """Readings (N, k) of those rows of a recording that ``data.keep`` selects."""
-        return np.stack([recording.columns[c][data.keep] for c in self.columns], axis=1)
+        """Readings (N, k) of those rows of a recording that ``data.keep`` selects, or its samples
+        of a motion."""
+        moving = recording.metadata.mode == "dynamic"
+        rows = np.searchsorted(recording.t, data.t) if moving else data.keep
+        return np.stack([recording.columns[c][rows] for c in self.columns], axis=1)
 
     def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
         """Copy with nuisance parameters fitted to readings; None if these do not determine them.

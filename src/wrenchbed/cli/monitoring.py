@@ -227,9 +227,8 @@ class _Gauge:
 def gauge(external: External, frame: str) -> Table:
     """Table of a reading in axes ``frame`` (as of `live`): values, bars in σ of noise, the
     alarm."""
-    caption = external.alarm or (
-        "at rest" if external.at_rest else "moving: inertia is not compensated"
-    )
+    quiet = "at rest" if external.at_rest else "moving: inertia is not compensated"
+    caption = external.alarm or quiet
     heads = ("", ">value", ">± noise", "unit", f"−{_FULL:g} σ … {_FULL:g} σ")
     table = console.table(*heads, space=1, title=f"external wrench, {frame} axes")
     table.caption, table.caption_justify = caption, "left"

@@ -429,9 +429,8 @@ def _slow(recording: Recording) -> Split | None:
     if half < 1 or n < 8 * half:
         return None
     row = np.arange(3 * half, n - 3 * half)
-    before, here, behind = (
-        means_of(q, row + (2 * k - 1) * half, row + (2 * k + 1) * half) for k in (-1, 0, 1)
-    )
+    at = ((row + (2 * k - 1) * half, row + (2 * k + 1) * half) for k in (-1, 0, 1))
+    before, here, behind = (means_of(q, low, high) for low, high in at)
     speed, bend = (behind - before) / (4 * half * step), behind - 2.0 * here + before
     slow = np.zeros(n, dtype=bool)
     slow[row] = (np.abs(speed) < _SLOW).all(axis=1)

@@ -159,9 +159,8 @@ def _table(folder: Path, kinds: Sequence[str]) -> pa.Table:
             raise MapError(f"{file}: cannot be read: {error}") from error
         if missing := [c for c in columns if c not in parts[-1].column_names]:
             raise MapError(f"{file}: has no column {missing[0]}")
-    return pa.concat_tables(parts).sort_by(
-        [("episode_index", "ascending"), ("timestamp", "ascending")]
-    )
+    order = [("episode_index", "ascending"), ("timestamp", "ascending")]
+    return pa.concat_tables(parts).sort_by(order)
 
 
 def _clock(table: pa.Table, where: str) -> dict[str, np.ndarray]:
@@ -214,11 +213,8 @@ def _pairs(stated: checked.Fields, key: str, joints: int, what: str) -> np.ndarr
         result = np.asarray(stated.raw.get(key), dtype=float)
     except (TypeError, ValueError):
         result = np.zeros(0)
-    if (
-        result.shape != (joints, 2)
-        or not np.isfinite(result).all()
-        or not np.ptp(result, axis=1).all()
-    ):
+    shaped = result.shape == (joints, 2) and np.isfinite(result).all()
+    if not shaped or not np.ptp(result, axis=1).all():
         raise stated.error(key, f"must be {joints} pairs: {what}")
     return result
 

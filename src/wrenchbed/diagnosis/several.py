@@ -85,9 +85,8 @@ def diagnose_several(
     joint = together([e.analysis for e in each])
     first = each[0]
     settled = settle(joint, known, seed)
-    all_of_them = settled._replace(
-        outliers=first.outliers, between=_between(each, names), scattered=first.scattered
-    )
+    between, scattered = _between(each, names), first.scattered
+    all_of_them = settled._replace(outliers=first.outliers, between=between, scattered=scattered)
     findings = findings_of(all_of_them, known, seed, progress, begun)
     d = findings.diagnosis
     of_each = list(zip(names, each, strict=True))
@@ -125,9 +124,8 @@ def _added_loads(recordings: Sequence[Recording]) -> tuple[list[dict[str, Any]],
             continue
         for p in load:
             number = {"value": p.value, "std": p.std, "unit": p.unit, "stated": None}
-            entries.append(
-                {"name": p.name.replace("tool", "added"), "recording": named(other)} | number
-            )
+            added = p.name.replace("tool", "added")
+            entries.append({"name": added, "recording": named(other)} | number)
     return entries, untold
 
 
@@ -173,9 +171,8 @@ def together(analyses: Sequence[Analysis]) -> Analysis:
     known = [[e.finalist for e in a.ranking.explanations] for a in analyses]
     refitters = refit.together([a.refitter for a in analyses], known)
     ranking = rank(refitters, analyses)
-    one, *others = (
-        replace(a, refitter=r, ranking=ranking) for a, r in zip(analyses, refitters, strict=True)
-    )
+    each = zip(analyses, refitters, strict=True)
+    one, *others = (replace(a, refitter=r, ranking=ranking) for a, r in each)
     return replace(one, others=tuple(others))
 
 

@@ -287,9 +287,8 @@ def test_what_is_material_decides_what_counts_not_what_is_there():
     (small,) = coarse.minor
     before, after = by_noise.which[0], small
     assert small["effect"] == "drive.coulomb" and small["elements"] == ["joint 2"]
-    assert before["parameters"]["coulomb"]["value"] == pytest.approx(
-        after["parameters"]["coulomb"]["value"], rel=0.05
-    )
+    was, now = (found["parameters"]["coulomb"]["value"] for found in (before, after))
+    assert was == pytest.approx(now, rel=0.05)
     fine = diagnose_efforts(recording, material=Material(1.0, 0.1 * NOISE.min())).diagnosis
     assert fine.verdict != "none" and fine.gap.configured > 50.0 * by_noise.gap.configured
 

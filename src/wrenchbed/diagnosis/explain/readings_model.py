@@ -152,9 +152,8 @@ class ReadingsModel:
         f = finalist
         rungs = [f.rung, *(r for r in self.normal.tolist() if r < f.rung)]
         beside = [self._beside(r, f.design, f.spread, f.y) for r in rungs]
-        evidence = np.array(
-            [b.log_evidence + self.rung_prior[r] for b, r in zip(beside, rungs, strict=True)]
-        )
+        each = zip(beside, rungs, strict=True)
+        evidence = np.array([b.log_evidence + self.rung_prior[r] for b, r in each])
         base = f.log_posterior + float(np.log(MORE / PRIOR["one"])) - logsumexp(evidence)
         taken = set(f.names)
         return [

@@ -95,9 +95,8 @@ def simulated(p: Prepared, twin: Twin) -> np.ndarray:
     if p.has_wrench:
         return twin.wrench(p.scene)
     p = p.leading
-    return refitted(
-        p.channels, replace(p.scene, theta=twin.robot_theta), twin.active, p.y, p.fitted
-    )
+    scene = replace(p.scene, theta=twin.robot_theta)
+    return refitted(p.channels, scene, twin.active, p.y, p.fitted)
 
 
 class Claimed(NamedTuple):

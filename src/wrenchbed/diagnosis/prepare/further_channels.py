@@ -6,6 +6,7 @@ in friction, ordinary errors of sensors and links are added. If it is the only c
 repeated rows, the unexplained residual is no noise: it remains a gap, of unknown cause.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -59,15 +60,22 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         fitted, unexplained, ordinary = _by_pose(fitted, scene, residual, expected)
         noise, source = np.maximum(noise, unexplained), "residual"
     elif prepared.channels or len(y) == data.count.sum():
-        nuisance, imperfect = (
-            flat(x[scene.held]) for x in (fitted.nuisance(scene), fitted.imperfections(scene))
+
+        def averaged(x: np.ndarray) -> np.ndarray:  # a motion is judged by averages of its rows
+            return prepared.averages(x.reshape(len(y), -1)).reshape(-1, *x.shape[1:])
+
+        nuisance, *every = (
+            averaged(flat(x[scene.held]))
+            for x in (fitted.nuisance(scene), fitted.imperfections(scene))
         )
-        every = np.column_stack([imperfect, *_of_effects(fitted, scene)])
-        noise, source = np.maximum(noise, own_noise(residual, nuisance, every)), "residual"
+        every += [averaged(columns) for columns in _of_effects(fitted, scene)]
+        own = own_noise(averaged(residual), nuisance, np.column_stack(every))
+        own *= np.sqrt(prepared.stride)
+        noise, source = np.maximum(noise, own), "residual"
     unit = np.hypot(noise, ordinary)
     worst, of_unit = float(noise.max()), next(iter(fitted.columns.values()))
-    too = " too" if prepared.channels else ""
-    note = f"the {fitted.name} is compared{too}, with a noise of {worst:.2g} {of_unit} a pose"
+    too, what = " too" if prepared.channels else "", "row" if scene.moving else "pose"
+    note = f"the {fitted.name} is compared{too}, with a noise of {worst:.2g} {of_unit} a {what}"
     row = None if prepared.row is None else block_diag(prepared.row, np.diag(unit**2))
     return replace(
         prepared,
@@ -101,9 +109,9 @@ def _by_pose(
     return sized, fit.noise, np.sqrt(usual)
 
 
-def _of_effects(channel: Channel, scene: Scene) -> list[np.ndarray]:
-    """Readings (H k, m) of every effect that acts on the channel, at typical size."""
-    response, result = Response(scene, (channel,)), list[np.ndarray]()
+def _of_effects(channel: Channel, scene: Scene) -> Iterator[np.ndarray]:
+    """Yield the readings (H k, m) of each effect that acts on the channel, at typical size."""
+    response = Response(scene, (channel,))
     for effect in effects().values():
         if not effect.acts(scene) or PLACING.isdisjoint(effect.stages):
             continue
@@ -113,8 +121,7 @@ def _of_effects(channel: Channel, scene: Scene) -> list[np.ndarray]:
             for _, change in response.changes(effect, parameters, variant.at):
                 columns.append(change[scene.held].ravel())
         if columns:
-            result.append(np.stack(columns, axis=1))
-    return result
+            yield np.stack(columns, axis=1)
 
 
 def _scatter(channel: Channel, prepared: Prepared, data: Observations, y: np.ndarray) -> np.ndarray:

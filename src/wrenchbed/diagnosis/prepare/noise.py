@@ -112,9 +112,8 @@ def not_systematic(
     if not over.any():
         return covariance, source, ""
     moves = over & systematic(recording, data)
-    k = int(
-        np.argmax(np.where(moves if moves.any() else over, measured / np.maximum(std, 1e-12), 0))
-    )
+    ratio = measured / np.maximum(std, 1e-12)
+    k = int(np.argmax(np.where(moves if moves.any() else over, ratio, 0)))
     text = (
         f"rows of {CHANNELS[k]} within a pose scatter by {measured[k]:.3g} {UNITS[k]} rms, "
         f"{std[k]:.3g} {UNITS[k]} is stated: "

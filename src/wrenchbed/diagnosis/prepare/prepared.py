@@ -220,9 +220,8 @@ class Prepared:
     @property
     def expected(self) -> np.ndarray:
         """Readings (M, C) of the scene's simulator without effects."""
-        return (
-            self.scene.load if self.channels == (WRENCH,) else readings(self.channels, self.scene)
-        )
+        cached = self.channels == (WRENCH,)
+        return self.scene.load if cached else readings(self.channels, self.scene)
 
     def read(self, scene: Scene, active: Sequence[ActiveEffect]) -> np.ndarray:
         """Readings (M, C) of a scene with effects."""
@@ -437,8 +436,7 @@ def split(
     groups = -(-count // FOLDS)
     fold = np.concatenate([rng.permutation(FOLDS) for _ in range(groups)])[block]
     if poses is not None and not moving and len(poses):
-        _, first, same = np.unique(
-            np.round(poses, SAME_POSE), axis=0, return_index=True, return_inverse=True
-        )
+        places = np.round(poses, SAME_POSE)
+        _, first, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
         fold = fold[first[same.ravel()]]
     return block, fold
