@@ -9,7 +9,6 @@ import mutated
 from wrenchbed.benchmark.sealed.make import EffortFamily, Family
 
 SAMPLE = (15, 1, 2, 4, 5, 6, 14, 16, 780057, 790081)
-"""Cases for every run: `scripts/invariants` does thousands."""
 CASES, SEED = 60, 4545
 FAMILIES = {
     "rest": Family("ur5", "static", CASES, SEED),

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import wrenchbed as wb
-from simulated import UR5_TRUTH, WHITE, static
+from simulated import UR5_TRUTH, WHITE, driven, static
 from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
 from wrenchbed.monitoring.compare import LEVEL, compare, holm
@@ -138,3 +138,13 @@ def test_the_terminal_page_and_json_say_the_same(fits, capsys):
     html = page.read_text(encoding="utf-8")
     assert "◔ changed" in html and "1 of 13 numbers" in html and f"{mass['sigmas']:.1f} σ" in html
     assert html.count('<tr class="best">') == 1
+
+
+def test_what_no_compared_number_explains_is_a_change(tmp_path):
+    plan = wb.poses(wb.load("robots", "ur5"), 24, 0)
+    for name, effects in (("june", ()), ("july", ("base.tilt:x=0.004",))):
+        driven(plan, tmp_path / f"{name}.parquet", 30, seed=len(effects), effects=effects)
+    found = compare(tmp_path / "june.parquet", tmp_path / "july.parquet")
+    assert found.changed and not any(c.changed for c in found.changes)
+    assert found.sentences[0].startswith("what these numbers do not explain went from 1.")
+    assert "None of" not in found.page().html() and "Find the cause" in found.page().html()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import wrenchbed as wb
+from consistent import violations
 from rrd_file import Rrd
 from simulated import driven
 from wrenchbed import registry
@@ -98,21 +99,14 @@ def shown(f: wb.Findings) -> dict[str, str]:
 
 
 def test_the_page_holds_the_numbers_of_the_json(springy):
+    assert not violations(springy)
     told, page = springy.diagnosis.to_json(), shown(springy)
-    gap, far, whole = told["gap"], page["far"], page["page"]
-    closed, low, high = (min(x, 1.0) for x in (gap["closed"], *gap["closed_ci95"]))
-    assert f"{numbers.percent(closed)} % closed" in far
-    assert f"from {gap['calibrated']:.2f} to {abs(gap['with_effects']):.2f} on 24 poses" in far
-    assert f"{numbers.percent(low)} … {numbers.percent(high)} %" in far
-    (cause,) = told["which"]
-    p = cause["parameters"]["stiffness"]
+    p = told["which"][0]["parameters"]["stiffness"]
     drawn = re.search(r"stiffness ([\d.]+) ± ([\d.]+) N·m/rad", page["which"])
     value, std = map(float, drawn.groups())
     assert value == pytest.approx(p["value"], abs=p["std"])
     assert std == pytest.approx(p["std"], rel=0.35)
-    assert f"({gap['held_out_rows']:,} rows)" in whole
-    for sentence in [*told["cannot_tell"], *(n["sentence"] for n in told["next"])]:
-        assert sentence in whole
+    assert f"({told['gap']['held_out_rows']:,} rows)" in page["page"]
 
 
 def test_an_identified_cause_is_named_on_the_first_screen(springy):
@@ -123,8 +117,6 @@ def test_an_identified_cause_is_named_on_the_first_screen(springy):
     said = f"Joint 2 is compliant and deflects under gravity: stiffness {value}."
     assert said in page["page"]
     assert page["where"].startswith("Where In joint 2")
-    assert springy.diagnosis.where[0]["sentence"] in page["where"]
-    assert "joint.compliance" in page["which"]
     assert words(f"Probability {numbers.chance(cause['probability'])}") in page["which"]
 
 
@@ -148,9 +140,8 @@ def test_every_effect_states_its_size_as_a_quantity(name):
 
 def test_an_ambiguous_cause_is_one_or_the_other(springy):
     (cause,) = springy.diagnosis.which
-    page = shown(
-        changed(springy, verdict="ambiguous", which=[{**cause, "rivals": [rival("cable.pull")]}])
-    )
+    either = {**cause, "rivals": [rival("cable.pull")]}
+    page = shown(changed(springy, verdict="ambiguous", which=[either]))
     said = "hose pulls on the tool. This recording does not distinguish the causes joined by “or”."
     assert said in page["page"]
     assert "In joint 2 or in the cable" in page["where"]
@@ -167,6 +158,7 @@ def test_a_claim_names_its_elements_and_no_other(springy):
     wide = {f"x.fx.{c}": size | {"value": 0.1, "std": 0.3, "unit": "1/m"} for c in CHANNELS[3:]}
     wide |= {"x.fx.fz": size | {"value": -0.02, "std": 0.002, "unit": "1"}}
     course = {"size.fx": {"value": -1.8, "std": 0.1, "unit": "N", "over": 412.3}}
+    jump = {"time": size} | {f"step.f{axis}": size | {"unit": "N"} for axis in "xyz"}
     heavy = {"mass": {"value": 2.34, "std": 0.02, "unit": "kg", "stated": 2.24}}
     for effect, elements, sizes, sentence, place in (
         ("link.length", ["L21"], {"length.L21": size}, "length L21 −0.90 ± 0.10 mm", "link L21"),
@@ -175,6 +167,7 @@ def test_a_claim_names_its_elements_and_no_other(springy):
         ("sensor.crosstalk", ["fz"], leak, "ty into fz (−9.0 ± 1.0)·10⁻⁴ N/(N·m)", "the sensor"),
         ("sensor.crosstalk", ["everything"], wide, "fz into fx −2.00 ± 0.20 %", "the sensor"),
         ("sensor.drift", ["fx"], course, "fx −1.80 ± 0.10 N over 412 s", "the sensor"),
+        ("sensor.jump", ["fx"], jump, "step fz −0.90 ± 0.10 mN", "the sensor"),
         ("tool.mass", ["mass"], heavy, "(stated 2.24 kg, found 4.580 ± 0.020 kg).", "the tool"),
         ("joint.compliance", ["joint 2", "joint 3", "joint 4"], joint, three[1:], three),
     ):
@@ -226,8 +219,7 @@ def test_the_picture_has_each_pose_with_what_is_left_before_and_after(springy, t
 def test_two_causes_are_counted(springy):
     (cause,) = springy.diagnosis.which
     gain = {"gain.fx": {"value": 0.01, "std": 1e-3, "unit": "1"}}
-    rivals = [rival("tool.mass")]
-    other = dict(cause) | {"effect": "sensor.gain", "rivals": rivals, "parameters": gain}
+    other = {**cause, "effect": "sensor.gain", "rivals": [rival("tool.mass")], "parameters": gain}
     both = changed(springy, which=[cause, other], verdict="ambiguous")
     told = WrenchAnswer(both).headline
     assert told.startswith("Two causes. Joint 2 is compliant and deflects under gravity. Axes")

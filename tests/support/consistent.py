@@ -35,7 +35,6 @@ REFUSALS = (CalibrationError, DiagnosisError, RecordingError)
 """Answers to a recording that cannot answer."""
 Found = Findings | EffortFindings
 Told = dict[str, Any]
-Faces = dict[str, str]
 Rules = Iterator[tuple[Any, ...]]
 CLAIMS = ("identified", "ambiguous", "partial")
 SIGNED = ("sensor.bias", "tool.mass", "tool.cog", "joint.offset", "link.length")
@@ -109,7 +108,7 @@ def outcome(recording: Any) -> tuple[str, list[tuple[str, str]]]:
     return found.diagnosis.verdict, violations(found)
 
 
-def faces(found: Found) -> Faces:
+def faces(found: Found) -> dict[str, str]:
     """Every text in which people read a diagnosis, by its name."""
     efforts = isinstance(found, EffortFindings)
     console = Console(width=80, file=io.StringIO(), color_system=None)

@@ -20,10 +20,17 @@ from wrenchbed.files import checked
 from wrenchbed.pages import ReportPage
 from wrenchbed.pages.document import provenance
 from wrenchbed.pages.numbers import minus, p_value, quantity
+from wrenchbed.physics.wrench import CHANNELS
 
 LEVEL = 0.01
 """Probability that any number is called changed where none did."""
+MISFIT_GROWS = 3.0
+"""Least ratio of both misfits that is a change: that of 24 healthy poses of a UR5 reaches 1.6."""
 _KINDS = {"a fit": "fits", "a recording": "recordings"}
+_UNEXPLAINED = (
+    "what these numbers do not explain went from {:.1f} to {:.1f} times the noise: a joint, the "
+    "base, a cable or a contact may have changed, see `wrenchbed diagnose`"
+)
 _SINGULAR = 1e-10
 """Relative eigenvalue below which a combination of numbers is not determined by both fits."""
 
@@ -131,10 +138,8 @@ def _read(path: Path) -> tuple[str, checked.Fields]:
         raw: Any = calibrate(Recording.read(path), CalibrationOptions()).to_json()
         return "a recording", checked.Fields(raw, f"{path}: ", ParameterError)
     raw = checked.load(path, ParameterError)
-    for kind, fields in (
-        ("a fit", {"parameters", "covariance"}),
-        ("a diagnosis", {"verdict", "gap"}),
-    ):
+    kinds = {"a fit": {"parameters", "covariance"}, "a diagnosis": {"verdict", "gap"}}
+    for kind, fields in kinds.items():
         if isinstance(raw, dict) and fields <= raw.keys():
             return kind, checked.Fields(raw, f"{path}: ", ParameterError)
     raise ParameterError(f"{path}: is no recording, fit or diagnosis")
@@ -173,9 +178,20 @@ def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) 
     if kind == "fits" and recordings[0] == recordings[1]:
         shared = "fits of the same rows share their noise, and σ is then too large"
         sentences.insert(0, f"both are of {recordings[0]}: {shared}")
-    sentences.insert(0, _headline(changes, together))
-    changed = any(c.changed for c in changes) or together["p"] < LEVEL
+    changed, left = any(c.changed for c in changes) or together["p"] < LEVEL, [*map(_misfit, fits)]
+    if grown := max(left) >= MISFIT_GROWS * min(left):
+        sentences.insert(0, _UNEXPLAINED.format(*left))
+    if changed or not grown:
+        sentences.insert(0, _headline(changes, together))
+    changed |= grown
     return Comparison(kind, *names, changes, together, tuple(uncompared), tuple(sentences), changed)
+
+
+def _misfit(fit: checked.Fields) -> float:
+    """Largest ratio of what a fit leaves of poses' means in a channel to noise, at least 1."""
+    noise = fit.raw.get("noise") or {}
+    expected, scatter = (noise.get(f"hold_mean_{k}") or {} for k in ("expected", "scatter"))
+    return max([1.0, *(scatter[c] / expected[c] for c in CHANNELS if expected.get(c))])
 
 
 def changes_of(
@@ -237,16 +253,13 @@ def significant(changes: Sequence[Change]) -> list[str]:
 
 
 def _headline(changes: Sequence[Change], together: Mapping[str, float]) -> str:
+    p = p_value(together["p"])
+    p = f"p {p}" if p.startswith("<") else f"p = {p}"
     if changed := significant(changes):
         return f"{len(changed)} of {len(changes)} numbers changed: {'; '.join(changed)}"
     if together["p"] < LEVEL:
-        return f"no number changed by itself, but all {len(changes)} together did ({_p(together)})"
-    return f"no change: {len(changes)} numbers agree ({_p(together)} of all together)"
-
-
-def _p(together: Mapping[str, float]) -> str:
-    text = p_value(together["p"])
-    return f"p {text}" if text.startswith("<") else f"p = {text}"
+        return f"no number changed by itself, but all {len(changes)} together did ({p})"
+    return f"no change: {len(changes)} numbers agree ({p} of all together)"
 
 
 def _of_diagnoses(fields: Sequence[checked.Fields], names: tuple[str, str]) -> Comparison:

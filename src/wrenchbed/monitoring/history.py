@@ -206,22 +206,17 @@ def continues(before: Sequence[Check], check: Check, where: str = "") -> None:
 def write(folder: Path, checks: Sequence[Check]) -> None:
     """Write the table of all checks; an existing one of other recordings is kept as NAME~."""
     rows, path = [_columns(c) for c in checks], folder / FILE
-    if path.exists() and not _recordings(path) <= {c.recording for c in checks}:
+    try:
+        old: Any = parquet.read(path, HistoryError)[0] if path.exists() else {"recording": ()}
+    except HistoryError:
+        old = {}
+    if not {*map(str, old.get("recording", [path]))} <= {c.recording for c in checks}:
         kept = set_aside(path)
         text = f"{path}: holds what {RECORDINGS} does not: it is kept as {kept}"
         warnings.warn(text, WrenchbedWarning, stacklevel=2)
     data = {n: np.array([r[n] for r in rows]) for n in rows[0]}
     raw: dict[str, Any] = {"format": parquet.FORMAT, "kind": _KIND, "robot": checks[0].robot}
     parquet.write(path, parquet.table_of(data, raw | model_field(checks[0].robot)))
-
-
-def _recordings(path: Path) -> set[str]:
-    """Paths of the recordings that a table of checks lists; {``path``} if it is none."""
-    try:
-        columns, _ = parquet.read(path, HistoryError)
-    except HistoryError:
-        columns = {}
-    return {str(name) for name in columns.get("recording", [path])}
 
 
 def _columns(check: Check) -> dict[str, Any]:

@@ -68,7 +68,14 @@ def live(
             twice.
         LinkError: no new reading for a second.
     """
-    _check_whole(driver)
+    stated = driver.metadata("static", 1.0).extra.get("wrench") or {}
+    payload = (stated.get("payload") or {}).get("mass")
+    if stated.get("compensated") and payload != 0.0:
+        what = "its payload" if payload is None else f"a payload of {payload:g} kg"
+        raise DriverError(
+            f"the controller subtracts {what} from its wrench, and the tool would be subtracted "
+            "twice: set payload 0 on the pendant, or use a Net F/T box (--sensor netft://HOST)"
+        )
     begin = newest = due = time.monotonic()
     period, before = 1.0 / rate, _received(driver)
     count = lost = alarms = rests = 0
@@ -106,24 +113,19 @@ def _received(driver: LiveDriver) -> int:
     return int(driver.health().counters["wrench readings"])
 
 
-def _check_whole(driver: LiveDriver) -> None:
-    """Raise `DriverError` if the controller has subtracted a payload from a driver's wrench."""
-    stated = driver.metadata("static", 1.0).extra.get("wrench") or {}
-    payload = (stated.get("payload") or {}).get("mass")
-    if stated.get("compensated") and payload != 0.0:
-        what = "its payload" if payload is None else f"a payload of {payload:g} kg"
-        raise DriverError(
-            f"the controller subtracts {what} from its wrench, and the tool would be subtracted "
-            "twice: set payload 0 on the pendant, or use a Net F/T box (--sensor netft://HOST)"
-        )
-
-
 class Datagrams(AbstractContextManager["Datagrams"]):
     """Sink of `live` that sends each reading as JSON in a UDP datagram to HOST:PORT; a context
     manager. Raises a `ParameterError` if that is no HOST:PORT or there is no such host."""
 
     def __init__(self, address: str) -> None:
-        self._target = _address(address)
+        host, colon, port = address.rpartition(":")
+        if not colon or not host or not port.isdigit() or not 0 < int(port) < 1 << 16:
+            raise ParameterError(f"--udp {address}: give HOST:PORT")
+        try:
+            self._target = socket.gethostbyname(host), int(port)
+        except (OSError, UnicodeError) as error:
+            text = f"--udp {address}: no such host, nothing is sent: {error}"
+            raise ParameterError(text) from error
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
@@ -134,13 +136,3 @@ class Datagrams(AbstractContextManager["Datagrams"]):
 
     def __exit__(self, *_: object) -> None:
         self._socket.close()
-
-
-def _address(text: str) -> tuple[str, int]:
-    host, colon, port = text.rpartition(":")
-    if not colon or not host or not port.isdigit() or not 0 < int(port) < 1 << 16:
-        raise ParameterError(f"--udp {text}: give HOST:PORT")
-    try:
-        return socket.gethostbyname(host), int(port)
-    except (OSError, UnicodeError) as error:
-        raise ParameterError(f"--udp {text}: no such host, nothing is sent: {error}") from error

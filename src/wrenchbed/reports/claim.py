@@ -16,7 +16,7 @@ from wrenchbed.pages import numbers
 MOST_SIZES = 3
 """Most parameters of a cause in its sentence and on the first screen."""
 _WHERE = ("m", "1")
-"""Units of parameters that state where or how a cause acts; those of its size are shown first."""
+"""Units of numbers of where or how a cause acts, as are times; those of size are shown first."""
 _STANDS_OUT = 3.0
 """A joint's amplitude beyond so many standard uncertainties counts as different from 0."""
 _NUMBERED = re.compile(r"\.[a-z]*(1?\d)$")
@@ -109,6 +109,7 @@ def claim(
     if len(ranked) > MOST_SIZES:
         unsure = {n: abs((v.get("std") or np.inf) / (v["value"] or 1e-300)) for n, v in known}
         last = {n for n, v in known if v["unit"] in _WHERE and not n.startswith("x.")}
+        last |= {n for n in ranked if n.startswith("time")}
         ranked.sort(key=lambda n: (n in last, unsure[n]))
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
     choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
