@@ -108,9 +108,8 @@ def claim(
     ranked = [n for n in sizes if n in size] or list(sizes)
     if len(ranked) > MOST_SIZES:
         unsure = {n: abs((v.get("std") or np.inf) / (v["value"] or 1e-300)) for n, v in known}
-        last = {n for n, v in known if v["unit"] in _WHERE and not n.startswith("x.")}
-        last |= {n for n in ranked if n.startswith("time")}
-        ranked.sort(key=lambda n: (n in last, unsure[n]))
+        where = {n for n, v in known if v["unit"] in _WHERE and not n.startswith("x.")}
+        ranked.sort(key=lambda n: (n in where or n.startswith("time"), unsure[n]))
     of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
     choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
                for n, v in values.items() if "unit" not in v}  # fmt: skip
