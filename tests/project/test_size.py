@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5171,
+    "calibration": 5168,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2687,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78972,
-    "src/wrenchbed": 69483,
+    "src": 78969,
+    "src/wrenchbed": 69480,
     "src/robot_emulators": 9489,
     "tests": 38042,
     "scripts": 3476,

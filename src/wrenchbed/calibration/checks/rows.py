@@ -120,12 +120,9 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
     for end, other in ((-1, 0), (0, -1)):
         rest = count[:-1] if end else count[1:]
         clipped = count[end] > max(LEAST_AT_END, LEAST_CLIPPED * len(recording))
-        if (
-            clipped
-            and levels[end] != 0.0  # rows without a reading, see `_lost`
-            and count[end] > PILE * rest.max()
-            and abs(levels[other]) > 1.02 * abs(levels[end])
-        ):
+        read = levels[end] != 0.0  # rows without a reading, see `_lost`
+        farther = abs(levels[other]) > 1.02 * abs(levels[end])
+        if clipped and read and count[end] > PILE * rest.max() and farther:
             row = int(np.argmax(recording.columns[channel] == levels[end]))
             yield Finding(
                 "saturated",
