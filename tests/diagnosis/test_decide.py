@@ -12,6 +12,7 @@ from linear_case import Named
 from wrenchbed.diagnosis.decision.decide import (
     DOUBTFUL,
     WITHDRAWN,
+    decide,
     held_out,
     leading,
     partial,
@@ -20,10 +21,11 @@ from wrenchbed.diagnosis.decision.decide import (
     small,
     surely,
 )
+from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.decision.weighed_explanations import facts_of
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
 from wrenchbed.diagnosis.explain.structures import Ranking
-from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
+from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Interval
 
 TILT, PULL, GAIN, OFFSET = "base.tilt", "cable.pull", "sensor.gain", "joint.offset"
@@ -378,6 +380,17 @@ def test_none_needs_a_small_gap_and_unknown_a_gap(said, none, calibrated, floor,
     else:
         expected = WITHDRAWN * verdict.probabilities[said]
         assert told.probabilities[said] == pytest.approx(expected)
+
+
+def test_none_is_impossible_where_held_out_rows_show_a_gap():
+    """Probabilities learnt of claims, and withdrawn claims, leave it some."""
+    for calibrated, chance in ((about(3.0), 0.0), (about(1.05), 0.05)):
+        measured = gap(calibrated=calibrated)
+        option = Option(SimpleNamespace(parts=()), 0.05, ())
+        facts = Facts((option,), 0.95, lambda _, g=measured: g, lambda *_: 0.95)
+        verdict = decide(facts).verdict
+        assert verdict.word == "unknown" and sum(verdict.probabilities.values()) == pytest.approx(1)
+        assert verdict.probabilities["none"] == pytest.approx(chance, abs=0.06 if chance else 0)
 
 
 @pytest.mark.parametrize(

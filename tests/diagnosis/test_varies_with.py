@@ -204,6 +204,18 @@ def test_a_spike_is_found_at_its_joint_and_angle(seed):
     assert found.share > 0.5 > 5 * found.rows
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_spike_that_a_few_of_60_poses_show_is_found_too(seed):
+    prepared, rng = motion(seed)
+    q = rng.uniform(-2.0, 2.0, (60, JOINTS))
+    q[rng.permutation(60)[:7], 2] = rng.uniform(-0.03, 0.03, 7)
+    near = np.abs(q[:, 2]) < 0.04
+    residual = rng.normal(size=(60, 6)) + 30.0 * near[:, None]
+    prepared.poses, prepared.block_rows = q, np.arange(60)
+    found = locality(prepared, residual, NOISE, 199, seed)
+    assert (found.joint, found.p_value < 0.02) == (3, True) and -0.04 < found.low < found.high
+
+
 def test_what_is_large_at_one_time_or_noise_has_no_joint():
     for seed, factor in ((3, 40.0), (4, 1.0)):
         prepared, rng = motion(seed)

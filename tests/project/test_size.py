@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2687,
     "data": 5525,
-    "diagnosis": 12992,
+    "diagnosis": 12991,
     "drives": 1726,
     "effects": 4999,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78969,
-    "src/wrenchbed": 69480,
+    "src": 78968,
+    "src/wrenchbed": 69479,
     "src/robot_emulators": 9489,
-    "tests": 38042,
+    "tests": 38067,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

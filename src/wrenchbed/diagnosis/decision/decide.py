@@ -1,9 +1,8 @@
 """The decision: which verdict a recording gets. Nothing else makes or changes a verdict.
 
 `decide` is a pure function of the evidence for every set of causes, of gaps on held-out rows, and
-of the share of similar claims that were right. Its rules are in `RULES`, in the order in which
-they act. ``scripts/ablations`` measures what each of them changes, see
-``docs/explanation/decision.md``.
+of the share of similar claims that were right. Its rules are in `RULES`, in the order in which they
+act. ``scripts/ablations`` measures what each changes, see ``docs/explanation/decision.md``.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -58,6 +57,10 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
         verdict = rule(facts, verdict, gap)
         if [c.part for c in verdict.causes] != parts:
             gap = facts.measure(verdict)
+    if gap.calibrated.low - max(gap.floor, 0.0) > LARGEST_NONE:  # held-out rows refute `none`
+        chances = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
+        chances |= {NONE: 0.0, UNKNOWN: chances[UNKNOWN] + chances[NONE]}
+        verdict = replace(verdict, probabilities=chances)
     return Decision(verdict, gap)
 
 
@@ -85,8 +88,7 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
         each.append(_cause(facts, mass, claim, part, without, {k for c in each for k in c.keys}))
     main, *beside = each
     causes = (main, *(c for c in beside if len(c.names) <= 1 + MOST_RIVALS))
-    names = main.names
-    members = names[: 1 + MOST_RIVALS]
+    members = (names := main.names)[: 1 + MOST_RIVALS]
     probability = {"|".join(members): sum(leads.get(n, 0.0) for n in members)}
     probability |= {n: p for n, p in leads.items() if n not in members} | others
     lead = causes[0].probability
@@ -250,7 +252,7 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 def probable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     """Keep causes of probability `Facts.least` or more: beside a contact few rows separate them."""
     kept = tuple(c for c in verdict.causes if c.probability >= facts.least)
-    if len(kept) == len(verdict.causes):
+    if kept == verdict.causes:
         return verdict
     return only(verdict, kept) if kept else withdrawn(verdict, UNKNOWN)
 
@@ -375,15 +377,12 @@ def only(verdict: Verdict[S], kept: tuple[Cause, ...]) -> Verdict[S]:
 
 def widened(verdict: Verdict[S], rivals: Sequence[Key]) -> Verdict[S]:
     """Verdict with more rivals of its leading cause; ``unknown`` if they are too many."""
-    if not verdict.causes:
-        return verdict
-    lead, *others = verdict.causes
-    new = [key for key in rivals if key not in lead.keys]
-    if not new:
+    lead, *others = verdict.causes or (None,)
+    new = [] if lead is None else [key for key in rivals if key not in lead.keys]
+    if lead is None or not new:
         return verdict
     keys, more = (*lead.keys, *new), [n for n in dict(new) if n not in lead.names]
-    probability = dict(verdict.probabilities)
-    key = "|".join((*lead.names, *more))
+    probability, key = dict(verdict.probabilities), "|".join((*lead.names, *more))
     probability[key] = probability.pop("|".join(lead.names), lead.probability)
     probability[key] += sum(probability.pop(n, 0.0) for n in more)
     if len(keys) > 1 + MOST_RIVALS:

@@ -25,8 +25,8 @@ SEEN = 0.05
 """Family-wise p-value below which a finding is significant and may be reported."""
 WINDOW = 0.08
 """Width of the window as a share of all rows: a spike that a joint passes is narrower."""
-LEAST_ROWS = 100
-"""Fewest rows that are searched: a window of fewer may hold a single event, not a range."""
+LEAST_ROWS = 40
+"""Fewest rows that are searched: of fewer a window holds less than three."""
 LEAST_SHARE = 0.5
 """Least share of the residual's energy within the window: below it the residual is not local."""
 FLANK = 0.05
