@@ -76,6 +76,7 @@ def test_a_broken_recording_publishes_nothing_false(base, name):
         ("hand_on_a_standing_robot", "contact or a hand: forces change by up to "),
         ("pure_noise", "has subtracted weight and zero already"),
         ("gravity_sideways", "gravity acts along"),
+        ("past_the_range", "stands at 65, the end of the range SI-65-5 of ati-gamma"),
     ],
 )
 def test_the_true_reason_is_named(base, name, words):

@@ -10,7 +10,6 @@ from importlib.metadata import version
 import pytest
 
 import wrenchbed as wb
-from commanded import said
 from wrenchbed.cli import _GROUPS, _VERBS, console, main
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.checked_moves import Limits
@@ -86,39 +85,6 @@ def test_a_stopped_recording_says_what_is_there(
     said = capfd.readouterr().err
     assert ("what was recorded is on disk" in said) == written
     assert ("--resume" in said) == (live and (written or resume))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["ur5", "--goal", "target-position"], "has no tool tip and target workspace"),
-        (["medrue", "--goal", "target-position", "--accuracy", "-1"], "must be above 0"),
-        (["medrue", "--goal", "target-position", "--points", "none.csv"], "there is no such file"),
-        (["medrue", "--index", "O1", "--n", "10", "--pool", "5"], "cannot be chosen from a pool"),
-        (["medrue", "--index", "O1", "--motion", "multisine"], "either poses or a motion"),
-        (["medrue", "--index", "O1", "--goal", "target-position"], "chooses its own poses"),
-        (["medrue", "--points", "none.csv"], "--points goes with --goal"),
-        (["medrue", "--touch-cost", "2"], "--touch-cost goes with --goal"),
-        (["medrue", "--pool", "200"], "--pool goes with --index, --goal or --for pose"),
-        (["ur5", "--for", "pose", "--index", "O1"], "--for pose chooses its own poses"),
-        (["ur5", "--for", "pose", "--motion", "multisine"], "--for pose chooses its own poses"),
-        (["ur5", "--for", "pose", "--n", "9", "--pool", "5"], "cannot be chosen from a pool"),
-        (["ur5", "--for", "dynamics"], "--motion excite goes with"),
-    ],
-)  # fmt: skip
-def test_plans_that_make_no_sense_are_refused(tmp_path, capfd, arguments, message):
-    out = tmp_path / "p.parquet"
-    assert main(["plan", *arguments, "--out", str(out)]) == 1
-    assert message in said(capfd)
-    assert not out.exists()
-
-
-def test_studies_and_touches_need_what_goes_with_them(tmp_path, capfd):
-    assert main(["study", "medrue", "--robots", "0", "--out", str(tmp_path / "s")]) == 1
-    assert "at least 2" in said(capfd)
-    assert not (tmp_path / "s").exists()
-    rec = tmp_path / "rec.parquet"
-    assert main(["calibrate", str(rec), "--touch-std", "1e-3"]) == 1
 
 
 def test_usage_errors_exit_with_2(capfd):

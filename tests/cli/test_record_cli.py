@@ -70,33 +70,6 @@ def test_revisit_shows_the_drift(record, capsys):
     assert all(entry["std"] > 0.0 for entry in drift.values())
 
 
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        (("--host", "127.0.0.2"), "--host: driver 'sim' does not take it"),
-        (("--driver", "rtde", "--effect", "base.tilt"), "does not simulate effects"),
-        (("--driver", "rtde", "--channels", "pose"), "--channels: driver 'rtde' does not take it"),
-        (("--channels", "wrench,force"), "--channels force: is none of wrench, effort, pose"),
-        (("--channels", "command"), "--channels command: is simulated in motion only"),
-        (("--dry-run", "--resume"), "leave --resume out"),
-        (("--workspace", *"0 0 0 0.1 0.1 0.1".split()), "outside the workspace"),
-    ],
-)
-def test_what_makes_no_sense_is_refused_by_name(record, capsys, more, message):
-    code, out = record(*more)
-    assert code == 1
-    said = capsys.readouterr().err
-    assert message in said.replace("\n", " ")
-    assert not out.exists()
-
-
-def test_a_simulated_recording_cannot_be_resumed(record, capsys):
-    record()
-    code, _ = record("--resume")
-    assert code == 1
-    assert "does not state which poses it holds" in capsys.readouterr().err
-
-
 class Watched(Arm):
     def __init__(self, address: str = "192.168.0.20") -> None:
         super().__init__()

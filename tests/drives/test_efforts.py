@@ -202,8 +202,6 @@ def test_the_pieces_between_gaps_and_segments_are_fitted_together(clean):
 def test_groups_are_checked_and_odd_signs_and_inertias_refused_or_forced(clean):
     with pytest.raises(ParameterError, match=r"drive\.colomb: is none of"):
         calibrate_efforts(clean.recording(), ["drive.colomb"])
-    with pytest.raises(ParameterError, match=r"currents need drive\.constant"):
-        calibrate_efforts(clean.recording(prefix="i"), ["tool"])
     wrong = clean.recording(-clean.noisy(8) / CONSTANT, "i")
     with pytest.raises(CalibrationError, match=r"drive\.constant\.1 .* opposite sign"):
         calibrate_efforts(wrong)
@@ -261,10 +259,6 @@ def test_known_constants_make_currents_torques(clean, tmp_path):
     for constants, words in ((CONSTANT[:5], "give 6 numbers"), (-CONSTANT, "above 0")):
         with pytest.raises(ParameterError, match=words):
             calibrate_efforts(currents, constants=constants)
-    with pytest.raises(ParameterError, match="leave one of both out"):
-        calibrate_efforts(currents, ("drive.constant",), constants=CONSTANT)
-    with pytest.raises(ParameterError, match="which need none"):
-        calibrate_efforts(clean.recording(seen), constants=CONSTANT)
 
 
 def test_the_verb_writes_a_fit_that_no_export_takes_for_one_of_the_wrench(clean, tmp_path, capsys):

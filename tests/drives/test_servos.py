@@ -9,7 +9,9 @@ from pytest import approx
 
 import wrenchbed as wb
 from servo_arm import COUNT, Servos, follow, own_servo, recording, teleoperated
+from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.cli import main
+from wrenchbed.drives.effort_fit import impossible
 from wrenchbed.errors import CalibrationError, ParameterError
 
 SECONDS = 20.0
@@ -145,6 +147,8 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(arm, moved):
         wb.calibrate_servos(wb.Recording(log.metadata, some | seen, "x"))
     with pytest.raises(ParameterError, match="servo and tool"):
         wb.calibrate_servos(log, ["link"])
+    below = [IdentifiedValue("servo.stiffness.1", -3.0, 1.0, "N·m/rad", 0.0, 2.0)]
+    assert impossible(below).endswith("state the tool and --free servo")
 
 
 def test_a_load_that_is_stated_is_held(moved, fit):

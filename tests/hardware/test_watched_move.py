@@ -261,7 +261,7 @@ def test_a_trajectory_keeps_its_share_of_top_speed():
     limits.check_motion(UR5, targets, rate, "trajectory")
     targets[2, 4] += 0.002 * TOP[4] / rate
     name = UR5.joints[4].name
-    with pytest.raises(PlanError, match=f"row 2: {name} would move at .*80% of its top"):
+    with pytest.raises(PlanError, match=f"row 2: {name} would move at .*0.802 of its top"):
         limits.check_motion(UR5, targets, rate, "trajectory")
     targets[2:, 1] = 99.0
     with pytest.raises(PlanError):

@@ -207,6 +207,7 @@ def test_readings_are_paced():
     begun = time.monotonic()
     done = live(driver, made(), [], rate=50.0, seconds=1.0)
     assert 10 <= done.readings <= 50 * (time.monotonic() - begun) + 1
+    assert live(driver, made(), [], rate=1e-3, seconds=0.5).seconds < 60.0  # not a whole period
 
 
 @pytest.mark.parametrize("payload, what", [({"mass": 1.2}, "a payload of 1.2 kg"), (None, "its")])

@@ -261,6 +261,13 @@ def _clipped(c: str, quantile: float) -> Mutator:
     return lambda d: with_columns(d.r, {c: most(d.r.columns[c])})
 
 
+def _past_the_range(d: Dice) -> Recording:
+    """A load so heavy that fx of an ATI Gamma (SI-65-5) stands at ±65 N in a tenth of the rows."""
+    y = d.r.wrench * 65.0 / np.quantile(np.abs(d.r.wrench[:, 0]), 0.9)
+    sensor = replace(d.r.metadata.sensor, model="ati-gamma")
+    return with_metadata(with_wrench(d.r, np.clip(y, -65.0, 65.0)), sensor=sensor)
+
+
 def _zero(c: str) -> Mutator:
     return lambda d: with_columns(d.r, {c: np.zeros(len(d.r))})
 
@@ -292,6 +299,7 @@ EVERYWHERE: dict[str, tuple[str, Mutator]] = {
     },
     "all_channels_stick": ("stuck channel", _stuck(0.6, *CHANNELS)),
     "clipped": ("saturated", _clipped("fx", 0.6)),
+    "past_the_range": ("saturated", _past_the_range),
     "one_spike_of_force": ("spike", _spike(1e3, 0)),
     "one_spike_of_torque": ("spike", _spike(-50.0, 5)),
     "three_spikes": ("spike", adds(_three_spikes)),

@@ -12,8 +12,7 @@ from wrenchbed.calibration.observability import Observability
 SPRINGS, COMPLIANCE = "joint.compliance", "compliance.q"
 """Effect of compliant joints; begin of names of their compliances, before the joint's number."""
 MISFIT = 1.5
-"""Ratio of the held-out error to that by noise alone, above which the geometry does not explain all
-that the tracker saw: misfit is then larger than noise (√(1.5² − 1) = 1.1)."""
+"""Largest ratio of held-out error to that by noise alone: misfit √(1.5² − 1) = 1.1 × noise."""
 FOLLOWS = 0.5
 """Largest held-out error of the stated geometry, over the extent of the measured positions: forces
 and torques in their columns leave 0.4 to 0.98, zeros that are 20° off 0.45."""
@@ -112,7 +111,7 @@ class TrackerFit(WrittenFit):
                 f"mx my mz do not follow this arm: it leaves {1e3 * self.before:.3g} mm of "
                 f"{1e3 * self.extent:.3g} mm. Is this the robot, and are these places in metres?"
             )
-        if self.held_out >= self.before:
+        if self.held_out >= self.before and self.noise >= MISFIT * (self.repeats or 0.0):
             return (
                 f"poses that no fit saw are {1e3 * self.held_out:.3g} mm off, no nearer than with "
                 f"the stated geometry ({1e3 * self.before:.3g} mm): --free fewer parameters, take "
@@ -127,10 +126,11 @@ class TrackerFit(WrittenFit):
             return f"refuted: {self.refuted}"
         text = (
             f"poses that no fit saw are {1e3 * self.held_out:.3g} mm off, {1e3 * self.before:.3g} "
-            f"mm with the stated geometry; noise and {self.poses} poses make "
-            f"{1e3 * self.bound:.3g} mm of it"
+            f"mm as stated; noise and {self.poses} poses make {1e3 * self.bound:.3g} mm of it"
         )
-        if self.held_out > MISFIT * self.bound:
+        if self.held_out >= self.before:
+            text += ": the stated geometry holds, what is fitted is no more than noise"
+        elif self.held_out > MISFIT * self.bound:
             text += ": the geometry does not hold all of it, diagnose the recording"
         elif self.repeats and self.noise > MISFIT * self.repeats:
             text += (

@@ -91,7 +91,7 @@ class Fleet:
             raise ParameterError(f"seed {self.seed} must not be negative")
         if self.plan is not None:
             if "poses" in self.vary:
-                raise ParameterError("--vary poses and --plan: a given plan is the same for all")
+                raise ParameterError("--vary poses and --plan, the same for all: leave one out")
             if self.plan.robot != registry.known_as("robots", self.robot):
                 raise ParameterError(
                     f"{self.plan.name}: the plan is for robot {self.plan.robot!r}, "

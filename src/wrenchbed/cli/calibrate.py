@@ -85,10 +85,10 @@ def calibrate(
         if channels != "pose":
             others = {"--hold": fit.hold, "--prior": fit.prior, **others}
         if refused := [flag for flag, value in others.items() if value]:
-            what = f"{_OF[channels]} have none"
-            raise ParameterError(f"{refused[0]} is for wrenches: leave it out, {what}")
+            raise ParameterError(f"{refused[0]} is for wrenches: leave it out of {_OF[channels]}")
     if channels != "effort" and given.constants is not None:
-        raise ParameterError("--constants is for joint efforts: leave it out, or --channels effort")
+        other = ", or --channels effort" if "i1" in data.columns else ""
+        raise ParameterError(f"--constants is for joint efforts: leave it out{other}")
     with console.progress(f"calibrate {len(data):,} rows", None):
         result, display = _fitted(channels, data, fit, given, truth, known)
     if out is not None:

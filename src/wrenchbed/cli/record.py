@@ -31,7 +31,6 @@ _USUAL: dict[str, str | float] = {"effort": "torque", "pose": 5e-5, "imu": 0.02}
 [m], a MEMS accelerometer's in 50 Hz [m/s²]."""
 _MOST_LEGS = 12
 """Most rows of a dry run's table."""
-_YES = ("y", "yes")
 
 
 @dataclass(frozen=True)
@@ -74,10 +73,11 @@ class DeviceArguments:
 
     def check(self, mode: str) -> None:
         """Raise an error for channels that a plan of ``mode`` (static or dynamic) cannot record."""
-        other = ("command",) if mode == "static" else ("pose", "imu")
-        if wrong := [name for name in self.asked_channels if name in other]:
-            when = "in motion" if mode == "static" else "at rest"
+        other, when = ("command", "in motion") if mode == "static" else ("pose imu", "at rest")
+        if wrong := [name for name in self.asked_channels if name in other.split()]:
             raise ParameterError(f"--channels {wrong[0]}: is simulated {when} only")
+        if self.asked_channels == ("imu",):
+            raise ParameterError("--channels imu: nothing reads it alone; add wrench")
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
         """Make the options of driver class ``device`` for a robot; refuse an argument that it does
@@ -332,5 +332,5 @@ def _agree(address: str) -> None:
     """Ask at the terminal whether the robot at ``address`` may move; raise an error unless the
     answer is yes."""
     console.note(f"The robot at {address} will move. Is nobody in its reach? [y/N]")
-    if sys.stdin.readline().strip().lower() not in _YES:
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         raise ParameterError("not agreed: nothing was moved")

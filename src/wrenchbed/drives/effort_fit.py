@@ -1,6 +1,6 @@
 """Result of a fit of joint torques: values with uncertainty, and errors on held-out rows."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -131,15 +131,15 @@ class DriveFit(WrittenFit):
         if self.rest is not None:
             low, high = min(self.rest.noise), max(self.rest.noise)
             return (
-                f"on poses that no fit saw it explains {100 * self.explained:.2f} % of the "
-                f"efforts; friction of unknown sign at rest and noise are {low:.2g} to {high:.2g} "
-                f"{self.unit} a pose; uncertainties also hold what ordinary errors of "
+                f"on poses that no fit saw it explains {np.floor(1e4 * self.explained) / 100:.2f} "
+                f"% of the efforts; friction of unknown sign at rest and noise are {low:.2g} to "
+                f"{high:.2g} {self.unit} a pose; uncertainties also hold what ordinary errors of "
                 f"{', '.join(self.rest.ordinary)} would move: diagnosed beside a recording without "
                 f"the load, those of links drop out{untold_text}"
             )
         text = (
-            f"on rows that no fit saw it explains {100 * worst.explained:.2f} % or more of each "
-            f"joint's {self.word}, least of joint {worst.joint}"
+            f"on rows that no fit saw it explains {np.floor(1e4 * worst.explained) / 100:.2f} % or "
+            f"more of each joint's {self.word}, least of joint {worst.joint}"
         )
         if self.channels == COMMAND_FIT:
             text += (
@@ -198,18 +198,20 @@ def joint_errors(
     )  # fmt: skip
 
 
-def impossible(values: Iterable[IdentifiedValue]) -> str | None:
+def impossible(values: Sequence[IdentifiedValue]) -> str | None:
     """Sentence on the first value that cannot be negative (`POSITIVE`) but surely is; else None."""
+    free, made = "drive", "the effort has the opposite sign, less what the controller knows"
+    if any(p.name.startswith("servo") for p in values):
+        free, made = "servo", "the controller adds the weight itself, as no plain servo does"
     for p in values:
         half = p.interval95
         if p.name.startswith(POSITIVE) and half is not None and p.value + half < 0.0:
             why = (
                 "this motion, with what is held, does not tell it. Record a longer and faster "
-                "one, free drive.inertia too, or state the tool and --free drive"
+                f"one, free drive.inertia too, or state the tool and --free {free}"
                 if p.name in _INERTIA
-                else "the effort has the opposite sign, another robot made it, the controller "
-                "subtracted what it knows, or links weigh otherwise than the model's: state the "
-                "tool and --free drive"
+                else f"{made}, another robot made it, or links weigh otherwise than the model's: "
+                f"state the tool and --free {free}"
             )
             return (
                 f"{p.name} comes out as {p.value:.3g} ± {half:.2g} {p.unit}, which cannot be "

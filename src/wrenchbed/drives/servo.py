@@ -110,9 +110,7 @@ def calibrate_servos(
         NotFoundError: the robot's model has no joint torques.
     """
     if unknown := [name for name in free if name not in (SERVO, TOOL)]:
-        raise ParameterError(
-            f"--free {unknown[0]}: of commands {SERVO} and {TOOL} can be freed, no other"
-        )
+        raise ParameterError(f"--free {unknown[0]}: of commands {SERVO} and {TOOL} can be freed")
     pieces = pieces_of(recording)
     groups = (*FRICTION, CONSTANT, *(() if free and TOOL not in free else (TOOL,)))
     problem, starts = problem_of(recording, [p.signals for p in pieces], groups)

@@ -154,7 +154,7 @@ def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
         first = known if known < poses else int(np.argmax(far))
         raise RecordingError(
             f"{recording.name}: holds {len(q)} poses; pose {first} is not that of {plan.name}: "
-            f"record that plan (wrenchbed record --plan {plan.name})"
+            f"record that plan (wrenchbed record --robot {robot.name} --plan {plan.name} --out …)"
         )
     said = metadata.extra.get(_STATED) or {}
     warm = recording.columns.get("temperature")

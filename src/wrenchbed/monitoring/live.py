@@ -87,7 +87,7 @@ def live(
             if time.monotonic() - newest > GONE_S + period:
                 health = driver.health()
                 raise LinkError(health.detail or f"no new reading for {GONE_S:g} s")
-            time.sleep(POLL_S)
+            time.sleep(min(max(POLL_S, due - time.monotonic()), GONE_S))
             continue
         arm = driver.read()
         at_rest = bool(np.abs(arm.qd).max() < CALM_SPEED)
@@ -101,7 +101,7 @@ def live(
         alarms += bool(external.alarm) and not alarm
         alarm = external.alarm
         newest, due = reading.t, max(due + period, reading.t)
-        time.sleep(max(0.0, due - time.monotonic()))
+        time.sleep(min(max(0.0, due - time.monotonic()), GONE_S))
     rms = np.sqrt(squares / rests) if rests else np.full(6, np.nan)
     p50, p99 = map(float, np.quantile(list(latency) or [np.nan], (0.5, 0.99)))
     seconds, skipped = time.monotonic() - begin, max(0, _received(driver) - before - count)

@@ -131,8 +131,8 @@ def _random_start(pool: Pool, n: int, base: np.ndarray, seed: int) -> list[int]:
         if np.linalg.cond(pool.information(some) + base) < _SINGULAR:
             return [int(i) for i in some]
     raise PlanError(
-        f"{n} random configurations never have full rank: some parameters cannot be told apart "
-        "here; leave them out"
+        f"{n} random configurations never have full rank: choose more, from a larger pool, or "
+        "leave out parameters that cannot be told apart"
     )
 
 

@@ -112,15 +112,15 @@ class Limits:
             )
 
     def check_motion(self, robot: Robot, targets: np.ndarray, rate: float, where: str) -> None:
-        """Check a trajectory (N, J) at a rate [Hz] as `check_path` does, and its speeds; a
-        `PlanError` names the row and its fastest joint."""
+        """Check a trajectory (N, J) at a rate [Hz] as `check_path` does, and its top speeds."""
         self.check_path(robot, targets, where)
         speed, top = np.abs(np.diff(targets, axis=0)) * rate, top_speeds(robot)
-        for row in np.flatnonzero((speed > self.tracking * top * 1.001).any(axis=1))[:1]:
-            j = int(np.argmax(speed[row] / top))
+        if (speed > self.tracking * top * 1.001).any():
+            row, j = divmod(int(np.argmax(speed / top)), len(top))
             raise PlanError(
                 f"{where}: row {row + 1}: {_moves(robot, j, speed[row, j])}, "
-                f"{speed[row, j] / top[j]:.0%} of its top speed; the limit is {self.tracking:.0%}"
+                f"{speed[row, j] / top[j]:.4g} of its top speed, more than --tracking "
+                f"{self.tracking:g}: raise it, or plan a slower motion"
             )
 
     def check_step(self, robot: Robot, last: np.ndarray, q: np.ndarray, seconds: float) -> str:

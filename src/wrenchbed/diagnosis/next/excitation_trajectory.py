@@ -57,7 +57,7 @@ def excite(
         PlanError: no serial arm, too short, or no free motion was found.
     """
     if not isinstance(robot, SerialChain) or any(j.unit == "m" for j in robot.joints):
-        raise PlanError(f"robot {robot.name!r} is no serial arm of hinges: take multisine")
+        raise PlanError(f"robot {robot.name!r} has slides or loops: take multisine, without --for")
     if not (2 * _FADE_S + 1 <= seconds < np.inf and 10.0 <= rate < np.inf):
         raise PlanError(f"a motion takes at least {2 * _FADE_S + 1:.0f} s at 10 Hz or more")
     search = _Search(robot, seconds)
