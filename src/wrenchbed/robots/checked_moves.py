@@ -120,7 +120,7 @@ class Limits:
             raise PlanError(
                 f"{where}: row {row + 1}: {_moves(robot, j, speed[row, j])}, "
                 f"{speed[row, j] / top[j]:.4g} of its top speed, more than --tracking "
-                f"{self.tracking:g}: raise it, or plan a slower motion"
+                f"{self.tracking:g}: raise it"
             )
 
     def check_step(self, robot: Robot, last: np.ndarray, q: np.ndarray, seconds: float) -> str:
