@@ -1,10 +1,12 @@
 """Broken recordings: each is refused by its true reason, or its intervals hold the truth."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
 import wrenchbed as wb
-from altered import with_wrench
+from altered import holds, with_rows, with_wrench
 from corrupted import CORRUPTIONS
 from simulated import WHITE, static
 from simulated import recording as recorded
@@ -199,6 +201,15 @@ def test_a_refusal_names_the_fault(name, base, words):
     with pytest.raises(WrenchbedError) as caught:
         wb.calibrate(broken.recording)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("name", [n for n in SUBTLE if n.startswith("crosstalk of f")])
+def test_eight_poses_publish_no_number_that_crosstalk_moved(name):
+    """Suspected faults have more columns than these poses have readings to spare."""
+    broken = SUBTLE[name].make(good("ur5", 401), "ur5", np.random.default_rng(401))
+    with contextlib.suppress(WrenchbedError):
+        few = with_rows(broken.recording, holds(broken.recording) < 8)
+        assert far(wb.calibrate(few), broken.truth) < 5.0
 
 
 @pytest.mark.sampled

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5168,
+    "calibration": 5172,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2687,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78968,
-    "src/wrenchbed": 69479,
+    "src": 78972,
+    "src/wrenchbed": 69483,
     "src/robot_emulators": 9489,
-    "tests": 38067,
+    "tests": 38069,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -191,9 +191,10 @@ def _explained(fit: _Rows) -> bool:
 
 def _whitened(fit: _Rows) -> _Whitened | None:
     """Divide a fit's rows by the noise that remains after parameters and suspected faults are
-    fitted; None with too few readings."""
+    fitted, of few readings by that of the repeats; None where few have no repeats."""
     least, motion = fit.least, isinstance(fit.problem.data.q, Jet)
-    noise, count = np.maximum(fit.outcome.noise.scatter, least), 6 * len(fit.some)
+    known, count = np.maximum(fit.outcome.noise.scatter, least), 6 * len(fit.some)
+    noise, k = known, len(fit.problem.free)
     for _ in range(2):  # the second time by the noise that suspects leave
         white = fit.white(noise)
         if not np.isfinite(white).all():
@@ -201,14 +202,17 @@ def _whitened(fit: _Rows) -> _Whitened | None:
         rest, rank = _rest(white)
         rest = rest[:count].reshape(-1, 6)
         spare = rest.size - rank
-        if spare < SPARE:
-            return None
+        if spare < SPARE:  # too few to estimate the noise anew: that of the repeats counts
+            if fit.outcome.noise.source == "residual" or motion:
+                return None
+            white = fit.white(least)
+            return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], float(count), np.inf)
         time = correlation_time(rest) if motion else np.ones(6)
         unit = np.where(np.isinf(noise), 0.0, noise)
         scale = np.sqrt((rest**2).mean(axis=0) * rest.size / spare * time) * unit
         noise = np.where(np.isinf(least), np.inf, np.maximum(scale, least))
         worth = float((len(rest) / time).sum())
-    white, k, share = fit.white(noise), len(fit.problem.free), worth / rest.size
+    white, share = fit.white(noise), worth / rest.size
     return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], worth, max(1.0, spare * share))
 
 
@@ -229,7 +233,7 @@ def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -
         return True
     rest, rank = _rest(np.column_stack([alone, residual]))
     explained = float(residual @ residual - rest @ rest) / max(1, rank)
-    return bool(special.fdtrc(max(1, rank), seen.rest, explained) < SURE)
+    return bool(special.fdtrc(max(1, rank), min(seen.rest, 1e9), explained) < SURE)
 
 
 def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
