@@ -89,7 +89,7 @@ def test_robots_without_links_have_no_torques_and_no_dynamics_to_excite(
     monkeypatch.setattr(SerialChain, "link_frames", SimulatedRobot.link_frames)
     with pytest.raises(NotFoundError, match="no frames of links"):
         link_inertias(robot, robot.parameters.nominal)
-    with pytest.raises(PlanError, match="no serial arm"):
+    with pytest.raises(PlanError, match="slides or loops"):
         excite(registry.load("robots", "medrue"), 30.0, 125.0, 0)
     with pytest.raises(PlanError, match="at least 5 s"):
         excite(UR5, 3.0, 125.0, 0)

@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2687,
     "data": 5525,
-    "diagnosis": 12991,
+    "diagnosis": 12992,
     "drives": 1726,
     "effects": 4999,
     "environments": 588,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78972,
-    "src/wrenchbed": 69483,
+    "src": 78973,
+    "src/wrenchbed": 69484,
     "src/robot_emulators": 9489,
     "tests": 38069,
     "scripts": 3476,

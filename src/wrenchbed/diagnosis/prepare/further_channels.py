@@ -62,7 +62,8 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
     elif prepared.channels or len(y) == data.count.sum():
 
         def averaged(x: np.ndarray) -> np.ndarray:  # a motion is judged by averages of its rows
-            return prepared.averages(x.reshape(len(y), -1)).reshape(-1, *x.shape[1:])
+            rows = prepared.averages(x.reshape(len(y), x.size // len(y)))
+            return rows.reshape(len(rows) * len(x) // len(y), *x.shape[1:])
 
         nuisance, *every = (
             averaged(flat(x[scene.held]))
