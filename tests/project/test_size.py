@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78973,
     "src/wrenchbed": 69484,
     "src/robot_emulators": 9489,
-    "tests": 38069,
+    "tests": 38062,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -253,14 +253,7 @@ SUBTLE: dict[str, Way] = {
         f"crosstalk of {of} in {to}, {100 * part:g} %": mixed(
             ("crosstalk", f"column {to!r}"), entry(to, of, part)
         )
-        for to, of in (
-            ("fx", "fz"),
-            ("fz", "fx"),
-            ("ty", "fz"),
-            ("tx", "fy"),
-            ("tz", "fx"),
-            ("tx", "ty"),
-        )
+        for to, of in map(str.split, ("fx fz", "fz fx", "ty fz", "tx fy", "tz fx", "tx ty"))
         for part in (0.01, 0.03, 0.05)
     },
     **{
