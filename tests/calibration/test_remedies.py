@@ -180,7 +180,7 @@ REMEDIES = {
 AGAIN = (
     "Repair it|[Rr]ecord without|mount the tool|Choose a larger range$|robot that was recorded|"
     "check metadata robot|check the robot|Look for contact|as the sensor shows it|record again|"
-    "would tell|joints are frozen, or|in every row while"
+    "would tell|joints are frozen, or|in every row while|lighter tool$"
 )
 """Where the log does not tell what to change."""
 
