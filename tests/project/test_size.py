@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5172,
+    "calibration": 5174,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2687,
     "data": 5525,
     "diagnosis": 12992,
-    "drives": 1726,
+    "drives": 1727,
     "effects": 4999,
     "environments": 588,
     "exports": 828,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78973,
-    "src/wrenchbed": 69484,
+    "src": 78976,
+    "src/wrenchbed": 69487,
     "src/robot_emulators": 9489,
     "tests": 38062,
     "scripts": 3476,

@@ -23,6 +23,8 @@ ROWS = 4000
 """Most observations that are looked at, evenly spread: half a minute at 125 Hz."""
 SPARE = 20
 """Least number of readings in excess of all parameters for a residual to tell its causes."""
+KNOWN = 1e9
+"""Degrees of freedom of a noise that is known before the fit: as good as infinite."""
 SURE, CLEAR = 1e-3, 4.0
 """P-value of all suspects together, and standard deviations of one of them, from which they
 explain a part of the residual."""
@@ -206,7 +208,7 @@ def _whitened(fit: _Rows) -> _Whitened | None:
             if fit.outcome.noise.source == "residual" or motion:
                 return None
             white = fit.white(least)
-            return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], float(count), np.inf)
+            return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], float(count), KNOWN)
         time = correlation_time(rest) if motion else np.ones(6)
         unit = np.where(np.isinf(noise), 0.0, noise)
         scale = np.sqrt((rest**2).mean(axis=0) * rest.size / spare * time) * unit
@@ -233,7 +235,7 @@ def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -
         return True
     rest, rank = _rest(np.column_stack([alone, residual]))
     explained = float(residual @ residual - rest @ rest) / max(1, rank)
-    return bool(special.fdtrc(max(1, rank), min(seen.rest, 1e9), explained) < SURE)
+    return bool(special.fdtrc(max(1, rank), seen.rest, explained) < SURE)
 
 
 def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.calibration.fit import IdentifiedValue, WrittenFit, entries, head
+from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 
 EFFORT_FIT, COMMAND_FIT = "effort", "command"
 """What was fitted: joint efforts, or tracking errors of servos."""
 LEAST_SHOWN = 0.01
-"""Least size of links' errors, in usual ones (3 % of a mass, 3 mm), that is told."""
+"""Least size of links' errors, in ordinary ones (`LINK_MASS`, `LINK_CENTRE`), that is stated."""
 _INERTIA = tuple(f"tool.inertia.{a}" for a in ("xx", "yy", "zz"))
 POSITIVE = (
     "tool.mass", "drive.constant", "drive.coulomb", "drive.viscous", "servo.stiffness", *_INERTIA,
@@ -74,7 +75,7 @@ class DriveFit(WrittenFit):
         constants: drive constants, where they were stated (J,) [N·m/A, of slides N/A].
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
         cannot_tell: sentences on what a fit of servo commands cannot determine.
-        link_errors: size of the stated links' errors that uncertainties include, in usual ones.
+        link_errors: size of links' errors that uncertainties include, over ordinary ones.
         gravity: other than the stated one that explains the efforts far better [m/s²], or None.
     """
 
@@ -148,8 +149,8 @@ class DriveFit(WrittenFit):
             )
         elif self.link_errors >= LEAST_SHOWN:
             text += (
-                f"; uncertainties hold errors of {3 * self.link_errors:.2g} % of each link's mass "
-                f"and {3 * self.link_errors:.2g} mm of its centre"
+                f"; uncertainties hold errors of {100 * LINK_MASS * self.link_errors:.2g} % of "
+                f"each link's mass and {1e3 * LINK_CENTRE * self.link_errors:.2g} mm of its centre"
             )
         elif "link" not in names and "tool" in names:
             text += "; the tool and drive constants hold as far as the model's link masses do"

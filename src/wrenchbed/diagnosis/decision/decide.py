@@ -59,8 +59,8 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
             gap = facts.measure(verdict)
     if gap.calibrated.low - max(gap.floor, 0.0) > LARGEST_NONE:  # held-out rows refute `none`
         chances = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
-        chances |= {NONE: 0.0, UNKNOWN: chances[UNKNOWN] + chances[NONE]}
-        verdict = replace(verdict, probabilities=chances)
+        unknown = chances[UNKNOWN] + chances[NONE]
+        verdict = replace(verdict, probabilities=chances | {NONE: 0.0, UNKNOWN: unknown})
     return Decision(verdict, gap)
 
 
@@ -377,10 +377,10 @@ def only(verdict: Verdict[S], kept: tuple[Cause, ...]) -> Verdict[S]:
 
 def widened(verdict: Verdict[S], rivals: Sequence[Key]) -> Verdict[S]:
     """Verdict with more rivals of its leading cause; ``unknown`` if they are too many."""
-    lead, *others = verdict.causes or (None,)
-    new = [] if lead is None else [key for key in rivals if key not in lead.keys]
-    if lead is None or not new:
+    new = [key for cause in verdict.causes[:1] for key in rivals if key not in cause.keys]
+    if not new:
         return verdict
+    lead, *others = verdict.causes
     keys, more = (*lead.keys, *new), [n for n in dict(new) if n not in lead.names]
     probability, key = dict(verdict.probabilities), "|".join((*lead.names, *more))
     probability[key] = probability.pop("|".join(lead.names), lead.probability)
