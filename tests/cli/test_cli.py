@@ -196,6 +196,16 @@ def test_results_and_errors_are_printed(made, tmp_path, environment):
     assert fit.is_file()
 
 
+@pytest.mark.parametrize("words", [["--help"], ["list", "checks"], ["record", "--help"]])
+def test_output_that_nobody_reads_ends_the_program_quietly(words):
+    read, write = os.pipe()
+    os.close(read)
+    line = [sys.executable, "-m", "wrenchbed", *words]
+    done = subprocess.run(line, stdout=write, stderr=subprocess.PIPE, env=os.environ, check=False)
+    os.close(write)
+    assert done.returncode and not done.stderr
+
+
 @dataclass
 class Device:
     robot: str = "ur5"

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ntnu import GRAVITY, STD, static
+from ntnu import static
 from real_faults import Host
 from wrenchbed.benchmark.referee.case import DRAWS, FAMILIES, as_case, robot_with_minor
 from wrenchbed.diagnosis.decision.decide import confirmed, widened
@@ -26,7 +26,7 @@ from wrenchbed.diagnosis.result import named_by
 
 @pytest.fixture(scope="module")
 def host():
-    return Host.of(static(), STD, GRAVITY)
+    return Host.of(static())
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ import numpy as np
 
 from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
 LEVER = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
@@ -26,7 +27,8 @@ class Host:
 
     Attributes:
         std: noise of a row (6,) [N, N·m].
-        pull: gravity in sensor axes (N, 3) [m/s²].
+        pull: gravity less acceleration in sensor axes (N, 3) [m/s²], which the force tells in
+            motion.
         mass, cog: of the tool [kg], (3,) [m].
     """
 
@@ -37,11 +39,15 @@ class Host:
     cog: np.ndarray
 
     @classmethod
-    def of(cls, recording: Recording, std: np.ndarray, gravity: np.ndarray) -> "Host":
-        """Fit mass, centre of gravity and bias by linear least squares."""
-        pull = gravity @ recording.rotation
+    def of(cls, recording: Recording) -> "Host":
+        """Fit mass, centre of gravity and bias by linear least squares, with the stated noise."""
+        scene = prepare(recording).scene
+        pull = scene.gravity @ scene.robot.sensor_pose(recording.q, scene.theta)[0]
+        std = np.asarray(recording.metadata.sensor.noise_std)
         white = (columns_of(pull) / std[:, None]).reshape(-1, 10)
         fit = np.linalg.lstsq(white, (recording.wrench / std).ravel(), rcond=None)[0]
+        if recording.metadata.mode == "dynamic":
+            pull = (recording.wrench[:, :3] - fit[:3]) / fit[6]
         return cls(recording, std, pull, float(fit[6]), fit[7:] / fit[6])
 
     @property

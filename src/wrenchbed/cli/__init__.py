@@ -12,6 +12,7 @@ import ast
 import io
 import os
 import resource
+import select
 import shutil
 import signal
 import sys
@@ -83,7 +84,22 @@ def run() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.unraisablehook = _raise_again
     prepare()
-    sys.exit(main())
+    try:
+        code = main()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        if not _unread():
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # drops what is buffered
+        code = 128 + signal.SIGPIPE
+    sys.exit(code)
+
+
+def _unread() -> bool:
+    """Whether nobody reads standard output any more, as after ``| head -1``."""
+    reader = select.poll()
+    reader.register(sys.stdout.fileno(), 0)
+    return any(event & select.POLLERR for _, event in reader.poll(0))
 
 
 def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
@@ -204,6 +220,8 @@ def _run(words: Sequence[str]) -> int:
         return 1
     except Exception as error:
         _check_interrupt(error)
+        if isinstance(error, BrokenPipeError) and _unread():
+            raise
         what = _in_words(error)
         if not what:
             raise
