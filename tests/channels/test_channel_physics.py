@@ -91,6 +91,17 @@ def test_in_motion_it_reads_what_mujocos_does_wherever_and_whenever_it_is(robot)
     assert late.lag == pytest.approx(0.003, rel=0.02)
 
 
+def test_the_simulated_one_reads_in_motion_what_mujocos_does_up_to_gain_and_zero():
+    t, q = arm.fourier(np.random.default_rng(0), 6.0, 100.0, UR5.home)
+    beside = Beside(nominal(UR5), SimOptions("ur5", noise="off", imu=0.02))
+    read = np.stack([*beside.in_motion(t, q.v).values()], axis=1)
+    rows = Scene(UR5, UR5.parameters.nominal, np.array(UR5.gravity), q, t, np.ones(len(t), bool))
+    place = ACCELEROMETER.fitted(read, rows).place
+    felt_there = np.column_stack([felt(UR5, q, place, UR5.gravity), np.ones(len(t))])
+    left = read - felt_there @ np.linalg.lstsq(felt_there, read, rcond=None)[0]
+    assert np.abs(left[10:-10]).max() < 1e-3 * read.std() and np.abs(place).max() > 0.005
+
+
 def test_in_motion_it_is_compared_beside_the_wrench_to_its_noise(tmp_path):
     plan = multisine(UR5, 8.0, 100.0, 1)
     whole = driven(plan, tmp_path / "rec.parquet", seed=1, noise="white")

@@ -73,7 +73,7 @@ class DeviceArguments:
 
     def check(self, mode: str) -> None:
         """Raise an error for channels that a plan of ``mode`` (static or dynamic) cannot record."""
-        other, when = ("command", "in motion") if mode == "static" else ("pose imu", "at rest")
+        other, when = ("command", "in motion") if mode == "static" else ("pose", "at rest")
         if wrong := [name for name in self.asked_channels if name in other.split()]:
             raise ParameterError(f"--channels {wrong[0]}: is simulated {when} only")
         if self.asked_channels == ("imu",):

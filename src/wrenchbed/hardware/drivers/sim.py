@@ -104,8 +104,7 @@ class SimOptions:
             the controller's targets and the drives' temperatures; ``off``: they do not.
         tracker: standard deviation of a tracker's readings [m]: recordings at rest have the
             position of a target on the flange as mx my mz; 0: they do not.
-        imu: standard deviation of an accelerometer's readings [m/s²]: recordings at rest have them
-            as ax ay az; 0: they do not.
+        imu: standard deviation of an accelerometer's readings ax ay az [m/s²]; 0: none.
     """
 
     robot: str
@@ -121,7 +120,7 @@ class SimOptions:
 
 
 class Beside:
-    """Simulates a tracker and an accelerometer that are read at rest, besides the wrench sensor.
+    """Simulates a tracker, read at rest, and an accelerometer besides the wrench sensor.
 
     The tracker stands anywhere in the room, its target and the accelerometer are mounted anywhere
     on the flange; the accelerometer's scales are off by 2 % and its zeros by 0.3 m/s². The rows of
@@ -139,6 +138,22 @@ class Beside:
         sizes = {TARGET: options.tracker, _IMU: options.imu}
         self._std = {names: quiet * std for names, std in sizes.items() if std > 0.0}
         self._before: np.ndarray | None = None
+        self._lever = self._rng.uniform(-0.05, 0.05, 3)  # of the accelerometer, sensor axes [m]
+
+    @property
+    def moves(self) -> bool:
+        """Whether something is read in motion too."""
+        return _IMU in self._std
+
+    def in_motion(self, t: np.ndarray, q: np.ndarray) -> Block:
+        """Simulate the accelerometer in a complete motion with joint values q (n, J) at times t
+        (n,) [s]; its place is differentiated by a spline."""
+        scene = self._twin.scene(q, t)
+        rotation, position = self._twin.place(scene)
+        felt = scene.gravity - _moving(t, position + rotation @ self._lever).dd
+        true = np.einsum("nji,nj->ni", rotation, -felt) @ self._gain.T + self._zero
+        rows = true + self._std[_IMU] * self._rng.standard_normal((len(t), 3))
+        return dict(zip(_IMU, rows.T, strict=True))
 
     def columns(self, q: np.ndarray, n: int) -> Block:
         """Simulate the readings of n rows at joint values (J,), as column name → values (n,)."""
@@ -321,18 +336,20 @@ class SimDriver(Driver):
         return columns
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        """Yield rows of a motion along targets (N, J) at ``rate`` [Hz], in blocks; with effects or
-        efforts after all of it was simulated."""
+        """Yield rows of a motion along targets (N, J) at ``rate`` [Hz], in blocks; with effects,
+        efforts or an accelerometer after all of it was simulated."""
         moved: Iterable[Samples] = self._moved(targets, rate)
         readings: np.ndarray | None = None
-        efforts: dict[str, np.ndarray] = {}
-        if self._playback is not None or self._efforts is not None:
+        further: dict[str, np.ndarray] = {}
+        if self._playback is not None or self._efforts is not None or self._beside.moves:
             moved = list(moved)
             t, q, qd, load = (np.concatenate(part) for part in zip(*moved, strict=True))
             if self._playback is not None:
                 readings = self._playback.motion(t, q, qd, load)
             if self._efforts is not None:
-                efforts = self._efforts.columns(t, _moving(t, q), targets, rate)
+                further |= self._efforts.columns(t, _moving(t, q), targets, rate)
+            if self._beside.moves:
+                further |= self._beside.in_motion(t, q)
         done = 0
         for t, q, qd, reading in moved:
             part = slice(done, done + len(t))
@@ -340,7 +357,7 @@ class SimDriver(Driver):
             columns = dict(self._columns(t, q, reading if readings is None else readings[part]))
             columns |= {f"qd{j + 1}": qd[:, j] for j in range(qd.shape[1])}
             columns |= {f"q_target{j + 1}": v for j, v in enumerate(targets[part].T)}
-            yield columns | {name: values[part] for name, values in efforts.items()}
+            yield columns | {name: values[part] for name, values in further.items()}
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
         """Yield samples of a motion along targets (N, J) at ``rate`` [Hz], in blocks: with the
@@ -369,11 +386,11 @@ class SimDriver(Driver):
 
 
 def _moving(t: np.ndarray, q: np.ndarray) -> Jet:
-    """Joint values, speeds and accelerations (n, J) of a complete motion with joint values q (n, J)
+    """Values (joints, or a place) with speeds and accelerations (n, J) of a complete motion q (n, J)
     at times t (n,) [s], by a spline: MuJoCo's own are those of half a step before (semi-implicit
     Euler)."""
     if len(t) < _LEAST_ROWS:
-        raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
+        raise ParameterError(f"efforts, accelerations: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
     from scipy.interpolate import make_interp_spline  # slow to load: only when it is used
 
     path = make_interp_spline(t, q, k=5)
