@@ -225,7 +225,7 @@ def findings_of(
         where=lying or hints,
         which=which if verdict.word in ("identified", "ambiguous", PARTIAL) else [],
         probabilities=verdict.probabilities,
-        cannot_tell=json_entries.cannot_tell(which, verdict.alike),
+        cannot_tell=json_entries.cannot_tell(which[: len(verdict.causes)], verdict.alike),
         blind=blind_spots(_designs(analysis)),
         next=proposed,
         twin=twin,
