@@ -26,7 +26,7 @@ from wrenchbed.diagnosis.decision.weighed_explanations import facts_of
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
 from wrenchbed.diagnosis.explain.structures import Ranking
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
-from wrenchbed.diagnosis.gap.gap_bootstrap import Interval
+from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
 
 TILT, PULL, GAIN, OFFSET = "base.tilt", "cable.pull", "sensor.gain", "joint.offset"
 
@@ -195,7 +195,7 @@ def test_doubt_goes_to_unknown_and_about_unknown_to_all_others(verdict, before, 
     causes = (Cause(((TILT, None),), 1.0, Part(TILT, 2.0)),) if claims else ()
     facts = SimpleNamespace(right=lambda *_: right, seen=())
     said = Verdict("identified" if claims else verdict, causes, None, given)
-    told = reliable(facts, said, SimpleNamespace(further={}))
+    told = reliable(facts, said, gap())
     assert told.word == verdict.partition(" ")[0]
     assert [c.probability for c in told.causes] == pytest.approx([right] * (right > 0.5) * claims)
     want = dict(zip((TILT, "none", "unknown"), after, strict=True))
@@ -214,18 +214,21 @@ LARGE, FEW = about(6.0), Interval(1.0, -1.0, 3.0)
 """A gap, and what a cause closes that few poses show."""
 
 
-def gap(members=None, closed=None, calibrated=LARGE, floor=0.0, channels=None, in_all=None):
+def gap(
+    members=None, closed=None, calibrated=LARGE, floor=0.0, channels=None, in_all=None, left=None,
+    further=None,
+):  # fmt: skip
     """Gaps on held-out rows, as far as a verdict depends on them."""
-    members = {k: v if isinstance(v, Interval) else about(v) for k, v in (members or {}).items()}
-    return SimpleNamespace(
-        calibrated=calibrated,
-        floor=floor,
-        excess=calibrated.value - max(floor, 0.0),
-        members=members,
-        closed=about(closed) if isinstance(closed, float) else closed,
-        in_all=about(in_all) if isinstance(in_all, float) else in_all,
-        channels=calibrated.value if channels is None else channels,
+    of = [members or {}, further or {}]
+    each, other = (
+        {k: v if isinstance(v, Interval) else about(v) for k, v in d.items()} for d in of
     )
+    closed, in_all = (about(x) if isinstance(x, float) else x for x in (closed, in_all))
+    mean = calibrated.value if channels is None else channels
+    return Closure(
+        mean, calibrated, left, floor, closed, None, 100, 4, {"fx": {"before": mean}}, each, {},
+        in_all, other,
+    )  # fmt: skip
 
 
 def keys_of(names):
@@ -285,6 +288,21 @@ def test_what_values_show_needs_no_held_out_row():
     told = upheld(claimed(TILT), measured, seen=(TILT,))
     assert (told.word, leads(told)) == ("identified", [TILT])
     assert upheld(claimed(TILT), measured, seen=(GAIN,)).word == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("left", "kept"), [(4.2, [TILT]), (3.8, [TILT, GAIN]), (1.0, [TILT, GAIN])]
+)
+def test_a_cause_far_smaller_than_what_stays_unexplained_is_not_claimed(left, kept):
+    """It closes 0.6: a seventh or a sixth of the rest, or beside a rest that hardly counts."""
+    measured = gap({TILT: 9.0, GAIN: 1.0}, 0.6, calibrated=about(10.0), left=about(left))
+    assert leads(upheld(claimed(TILT, GAIN), measured)) == kept
+
+
+def test_what_other_channels_uphold_keeps_its_probability_and_no_cause_beside_it_does():
+    facts = SimpleNamespace(right=lambda *_: 0.8, seen=())
+    told = reliable(facts, claimed(TILT, GAIN), gap({GAIN: 3.0}, 0.5, further={TILT: 6.0}))
+    assert [c.probability for c in told.causes] == pytest.approx([0.9, 0.8 * 0.9])
 
 
 def test_a_claim_with_hardly_a_gap_or_few_poses_is_none_or_doubtful():

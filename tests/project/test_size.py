@@ -11,15 +11,15 @@ WRENCHBED = {
     "calibration": 5174,
     "campaigns": 1144,
     "channels": 975,
-    "cli": 2687,
+    "cli": 2705,
     "data": 5525,
-    "diagnosis": 12992,
+    "diagnosis": 13002,
     "drives": 1727,
     "effects": 4999,
     "environments": 588,
     "exports": 828,
     "files": 576,
-    "hardware": 6679,
+    "hardware": 6696,
     "jobs": 555,
     "monitoring": 1388,
     "pages": 1255,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78976,
-    "src/wrenchbed": 69487,
+    "src": 79021,
+    "src/wrenchbed": 69532,
     "src/robot_emulators": 9489,
-    "tests": 38062,
+    "tests": 38107,
     "scripts": 3476,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -26,6 +26,9 @@ LEAST = 0.5
 """Least gap that a claimed cause closes; below it is an imperfection (docs/contracts.md)."""
 MOST = 0.5
 """Closed share of the gap below which the verdict is ``partial`` (docs/contracts.md)."""
+BESIDE_REST = 0.15
+"""Least gap that a cause closes, as a share of a rest that surely counts and that no cause
+explains; smaller ones were wrong (tuned on ``scripts/real_faults``, seed 77)."""
 DOUBTFUL = 0.5
 """Largest probability of a cause beside a sure one if the interval of its closed gap holds 0."""
 WITHDRAWN = 0.05
@@ -130,11 +133,8 @@ def _word(causes: Iterable[Cause]) -> str:
 
 
 def small(gap: Closure) -> bool:
-    """Whether the calibrated gap is so small that there may be no cause.
-
-    It takes the larger of two: the mean gap of single channels (imperfections lack the correlation
-    that noise has between channels), and the lower end of the gap's 95 % interval.
-    """
+    """Whether the calibrated gap is so small that there may be no cause: the larger of the gap's
+    lower end and the mean gap of single channels, as imperfections lack noise's correlation."""
     floor = max(gap.floor, 0.0)
     return max(gap.channels, gap.calibrated.low) - floor <= LARGEST_NONE
 
@@ -188,12 +188,14 @@ def _closing(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> tuple[Cause,
     back = {n: 0.0 if m is None else max(m.value, 0.0) for n, m in members.items()}
 
     def sure(c: Cause) -> bool:
-        if c.part.name in facts.seen:
-            return True
         shown = together or in_all or c.part.index is None
-        return shown and surely(members[c.part.label])
+        return c.part.name in facts.seen or (shown and surely(members[c.part.label]))
 
-    in_order = sorted(verdict.causes, key=lambda c: -back[c.part.label])
+    counted = [
+        c for c in verdict.causes if c.part.index is None or _stands(facts, c, gap)
+        or not gap.outweighed(c.part.label, BESIDE_REST, LARGEST_NONE)
+    ]  # fmt: skip
+    in_order = sorted(counted, key=lambda c: -back[c.part.label])
     certain = [c for c in in_order if sure(c)]
     if not certain or not together:
         return tuple(certain)
@@ -203,11 +205,9 @@ def _closing(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> tuple[Cause,
 
 
 def _imitated(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> bool:
-    """Whether ordinary errors of all stated values together imitate causes that the evidence names.
-
-    Once these errors are fitted there is hardly a gap. No held-out row may refute the causes: they
-    close some of the rest, or are wrong numbers that close the configured gap.
-    """
+    """Whether ordinary errors of all stated values together imitate causes that the evidence names
+    and no held-out row refutes: they close some of the little that these errors leave, or are wrong
+    numbers that close the configured gap."""
     sure = min(c.probability for c in verdict.causes) >= FIRM
     if not (facts.ordinary_fitted and sure and small(gap)) or gap.closed is None:
         return False
@@ -236,14 +236,14 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     What the leading answer loses goes to ``unknown``; a claim that is then no likelier than
     ``unknown`` becomes it. Causes that channels beside the wrench confirm are kept as they are.
     """
-    if verdict.causes and _stands(facts, verdict.causes[0], gap):
-        return verdict
     right, lead = facts.right(verdict, gap), key_of(verdict)
-    probability = tempered(verdict.probabilities, lead, right)
     causes = tuple(
         c if _stands(facts, c, gap) else replace(c, probability=c.probability * right)
         for c in verdict.causes
     )
+    if causes and _stands(facts, causes[0], gap):
+        return replace(verdict, causes=causes)
+    probability = tempered(verdict.probabilities, lead, right)
     if causes and probability[lead] <= probability[UNKNOWN]:
         return replace(verdict, word=UNKNOWN, causes=(), probabilities=probability)
     return replace(verdict, causes=causes, probabilities=probability)

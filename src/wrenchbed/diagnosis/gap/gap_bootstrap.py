@@ -71,10 +71,20 @@ class Closure:
     def closed_beside(self, counts: float) -> float:
         """Share of the gap that the effects close, 0…1, if they surely leave a gap above
         ``counts``, since they may then only resemble the true ones; else 1."""
-        if self.with_effects is None or self.closed is None:
+        if self.closed is None or self.surely_left <= counts:
             return 1.0
-        left = self.with_effects.low - max(self.floor, 0.0)
-        return min(max(self.closed.value, 0.0), 1.0) if left > counts else 1.0
+        return min(max(self.closed.value, 0.0), 1.0)
+
+    @property
+    def surely_left(self) -> float:
+        """Least gap beyond noise that the claimed effects leave; 0 without any."""
+        return 0.0 if self.with_effects is None else self.with_effects.low - max(self.floor, 0.0)
+
+    def outweighed(self, label: str, share: float, counts: float) -> bool:
+        """Whether a cause closes less than ``share`` of a gap above ``counts`` that all causes
+        together surely leave."""
+        part = self.shares.get(label, 0.0) * self.excess
+        return self.surely_left > counts and part < share * self.left
 
     @property
     def excess(self) -> float:
