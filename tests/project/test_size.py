@@ -40,7 +40,7 @@ IN_ALL = {
     "src/wrenchbed": 69532,
     "src/robot_emulators": 9489,
     "tests": 38107,
-    "scripts": 3476,
+    "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""
 MOST_FILES = 470
