@@ -386,11 +386,11 @@ class SimDriver(Driver):
 
 
 def _moving(t: np.ndarray, q: np.ndarray) -> Jet:
-    """Values (joints, or a place) with speeds and accelerations (n, J) of a complete motion q (n, J)
+    """Joint values, or a place, with speeds and accelerations (n, J) of a complete motion q (n, J)
     at times t (n,) [s], by a spline: MuJoCo's own are those of half a step before (semi-implicit
     Euler)."""
     if len(t) < _LEAST_ROWS:
-        raise ParameterError(f"efforts, accelerations: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
+        raise ParameterError(f"{len(t)} rows of motion are too few for speeds: give {_LEAST_ROWS}")
     from scipy.interpolate import make_interp_spline  # slow to load: only when it is used
 
     path = make_interp_spline(t, q, k=5)
