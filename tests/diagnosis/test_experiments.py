@@ -194,7 +194,7 @@ def test_a_fault_of_that_size_is_reported_in_95_of_100_draws(design, effect, lab
     imperfect = np.sqrt(level.V)[:, None] * rng.standard_normal((len(level.V), DRAWS))
     noise = np.sqrt(level.v0)[:, None] * rng.standard_normal((len(level.v0), DRAWS))
     scores, nulls = level.scored(d.E @ imperfect + noise + d.E[:, h.columns] @ size)
-    fitted = np.linalg.solve(level.information(h.columns[None])[0], scores[h.columns])
+    fitted = np.linalg.solve(level.informations([h.columns[None]])[0][0], scores[h.columns])
     reported = []
     for score, null, x in zip(scores.T, nulls.tolist(), fitted.T, strict=True):
         singles = searcher.added(design.rung, null, score)

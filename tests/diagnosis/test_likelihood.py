@@ -25,11 +25,6 @@ def case(rows, columns, seed=0):
     return level, np.diag(v0) + (E * level.V) @ E.T, rng
 
 
-def information(level):
-    """Of all columns."""
-    return level.information(np.arange(len(level.V))[None])[0]
-
-
 SIZES = pytest.mark.parametrize(("rows", "columns"), [(24, 5), (12, 30), (12, 12)])
 
 
@@ -41,10 +36,14 @@ def test_a_level_is_its_dense_matrix(rows, columns):
     assert level.tall == (rows > columns)
     assert level.log_det == pytest.approx(np.linalg.slogdet(K)[1])
     assert level.solve(y) == pytest.approx(inverse @ y)
-    assert level.products(y) == pytest.approx(y.T @ inverse @ y)
     some = np.array([1, 4, 5])
     assert level.precision(some) == pytest.approx(inverse[np.ix_(some, some)])
-    assert information(level) == pytest.approx(level.E.T @ inverse @ level.E)
+    information = level.informations([np.arange(columns)[None]])[0][0]
+    assert information == pytest.approx(level.E.T @ inverse @ level.E)
+    both, known = np.column_stack([y, level.E[:, [4, 2]]]), np.array([-1, -1, -1, 4, 2])
+    assert level.products(both) == pytest.approx(both.T @ inverse @ both)
+    white = level.whitened(both, known)  # parts of columns are those of the information
+    assert white.products(white) == pytest.approx(both.T @ inverse @ both)
     score, null = level.scored(y)
     assert score == pytest.approx(level.E.T @ inverse @ y)
     expected = [multivariate_normal(np.zeros(rows), K).logpdf(c) for c in y.T]
@@ -68,7 +67,7 @@ def test_a_gain_is_what_widening_some_columns_adds(rows, columns):
     level, K, rng = case(rows, columns)
     y = rng.standard_normal((rows, 2))
     own, size, scales = np.array([[0, 3]]), np.array([[0.7, 1.3]]), np.array([0.5, 2.0, 4.0])
-    blocks = level.information(own)
+    blocks = level.informations([own])[0]
     score = level.scored(y)[0][own]
     told = gains(blocks, score, size, scales)
     assert told.shape == (1, 3, 2)

@@ -1,7 +1,6 @@
 """A nonlinear refit finds amplitude and shape of a known signal, with their uncertainty."""
 
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -100,8 +99,7 @@ def test_slopes_of_shapes_are_differences_and_those_of_plain_amplitudes_the_dict
     slope = -2.0 * np.sqrt(2.0) * np.sin(2.0 * n + 0.3) * n * 0.5
     assert told[:, 1] == pytest.approx(slope, abs=0.3)
     plain = Hypothesis(h.effect, Variant("plain", ("span",), {"lag": 2.0}), h.columns, 4.0)
-    some = SimpleNamespace(parts=(plain,))
-    told = r.design(some.parts, np.array([1.0]), r.y, [0])
+    told = r.design((plain,), np.array([1.0]), r.y, [0])
     assert (told[:, 0] == r.d.E[:, h.columns[0]]).all()
 
 

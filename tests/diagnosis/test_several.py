@@ -48,7 +48,8 @@ def test_the_evidence_of_two_recordings_is_that_of_both_stacked():
         for e, v in zip(E, (1.0, 2.0), strict=True)
     ]
     columns = rng.standard_normal((2, 12, 2))
-    both = [Moments.of(*x) for x in zip(levels, y, columns, strict=True)]
+    each = zip(levels, columns, y, strict=True)
+    both = [Moments.of(v, v.whitened(np.column_stack([c, z]))) for v, c, z in each]
     told = over_scales(both[0] + both[1], np.zeros(2, int), np.zeros(2), np.array([[0.7]])).total
     noise_of = [np.eye(12) * v + 0.2 * e @ e.T for e, v in zip(E, (1.0, 2.0), strict=True)]
     stacked = 0.49 * np.concatenate(columns) @ np.concatenate(columns).T

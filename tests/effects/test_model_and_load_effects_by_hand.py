@@ -332,14 +332,13 @@ def test_contact_drags_along_the_plane_at_the_robots_own_tip():
     given = {"stiffness": 500.0, "depth": TIP + 0.01, "slide__x": 0.1, "slide__y": 0.2}
     found = added(at("ur5", np.zeros(6)), "environment.contact", **given)[0]
     assert found[:3] == pytest.approx([0.5, 5.0, -1.0], abs=1e-9)
-    from wrenchbed.effects.environment_contact import tip
 
     scene = scene_of("medrue static")
     _, end = scene.robot.tool_pose(scene.joints, scene.theta)
     rotation, origin = scene.pose
-    reached = origin + np.einsum("mij,j->mi", rotation, tip(scene))
+    reached = origin + np.einsum("mij,j->mi", rotation, scene.tip)
     assert reached == pytest.approx(end, abs=1e-9)
-    assert tip(scene_of("ur5 static")) == pytest.approx(2.0 * COG)
+    assert scene_of("ur5 static").tip == pytest.approx(2.0 * COG)
 
 
 def test_cables_pull_where_they_hold_and_are_untwisted_at_their_neutral_angle():

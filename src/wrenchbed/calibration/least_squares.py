@@ -54,8 +54,7 @@ def solve(
     """Minimise ½|r(x)|² from ``start`` (K,). ``residual`` gives r, measured − predicted (M,), and
     ``jacobian`` ∂predicted/∂x (M, K), both whitened; ``scale`` (K,): size of each parameter."""
     x, r = start.copy(), residual(start)
-    converged, fresh = False, False
-    steps = 0
+    steps, converged, fresh = 0, False, False
     while steps < MAX_STEPS and not converged:
         steps += 1
         j = jacobian(x)

@@ -66,7 +66,8 @@ class Observability:
             (text, x / np.abs(x).max()) for text, x in known if x.any() and _in_span(x, self.basis)
         ]
         for text, x in (*confirmed, *(("", x) for x in _sparsest(self.basis))):
-            span = _columns([before for _, before in chosen], len(names))
+            before = np.array([taken for _, taken in chosen]).reshape(-1, len(names))
+            span = np.linalg.qr(before.T)[0]
             if len(chosen) < self.basis.shape[1] and not _in_span(x, span):
                 chosen.append((text, x))
         redundancies = [_redundancy(x * self.scale, names, text) for text, x in chosen]
@@ -104,10 +105,6 @@ def analyse(
     return Observability(tuple(names), rank, s, no_effect, scale[kept], basis, symmetries or {})
 
 
-def _columns(vectors: list[np.ndarray], n: int) -> np.ndarray:
-    return np.linalg.qr(np.stack(vectors, axis=1))[0] if vectors else np.zeros((n, 0))
-
-
 def _in_span(x: np.ndarray, basis: np.ndarray) -> bool:
     return bool(np.linalg.norm(x - basis @ (basis.T @ x)) < _SMALL * np.linalg.norm(x))
 
@@ -142,8 +139,7 @@ def _redundancy(direction: np.ndarray, names: Sequence[str], text: str) -> Redun
     direction = direction / np.abs(direction).max()
     used = np.flatnonzero(np.abs(direction) > _SMALL)
     part, who = direction[used], [names[int(i)] for i in used]
-    if part[0] < 0:
-        part = -part
+    part = part * np.sign(part[0])
     return Redundancy(tuple(who), tuple(float(x) for x in part), _sentence(part, who, text))
 
 

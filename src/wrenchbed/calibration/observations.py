@@ -1,12 +1,10 @@
 """What a calibration fits: the mean of each pose at rest, or samples of a motion."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import combinations_with_replacement
 
 import numpy as np
-import scipy  # which loads its slow submodules when they are first used
+from numpy.polynomial.polynomial import polyder, polyvander
 
 from wrenchbed import registry
 from wrenchbed.calibration.checks.rows import frozen_joints, usable
@@ -117,7 +115,8 @@ def _motion(recording: Recording, keep: np.ndarray) -> Observations:
             f"{recording.name}: motion needs at least {4 * window} rows on an even clock "
             f"(steps {step.min(initial=h):.4g} … {step.max(initial=h):.4g} s)"
         )
-    smooth, qd, qdd = (_smoothed(recording, parts, window, k) for k in range(3))
+    q = [recording.q[p].astype(float) for p in parts]
+    smooth, qd, qdd = (np.concatenate([smoothed(y, window, k, h) for y in q]) for k in range(3))
     rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     rough = recording.q[rows] - smooth
     _check_smooth(recording, _force_of_noise(rough, window, h), rough)
@@ -142,12 +141,16 @@ def _long(recording: Recording, window: int) -> list[slice]:
     return [p for p in pieces(recording.columns) if p.stop - p.start >= 2 * window]
 
 
-def _smoothed(recording: Recording, parts: Sequence[slice], window: int, deriv: int) -> np.ndarray:
-    """Joint values (N, J) of parts of a motion, or their ``deriv``-th time derivative, smoothed
-    over a ``window`` [rows]."""
-    h, q = _step(recording), recording.q.astype(float)
-    smooth = partial(scipy.signal.savgol_filter, deriv=deriv, delta=h, axis=0)
-    return np.concatenate([smooth(q[p], window, _ORDER) for p in parts])
+def smoothed(y: np.ndarray, window: int, deriv: int = 0, step: float = 1.0) -> np.ndarray:
+    """Signals (N, k) smoothed by polynomials over each ``window``, an odd number of rows, or their
+    ``deriv``-th derivative for rows one ``step`` apart; at the ends those of the first and last
+    window (Savitzky & Golay 1964; scipy's takes 0.5 s to load)."""
+    x, half = np.linspace(-1.0, 1.0, window), window // 2
+    fit = polyder(np.linalg.pinv(polyvander(x, _ORDER)), deriv, scl=1.0 / (half * step))
+    powers = polyvander(x, _ORDER - deriv)
+    first, last = (powers @ (fit @ ends) for ends in (y[:window], y[-window:]))
+    inner = np.stack([np.convolve(c, fit[0, ::-1], "valid") for c in y.T], axis=1)
+    return np.concatenate([first[:half], inner, last[half + 1 :]])
 
 
 def window_of(recording: Recording) -> int:
@@ -160,11 +163,12 @@ def window_of(recording: Recording) -> int:
         parts = _long(recording, window)
         if sum(p.stop - p.start for p in parts) < 4 * window:
             break
-        rough = np.concatenate([recording.q[p] for p in parts])
-        rough = rough - _smoothed(recording, parts, window, 0)
+        q = [recording.q[p].astype(float) for p in parts]
+        rough = np.concatenate([y - smoothed(y, window) for y in q])
         if _force_of_noise(rough, window, h).sum() <= _allowed(recording) ** 2:
             return window
-        std = rough.std(axis=0) / np.sqrt(1.0 - scipy.signal.savgol_coeffs(window, _ORDER).max())
+        weights = smoothed(np.eye(window), window)[window // 2]
+        std = rough.std(axis=0) / np.sqrt(1.0 - weights.max())
         first = std if first is None else first
         if (std > _BENT * first).any():
             break
@@ -174,7 +178,7 @@ def window_of(recording: Recording) -> int:
 def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
     """Variance (J,) [N²] of the force on 1 kg that each joint's noise causes through acceleration;
     ``rough`` (N, J): joint values minus smoothed ones, over a window [rows] of steps h [s]."""
-    second = scipy.signal.savgol_coeffs(window, _ORDER, deriv=2, delta=h)
+    second = smoothed(np.eye(window), window, 2, h)[window // 2]
     return np.asarray((second**2).sum() * rough.var(axis=0) * _LEVER**2)
 
 

@@ -244,8 +244,7 @@ def _exact(found: np.ndarray, data: Observations) -> bool:
 
 def _correlation_time(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Integrated autocorrelation time of a motion's residual (6,) [samples]; 1 for poses."""
-    motion = isinstance(problem.data.q, Jet)
-    return correlation_time(problem.residual(x)) if motion else np.ones(6)
+    return correlation_time(problem.residual(x)) if isinstance(problem.data.q, Jet) else np.ones(6)
 
 
 def correlation_time(r: np.ndarray) -> np.ndarray:

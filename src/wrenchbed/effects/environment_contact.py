@@ -17,7 +17,6 @@ from wrenchbed.effects.base import (
     vector,
 )
 from wrenchbed.effects.scene import Scene
-from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.rotations import apply, cross, sphere
 from wrenchbed.physics.taylor_jets import value
@@ -73,7 +72,7 @@ class EnvironmentContact(LoadEffect):
         if not scene.jointed:
             return ()
         rotation, position = scene.pose
-        at = (value(position) + apply(value(rotation), tip(scene)))[scene.held]
+        at = (value(position) + apply(value(rotation), scene.tip))[scene.held]
         result = []
         for way in (w for w in product((-1.0, 0.0, 1.0), repeat=3) if any(w)):
             normal = np.array(way) / np.linalg.norm(way)
@@ -89,7 +88,7 @@ class EnvironmentContact(LoadEffect):
         if not scene.jointed:
             return ()
         rotation, position = (value(x)[residual.rows] for x in scene.pose)
-        lever = tip(scene)
+        lever = scene.tip
         at = position + apply(rotation, lever)
         force = np.swapaxes(rotation, 1, 2)  # of a unit push along each world axis
         arm = np.broadcast_to(lever, at.shape)
@@ -159,18 +158,7 @@ def pressed(x: np.ndarray, power: float) -> np.ndarray:
 
 def touching(scene: Scene, p: Values) -> np.ndarray:
     """Contact point of the tool in sensor axes (3,) [m]."""
-    return p["reach"] * tip(scene) + vector(p, ASIDE)
-
-
-def tip(scene: Scene) -> np.ndarray:
-    """The tool's tip in sensor axes from the sensor's origin (3,) [m]."""
-    q, theta = scene.joints[:1], scene.theta
-    try:
-        _, end = scene.robot.tool_pose(q, theta)
-    except NotFoundError:
-        return 2.0 * scene.tool.cog
-    rotation, origin = scene.robot.sensor_pose(q, theta)
-    return np.asarray(rotation[0].T @ (end[0] - origin[0]))
+    return p["reach"] * scene.tip + vector(p, ASIDE)
 
 
 EFFECT = EnvironmentContact()

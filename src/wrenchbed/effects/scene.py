@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.taylor_jets import Jet, Value, value
 from wrenchbed.physics.wrench import Tool, wrench
@@ -134,6 +135,17 @@ class Scene:
     def tool(self) -> Tool:
         """Tool (mass, centre of gravity, inertia) as stated by the parameters ``theta``."""
         return self.robot.tool(self.theta)
+
+    @cached_property
+    def tip(self) -> np.ndarray:
+        """The tool's tip (3,) [m] in sensor axes from its origin; if unknown, twice the CoG."""
+        q = self.joints[:1]
+        try:
+            _, end = self.robot.tool_pose(q, self.theta)
+        except NotFoundError:
+            return 2.0 * self.tool.cog
+        rotation, origin = self.robot.sensor_pose(q, self.theta)
+        return np.asarray(rotation[0].T @ (end[0] - origin[0]))
 
     @cached_property
     def load(self) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.observations import window_of
+from wrenchbed.calibration.observations import smoothed, window_of
 from wrenchbed.data.holds import MOVING
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.scene import WAY
@@ -17,8 +17,6 @@ from wrenchbed.twin.twin import Twin
 
 _BACK = 40
 """Rows before a rest that are simulated again for effects with memory, such as friction."""
-_ORDER = 5
-"""Polynomial order of the Savitzky–Golay filter that gives acceleration from joint values."""
 _TAKEN = ("t", "segment", "temperature")
 
 
@@ -79,12 +77,7 @@ def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
         raise RecordingError(
             f"{recording.name}: motion needs joints and more than {window} rows on an even clock"
         )
-    from scipy.signal import savgol_filter  # slow to load: only when it is used
-
-    jets = [
-        savgol_filter(recording.q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp")
-        for k in range(3)
-    ]
+    jets = [smoothed(recording.q.astype(float), window, k, h) for k in range(3)]
     return twin.wrench(twin.scene(Jet(*jets), t, warmth=_warmth(recording)))
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchbed.calibration.observations import smoothed
 from wrenchbed.data.holds import gather, parts
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.prepare.configured_simulator import Configuration
@@ -16,8 +17,8 @@ from wrenchbed.diagnosis.prepare.noise import noise_in_motion
 from wrenchbed.diagnosis.prepare.prepared import RATES_HZ
 from wrenchbed.physics.wrench import CHANNELS
 
-WINDOW_S, ORDER = 0.6, 5
-"""Window [s] and order of the Savitzky–Golay filter of motions: it passes below about 3 Hz."""
+WINDOW_S = 0.6
+"""Window [s] of the Savitzky–Golay filter of motions: it passes below about 3 Hz."""
 GROUP_S, LEAST_GROUP = 1.0, 32
 """Length of a group of rows in motion [s], and its fewest rows."""
 LEAST_HOLD, LEAST_GROUPS = 6, 12
@@ -160,10 +161,8 @@ def _in_motion(recording: Recording, stale: np.ndarray) -> _Gathered | None:
         return None
     if stale.any():
         y = np.stack([np.interp(t, t[fresh], x[fresh]) for x in y.T], axis=-1)
-    from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
-
-    kernel = savgol_coeffs(window, ORDER)
-    y = (y - savgol_filter(y, window, ORDER, axis=0)) / np.sqrt(1.0 - kernel.max())
+    kernel = smoothed(np.eye(window), window)[window // 2]
+    y = (y - smoothed(y, window)) / np.sqrt(1.0 - kernel.max())
     index = fresh[(fresh >= window // 2) & (fresh < len(t) - window // 2)]
     groups = max(1, len(index) // size)
     return index, y[index], np.arange(groups) * (len(index) // groups), kernel

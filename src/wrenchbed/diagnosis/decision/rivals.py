@@ -96,8 +96,8 @@ class _Judge:
 
     def __init__(self, a: Analysis, wrong: Sequence[str], seed: int) -> None:
         self._a, self._wrong = a, wrong
-        self._fits = CrossFit(a)
         p = a.prepared
+        self._fits = CrossFit(a, {k: a.refitter.without(k) for k in p.folds})
         self._scale = p.sigma * np.sqrt(a.dictionary.prepared.noise)
         rows = HeldOut(p)
         self.mean = Bootstrap([(rows.block, rows.count)], seed).mean

@@ -136,11 +136,17 @@ class Dictionary:
                 right[b][at] += some.T @ white[rows]
         return gram, right
 
+    @cached_property
+    def _sums(self) -> dict[int | None, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
     def without(self, fold: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Sums of `products`, (P, P) and (P, 1), over all time blocks but ``fold`` (None: all)."""
-        weight = (np.arange(FOLDS) != fold).astype(float)
-        gram, right = (np.tensordot(weight, x, axes=1) for x in self.products)
-        return gram, right[:, None]
+        if fold not in self._sums:
+            weight = (np.arange(FOLDS) != fold).astype(float)
+            gram, right = (np.tensordot(weight, x, axes=1) for x in self.products)
+            self._sums[fold] = gram, right[:, None]
+        return self._sums[fold]
 
 
 def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:

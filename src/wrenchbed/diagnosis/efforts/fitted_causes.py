@@ -190,7 +190,8 @@ def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
         square = np.maximum(np.diagonal(channel.gram), 1e-300)
         beside = Products(channel.gram, np.where(taken, 1.0 / (square * RIDGE), 0.0))
         amplitudes = x[channel.at[here]]
-        gap = max(gap, float(amplitudes @ beside.information(here[None])[0] @ amplitudes))
+        information = beside.informations([here[None]])[0][0]
+        gap = max(gap, float(amplitudes @ information @ amplitudes))
     return gap
 
 

@@ -46,7 +46,7 @@ class Evidence(Candidates):
         self.d, (gram, right) = d, (x / TEMPER for x in d.without())
         level = Products(gram, d.std**2)
         self.levels = (level,)
-        self.information = level.information(np.arange(len(gram))[None])[0]
+        self.information = level.informations([np.arange(len(gram))[None]])[0][0]
         self.score = (right - gram @ level.held(right))[:, 0]
         self._more = wide(d) - d.std**2
         named = Counter({b.key: b.outside for b in d.blocks if b.columns}.values())

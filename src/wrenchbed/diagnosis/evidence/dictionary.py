@@ -41,8 +41,7 @@ def features(prepared: Prepared) -> dict[str, np.ndarray]:
     """Smooth functions as columns (C R, k), R rows of C channels, by variable; gap 1 a variable."""
     groups: dict[str, np.ndarray] = {}
     for name, base in variables(prepared).items():
-        columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
-        groups[name] = np.concatenate(columns, axis=1)
+        groups[name] = np.kron(prepared.averages(base), np.eye(len(prepared.variance)))
     if prepared.has_wrench and not prepared.scene.sampled:
         groups["earlier orientations"] = _flowing(prepared)
     seen = {name: block[:, np.abs(block).max(axis=0) > 1e-9] for name, block in groups.items()}
@@ -124,13 +123,6 @@ def _of_joint(q: np.ndarray, turns: bool) -> np.ndarray:
     return np.stack([x, x**2, x**3], axis=1)
 
 
-def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """Columns (C R, C), one a channel: values x (H,) averaged to R rows there, 0 in the others."""
-    count = len(prepared.variance)
-    fit = prepared.averages(x[:, None])
-    return np.asarray((fit[:, :, None] * np.eye(count)).reshape(-1, count))
-
-
 @dataclass(frozen=True)
 class Hypothesis:
     """One variant of one effect: indices of its columns (k,), and its gap at typical size."""
@@ -179,12 +171,6 @@ class EffectDictionary:
     free_form: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     nuisance: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     imperfections: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
-
-    @cached_property
-    def gram(self) -> np.ndarray:
-        """Gram matrix EᵀE (n, n) of the n columns."""
-        tall = len(self.E) > self.E.shape[1]
-        return self.weighed(np.ones(self.channels)) if tall else self.E.T @ self.E
 
     @property
     def channels(self) -> int:
@@ -276,10 +262,11 @@ class EffectDictionary:
         """Whether each of S columns of bias, mass and CoG belongs to ``effect`` (S,), boolean."""
         return np.array([self.label[k][0] == effect for k in self.stated], dtype=bool)
 
-    def fitted(self, signal: np.ndarray) -> np.ndarray:
-        """Least-squares fit of the S stated numbers (bias, mass, CoG), in typical sizes (S,), to a
-        whitened signal (C R,)."""
-        return np.asarray(np.linalg.lstsq(self.E[:, self.stated], signal, rcond=None)[0])
+    def fitted(self, signal: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Least-squares fit of the S stated numbers (bias, mass, CoG), in typical sizes (S,), to
+        those values of a whitened signal (C R,) that ``rows`` selects."""
+        columns = self.E[:, self.stated][rows]
+        return np.asarray(np.linalg.lstsq(columns, signal[rows], rcond=None)[0])
 
     def without_stated(self, signal: np.ndarray) -> np.ndarray:
         """Remove from a signal (C R, …) its least-squares fit by bias, mass and CoG."""

@@ -108,8 +108,9 @@ def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
     """Whether a free curve ``wide`` can be the effect ``part``: it has all columns of it."""
     if not wide.variant.free_form or part.variant.shape or not len(part.columns):
         return False
-    unit = refitter.d.E / np.maximum(np.linalg.norm(refitter.d.E, axis=0), 1e-300)
-    alike = np.abs(unit[:, part.columns].T @ unit[:, wide.columns])
+    every = (refitter.d.E[:, h.columns] for h in (part, wide))
+    own, others = (x / np.maximum(np.linalg.norm(x, axis=0), 1e-300) for x in every)
+    alike = np.abs(own.T @ others)
     return bool((alike.max(axis=1, initial=0.0) > EQUAL).all())
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 
@@ -17,23 +18,28 @@ class Variables:
         part: index of the cause that each variable belongs to (k,).
         name: name of each variable among the effect's parameters (k,).
         shape: whether each is a shape, as a delay, not an amplitude (k,), boolean.
+        column: index in the dictionary of each one's derivative (k,), −1 if it changes with x.
     """
 
     part: np.ndarray
     name: tuple[str, ...]
     shape: np.ndarray
+    column: np.ndarray
 
     @classmethod
     def of(cls, parts: Sequence[Hypothesis]) -> "Variables":
         """Variables of a set of causes: of each one the amplitudes, then the shape parameters."""
         every = [
-            (k, name, name in h.variant.shape)
+            (k, name, name in h.variant.shape, -1 if h.variant.shape else column)
             for k, h in enumerate(parts)
             if not h.effect.stated
-            for name in (*h.variant.free, *h.variant.shape)
+            for name, column in zip_longest(
+                (*h.variant.free, *h.variant.shape), h.columns.tolist(), fillvalue=-1
+            )
         ]
-        part, shape = (np.array([v[i] for v in every], dtype=t) for i, t in ((0, int), (2, bool)))
-        return cls(part, tuple(name for _, name, _ in every), shape)
+        kinds = ((0, int), (2, bool), (3, int))
+        part, shape, column = (np.array([v[i] for v in every], dtype=t) for i, t in kinds)
+        return cls(part, tuple(str(v[1]) for v in every), shape, column)
 
     def __len__(self) -> int:
         return len(self.name)

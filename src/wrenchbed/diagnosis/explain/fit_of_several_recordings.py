@@ -51,9 +51,13 @@ class Structure:
         """Set of causes from the ``parts`` of each recording, one variant of an effect each."""
         every = enumerate(zip(*parts, strict=True))
         sets = [(p, r) for p, same in every for r in _homes(cases, same)]
-        stated = [bool(parts[r][p].effect.stated) for p, r in sets]
+        of_set = [parts[r][p] for p, r in sets]
+        stated = [bool(h.effect.stated) for h in of_set]
         order = np.argsort(stated, kind="stable").tolist()
-        shape = [_shape(parts[r][p]) for p, r in sets]
+        shape = [
+            np.zeros(len(h.columns), dtype=bool) if h.effect.stated else Variables.of((h,)).shape
+            for h in of_set
+        ]
         owner = np.repeat(np.array(order, dtype=int), [len(shape[s]) for s in order])
         place = {sets[s]: np.flatnonzero(owner == s) for s in order}
         first = {p: place[p, r] for p, r in reversed(sets)}
@@ -70,6 +74,16 @@ class Structure:
     def free(self) -> int:
         """Number k of variables: all numbers but the stated ones."""
         return len(self.shape) - sum(map(len, self.blamed))
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Index of each number's column (N, m) in the dictionary of each recording; −1 if it has
+        none, or if derivatives change with the variables' values."""
+        result = np.full((len(self.cases), len(self.shape)), -1)
+        for r, parts in enumerate(self.parts):
+            result[r, self.at[r]] = Variables.of(parts).column
+            result[r, self.blamed[r]] = _joined([h.columns for h in parts if h.effect.stated])
+        return result
 
     @property
     def rows(self) -> list[slice]:
@@ -127,22 +141,14 @@ class Structure:
         return np.concatenate([c.response(parts, x[at]) for c, parts, at in every])
 
     def design(self, x: np.ndarray, f: np.ndarray, which: Iterable[int]) -> np.ndarray:
-        """Derivatives (C R, n) of the response, f at x, by n variables of indices ``which``."""
-        some = list(which)
-        result = np.zeros((len(f), len(x)))
-        for c, parts, at, rows in zip(self.cases, self.parts, self.at, self.rows, strict=True):
+        """Derivatives (C R, n) of the response, f at x, by n numbers of indices ``which``."""
+        some, result = list(which), np.zeros((len(f), len(self.shape)))
+        each = zip(self.cases, self.parts, self.at, self.blamed, self.rows, strict=True)
+        for (c, parts, at, blamed, rows), column in zip(each, self.columns, strict=True):
             of_blocks = np.flatnonzero(np.isin(at, some))
             result[rows, at[of_blocks]] = c.design(parts, x[at], f[rows], of_blocks.tolist())
+            result[rows, blamed] = c.d.E[:, column[blamed]]
         return result[:, some]
-
-    @property
-    def blamed_columns(self) -> np.ndarray:
-        """Columns (C R, m − k) of stated numbers that are causes; m numbers, k of them fitted."""
-        result = np.zeros((len(self.y), len(self.shape)))
-        for c, parts, at, rows in zip(self.cases, self.parts, self.blamed, self.rows, strict=True):
-            of = [h.columns for h in parts if h.effect.stated]
-            result[rows, at] = c.d.E[:, _joined(of).astype(int)]
-        return result[:, self.free :]
 
 
 def _homes(cases: Sequence[ReadingsModel], same: Sequence[Hypothesis]) -> list[int]:
@@ -152,12 +158,6 @@ def _homes(cases: Sequence[ReadingsModel], same: Sequence[Hypothesis]) -> list[i
     if same[0].effect.stated:
         return [r for r in shows if len(same[r].columns)]
     return shows if same[0].effect.of_recording else shows[:1]
-
-
-def _shape(h: Hypothesis) -> np.ndarray:
-    """Whether each number of an effect's variant is a shape parameter, not an amplitude."""
-    stated = np.zeros(len(h.columns), dtype=bool)
-    return stated if h.effect.stated else Variables.of((h,)).shape
 
 
 def _joined(some: Sequence[np.ndarray]) -> np.ndarray:

@@ -188,14 +188,15 @@ class ReadingsModel:
         standard deviations (k,)."""
         level = self.searcher.levels[rung]
         solved = level.solve(np.column_stack([design, y]))
-        side = self.d.E.T @ solved[:, :-1]
+        every = (solved.T @ self.d.E).T
+        side = every[:, :-1]
         normal = design.T @ solved[:, :-1] + np.diag(1.0 / spread**2)
         along = design.T @ solved[:, -1]
         known, lower = np.linalg.solve(normal, along), np.linalg.cholesky(normal)
         half = np.linalg.solve(lower, side.T)
         energy = float(y @ solved[:, -1] - along @ known)
         log_det = level.log_det + 2.0 * float(np.log(np.diagonal(lower) * spread).sum())
-        score = self.d.E.T @ solved[:, -1] - side @ known
+        score = every[:, -1] - side @ known
         return _Beside(energy, score, half, -0.5 * (energy + log_det))
 
     def uncertainty(self, f: Finalist) -> np.ndarray:
@@ -250,17 +251,10 @@ class ReadingsModel:
         For effects without shape parameters they are the dictionary's columns.
         """
         v, which = Variables.of(parts), list(which)
-        result = np.empty((len(self.y), len(which)))
-        moved = list[int]()
-        for place, i in enumerate(which):
-            part = parts[v.part[i]]
-            if len(part.columns) and not part.variant.shape:
-                first = v.of_parts([v.part[i]])[0]
-                result[:, place] = self.d.E[:, part.columns[i - first]]
-            else:
-                moved.append(place)
+        result = self.d.E[:, v.column[which]]
         step = np.where(v.shape, _SHAPE_STEP, _STEP)
-        result[:, moved] = self._changes(parts, x, f, [which[k] for k in moved], step)
+        moved = [i for i in which if v.column[i] < 0]
+        result[:, v.column[which] < 0] = self._changes(parts, x, f, moved, step)
         return result
 
     def _changes(

@@ -163,7 +163,7 @@ class Refitter(ReadingsModel):
         """Most probable variables (k,), by Gauss–Newton from x on background levels ``rungs``
         (indices), with prior std ``spread`` (k,) about the hypotheses' own shapes.
 
-        Derivatives by shapes are renewed at each step, those by amplitudes at every third.
+        Derivatives by shapes are renewed at each step, by amplitudes beside them at every third.
         """
         if not len(x):
             return x
@@ -172,23 +172,25 @@ class Refitter(ReadingsModel):
         shaped = s.shape[: s.free]
         shapes = np.flatnonzero(shaped).tolist()
         amplitudes = ~shaped  # alone where shapes that act by jumps stop a step
+        columns = s.columns[:, : s.free]
+        curved = np.flatnonzero((columns < 0).any(axis=0)).tolist()
 
-        def whitened(z: np.ndarray) -> Whitened:
-            both = zip(levels, s.rows, strict=True)
-            return Whitened.of_all([level.whitened(z[rows]) for level, rows in both])
+        def whitened(z: np.ndarray, of: np.ndarray) -> Whitened:
+            each = zip(levels, s.rows, of, strict=True)
+            return Whitened.of_all([level.whitened(z[rows], k) for level, rows, k in each])
 
         def cost(at: np.ndarray, residual: Whitened) -> float:
             prior = float((precision * (at - centre) ** 2).sum())
             return float(residual.products(residual)[0, 0]) + prior
 
-        f = s.response(x)
-        r, white = y - f, whitened((y - f)[:, None])
+        f, unknown = s.response(x), np.full((len(levels), 1), -1)
+        r, white = y - f, whitened((y - f)[:, None], unknown)
         now = cost(x, white)
-        design = whitened(s.design(x, f, range(len(x))))
+        design = whitened(s.design(x, f, range(len(x))), columns)
         for k in range(_STEPS):
             if k and shapes:
-                fresh = list(shapes if k % 3 else range(len(x)))
-                design.put(fresh, whitened(s.design(x, y - r, fresh)))
+                fresh = shapes if k % 3 else curved
+                design.put(fresh, whitened(s.design(x, y - r, fresh), columns[:, fresh]))
             normal = design.products(design) + np.diag(precision)
             score = design.products(white)[:, 0] - precision * (x - centre)
             for free in (amplitudes | shaped, amplitudes) if shapes else (amplitudes,):
@@ -198,7 +200,7 @@ class Refitter(ReadingsModel):
                 while fraction > _LEAST_SHARE:
                     trial = x + fraction * step
                     residual = y - s.response(trial)
-                    whiter = whitened(residual[:, None])
+                    whiter = whitened(residual[:, None], unknown)
                     then = cost(trial, whiter)
                     if then < now:
                         x, r, white, now = trial, residual, whiter, then
@@ -214,9 +216,8 @@ class Refitter(ReadingsModel):
         """Fit of the set of causes at x (k,) in each recording, on the best background levels;
         ``rungs``: indices of those at which x was fitted."""
         f = s.response(x)
-        residual, slopes = s.y - f, s.design(x, f, range(len(x)))
-        y = residual + slopes @ (x - s.start)
-        every = np.concatenate([slopes, s.blamed_columns], axis=1)
+        residual, every = s.y - f, s.design(x, f, range(len(s.shape)))
+        y = residual + every[:, : s.free] @ (x - s.start)
         best, total, evidence = self._over_rungs(s, rungs, y, every)
         total += s.log_prior
         spread = np.where(s.shape, SHAPE_SPREAD, evidence.scale[s.owner])
@@ -245,11 +246,13 @@ class Refitter(ReadingsModel):
             every: columns (C R, m) of all numbers.
         """
         moments = []
-        for r, rung, rows in zip(self.each, rungs, s.rows, strict=True):
+        for r, rung, rows, of in zip(self.each, rungs, s.rows, s.columns, strict=True):
             every_rung = range(len(r.searcher.levels))
             tried = every_rung if rungs[1:] else sorted({rung, *r.normal.tolist()})
-            of = {k: Moments.of(r.searcher.levels[k], y[rows], every[rows]) for k in tried}
-            moments.append({k: m.raised(float(r.rung_prior[k])) for k, m in of.items()})
+            both, known = np.column_stack([every[rows], y[rows]]), np.append(of, -1)
+            levels = {k: r.searcher.levels[k] for k in tried}
+            of_level = {k: Moments.of(v, v.whitened(both, known)) for k, v in levels.items()}
+            moments.append({k: m.raised(float(r.rung_prior[k])) for k, m in of_level.items()})
         best, evidence = list(rungs), dict[tuple[int, ...], ScaledEvidence]()
         fixed, scales = np.where(s.shape, SHAPE_SPREAD, 0.0), s.scales
 

@@ -62,21 +62,15 @@ fewer a rival that is worse in the linear model but better when refitted is miss
 def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> np.ndarray:
     """Errors (C R,) of predicting each block b of readings y from all others, P_bb⁻¹ (P y)_b with
     their precision P; ``block_rows`` (R,): number of each row's block."""
-    half, w = _weighed(level, f)
+    k, solved = f.design.shape[1], level.solve(np.column_stack([f.design, f.y]))
+    normal = f.design.T @ solved[:, :k] + np.diag(1.0 / f.spread**2)
+    half = np.linalg.solve(np.linalg.cholesky(normal), solved[:, :k].T)  # P = K₀⁻¹ − HᵀH
+    w = solved[:, k] - half.T @ (half @ f.y)
     result, block = np.empty_like(w), np.repeat(block_rows, len(w) // len(block_rows))
     for rows in (np.flatnonzero(block == b) for b in np.unique(block)):
         precision = level.precision(rows) - half[:, rows].T @ half[:, rows]
         result[rows] = np.linalg.solve(precision, w[rows])
     return result
-
-
-def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarray]:
-    """Factor H (k, C R) of the rows' precision P = K₀⁻¹ − HᵀH, background K₀; w = P y (C R,)."""
-    k = f.design.shape[1]
-    solved = level.solve(np.column_stack([f.design, f.y]))
-    normal = f.design.T @ solved[:, :k] + np.diag(1.0 / f.spread**2)
-    half = np.linalg.solve(np.linalg.cholesky(normal), solved[:, :k].T)
-    return half, solved[:, k] - half.T @ (half @ f.y)
 
 
 @dataclass(frozen=True, eq=False)

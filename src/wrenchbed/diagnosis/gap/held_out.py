@@ -135,14 +135,13 @@ class CrossFit:
 
     Args:
         a: the analysis of all rows.
-        fits: refitter without each fold, by its number; made if None.
+        fits: refitter without each fold, by its number; of no use to `calibrated`.
     """
 
-    def __init__(self, a: Analysis, fits: Mapping[int, Refitter] | None = None) -> None:
+    def __init__(self, a: Analysis, fits: Mapping[int, Refitter]) -> None:
         self._a = a
         self._held = {k: self._rows(k) for k in a.prepared.folds}
-        without, p = a.refitter.without, a.prepared
-        self._fits = {k: without(k) if fits is None else fits[k] for k in p.folds}
+        self._fits = fits
 
     def calibrated(self) -> np.ndarray:
         """Held-out readings (M, C) without causes, bias, mass and CoG refitted."""
@@ -150,10 +149,10 @@ class CrossFit:
         error, all_rows = fitted_errors(whole.d, a.baseline), whole.d.fitted(whole.y)
         at_all = self._read(a.baseline.configuration, ())
         result = self._simulated(calibrated(a), at_all)
-        for k in self._fits:
-            refitter = whole.without(k)
-            moved = error + refitter.d.fitted(refitter.y) - all_rows
-            configuration = moved_by(refitter, moved, a.prepared.configuration)
+        for k in self._held:
+            kept = np.repeat(whole.d.prepared.fold_rows != k, whole.d.channels)
+            moved = error + whole.d.fitted(whole.y, kept) - all_rows
+            configuration = moved_by(whole, moved, a.prepared.configuration)
             self._add(result, k, self._predicted(k, configuration, ()) - at_all)
         return result
 
@@ -257,9 +256,7 @@ def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: fl
     return np.asarray(x @ (vt.T @ shrunk))
 
 
-def judged(
-    a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter] | None = None
-) -> Judged:
+def judged(a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter]) -> Judged:
     """Held-out gaps of stated, calibrated, black-box and claimed simulators; ``fits``: by fold."""
     p, held_out, crossed = a.prepared, HeldOut(a.prepared), CrossFit(a, fits)
     before, of = crossed.calibrated(), p.families[0]
@@ -290,14 +287,15 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
         claim and (claim._replace(finalist=claim.finalist.each[k]) if k else claim)
         for k in range(len(every))
     ]
-    fits = {k: a.refitter.without(k) for k in sorted({k for o in every for k in o.prepared.folds})}
+    folds = sorted({k for o in every for k in o.prepared.folds})
+    fits = {k: a.refitter.without(k) for k in folds if claim is not None}
     each = [
         judged(one, of, {fold: less.each[r] for fold, less in fits.items()})
         for r, (one, of) in enumerate(zip(every, claims, strict=True))
     ]
     wrong = claim is not None and bool(claim.wrong) and not claim.keep
-    folds = max(len(o.prepared.folds) for o in every)
-    return closure(each, list(a.prepared.units), folds, seed, stated=wrong)
+    most_folds = max(len(o.prepared.folds) for o in every)
+    return closure(each, list(a.prepared.units), most_folds, seed, stated=wrong)
 
 
 class Claims:

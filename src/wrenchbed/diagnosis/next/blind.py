@@ -156,11 +156,13 @@ class Design:
         every, known = self.signatures, {h.name for h in self.searcher.hypotheses}
         result, gaps = np.full(len(every), np.inf), np.array([w.typical_gap for w in every])
         shown = ((k, w) for k, w in enumerate(every) if w.name in known and w.typical_gap > 0.0)
-        level, of = self.searcher.levels[self.rung], self.searcher
-        for b in batches(
+        of = self.searcher
+        groups = batches(
             (k, w.columns, np.ones(len(w.columns)), of.scales(w), of.prior(w)) for k, w in shown
-        ):
-            information, odds = level.information(b.columns), b.prior - np.log(PRIOR[NONE])
+        )
+        every_information = of.levels[self.rung].informations(b.columns for b in groups)
+        for b, information in zip(groups, every_information, strict=True):
+            odds = b.prior - np.log(PRIOR[NONE])
             result[b.index] = reported_from(information, b.scales, odds, gaps[b.index])
         return result
 

@@ -20,7 +20,7 @@ from scipy.special import chdtrc
 from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.prepare.orientation_only_motion import averages, variance
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
-from wrenchbed.effects.environment_contact import EFFECT, WAYS, tip
+from wrenchbed.effects.environment_contact import EFFECT, WAYS
 from wrenchbed.pages.numbers import minus
 from wrenchbed.physics.rotations import apply, sphere
 from wrenchbed.physics.taylor_jets import value
@@ -158,7 +158,7 @@ def contact_of(p: Prepared, outliers: Sequence[np.ndarray], reading: np.ndarray)
     touched = aside & (np.linalg.norm(error[:, :3], axis=1) > CLEAR * np.linalg.norm(usual[:3]))
     if not touched.any():
         return None
-    lever = tip(p.scene)
+    lever = p.scene.tip
     rotation, position = (value(x)[p.scene.held] for x in p.scene.pose)
     force = apply(rotation, error[:, :3])[touched]
     way = force.mean(axis=0) / np.linalg.norm(force.mean(axis=0))
