@@ -1,11 +1,14 @@
 """Effects on the command line: recorded, replayed by a twin, exported, learnt and weighed."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import psutil
 import pytest
 
 import mutated
@@ -73,6 +76,21 @@ def test_a_twin_replays_what_its_effects_did(plans, tmp_path, mode):
     assert same.metadata.source == "sim"
     assert np.array_equal(same.q, bare.q)
     assert np.array_equal(same.columns["segment"], bare.columns["segment"])
+
+
+SERVE = (
+    "import sys, time; sys.path.insert(0, {support!r}); from emulator_process import running\n"
+    "with running('netft', '127.9.8.7') as box: print(box.process.pid, flush=True); time.sleep(99)"
+)
+
+
+def test_a_twin_that_takes_faults_ends_with_the_program_that_gives_them():
+    support = str(Path(mutated.__file__).parent)
+    words = [sys.executable, "-c", SERVE.format(support=support)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as parent:
+        twin = psutil.Process(int(parent.stdout.readline()))
+        parent.kill()
+    twin.wait(60.0)
 
 
 def test_the_metadata_states_the_robot_without_effects(plans, tmp_path):

@@ -1,6 +1,7 @@
 """The verbs `robot`, `sensor` and `twin`: what a robot, a sensor and an emulator are made of."""
 
 import math
+import os
 import sys
 import threading
 import warnings
@@ -194,7 +195,7 @@ def twin(
         faults: TOML script of timed faults (docs/how-to/hardware.md); `-` takes them as JSON lines
             on standard input.
     """
-    script = None if faults in (None, "-") else faults
+    script, parent = None if faults in (None, "-") else faults, os.getppid()
     with console.until_signal() as stopped, wb.serve(name, device.options(), script) as server:
         print("ready " + " ".join(f"{k}={v}" for k, v in server.addresses.items()), flush=True)
         if faults == "-":
@@ -206,6 +207,7 @@ def twin(
 
             server.faults.listen(sys.stdin, answer)
         while not stopped.wait(_LOOK_S) and not server.failed.is_set():
-            pass
+            if faults == "-" and os.getppid() != parent:  # whoever gives it faults was killed
+                break
         if server.failure is not None:
             raise DriverError(f"this twin has broken down: {server.failure!r}")
