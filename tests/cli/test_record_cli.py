@@ -62,6 +62,12 @@ def test_the_channels_that_are_asked_for_are_recorded(record, channels, there, a
     assert code == 0 and set(there) <= columns.keys() and not columns.keys() & set(absent)
 
 
+def test_a_limit_that_a_simulated_robot_does_not_heed_is_refused(record, capfd):
+    assert record("--max-force", "5")[0] == 1
+    assert "they stop real robots alone" in capfd.readouterr().err
+    assert record("--max-force", "5", "--driver", "rtde", "--dry-run")[0] == 0
+
+
 def test_revisit_shows_the_drift(record, capsys):
     code, _ = record("--revisit", "yes", "--json")
     drift = json.loads(capsys.readouterr().out)["drift"]

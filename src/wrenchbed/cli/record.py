@@ -120,6 +120,8 @@ class LimitArguments:
     def limits(self, live: bool) -> Limits:
         """Limits as given; missing ones are the defaults of ``live`` (real) or simulated robots."""
         usual, box = LIVE if live else Limits(), self.workspace
+        if not live and (self.max_force, self.max_torque) != (None, None):
+            raise ParameterError("--max-force, --max-torque: they stop real robots alone")
         return Limits(
             usual.speed if self.speed is None else self.speed,
             usual.tracking if self.tracking is None else self.tracking,
