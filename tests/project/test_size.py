@@ -8,10 +8,10 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5174,
+    "calibration": 5172,
     "campaigns": 1144,
     "channels": 975,
-    "cli": 2705,
+    "cli": 2709,
     "data": 5525,
     "diagnosis": 13002,
     "drives": 1727,
@@ -31,15 +31,15 @@ WRENCHBED = {
     "sensors": 314,
     "simulation": 1302,
     "studies": 1336,
-    "twin": 1084,
+    "twin": 1077,
     "viewer": 747,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79021,
-    "src/wrenchbed": 69532,
+    "src": 79016,
+    "src/wrenchbed": 69527,
     "src/robot_emulators": 9489,
-    "tests": 38107,
+    "tests": 38131,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""
