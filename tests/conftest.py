@@ -83,3 +83,11 @@ def folder(made, tmp_path, monkeypatch):
     for name, short in (("plan", "p"), ("rec", "r")):
         shutil.copy(made / f"{name}.parquet", f"{short}.parquet")
     return tmp_path
+
+
+@pytest.fixture
+def fresh_registry(request):
+    """Forget, after the test, what it registered."""
+    from wrenchbed import registry  # slow: only where it is used
+
+    request.addfinalizer(registry.forget())

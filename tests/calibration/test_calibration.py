@@ -66,7 +66,7 @@ def test_real_poses_give_the_published_tool():
     fit = calibrate(real())
     assert fit.poses == 24
     assert fit["tool.mass"].value == pytest.approx(0.932, abs=0.0005)
-    assert fit["tool.mass"].std == pytest.approx(0.0030, abs=0.0003)  # with a curve or a pull
+    assert fit["tool.mass"].std == pytest.approx(0.0074, abs=0.0005)  # with a curve or a pull
     cog = [1e3 * fit[f"tool.cog.{a}"].value for a in "xyz"]
     assert cog == pytest.approx([0.3, 0.05, 43.9], abs=0.05)
     bias = [fit[f"sensor.bias.{c}"].value for c in ("fx", "fy", "fz")]

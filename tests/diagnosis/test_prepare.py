@@ -184,17 +184,13 @@ def shaken(rec, amplitude, hertz=12.0):
     return with_added(rec, wave[:, None] * np.eye(6)[0])
 
 
-def sigma(prepared):
-    return np.sqrt(np.diagonal(prepared.covariance))
-
-
 def test_noise_is_measured_where_joints_move_and_rows_are_noise():
     prepared = prepare(recorded())
     assert (prepared.source, prepared.remarks) == ("repeats", ())
-    assert sigma(prepared) == pytest.approx(WHITE, rel=0.1)
+    assert prepared.sigma == pytest.approx(WHITE, rel=0.1)
     prepared = prepare(frozen(recorded()))
     assert prepared.source == "stated"
-    assert sigma(prepared) == pytest.approx(WHITE, rel=0.01)
+    assert prepared.sigma == pytest.approx(WHITE, rel=0.01)
     (note,) = prepared.remarks
     assert "is stated" in note and "freeze" in note and note in prepared.notes
     prepared = prepare(shaken(recorded(), 6.0 * WHITE[0]))
@@ -206,7 +202,7 @@ def test_noise_is_measured_where_joints_move_and_rows_are_noise():
     louder = 3.0 * WHITE * np.random.default_rng(5).standard_normal((len(rec), 6))
     prepared = prepare(with_added(rec, louder))
     assert prepared.source == "repeats"
-    assert sigma(prepared) == pytest.approx(np.sqrt(10.0) * WHITE, rel=0.1)
+    assert prepared.sigma == pytest.approx(np.sqrt(10.0) * WHITE, rel=0.1)
     assert "the measured scatter counts as noise" in prepared.remarks[0]
 
 

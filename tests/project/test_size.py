@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 79016,
     "src/wrenchbed": 69527,
     "src/robot_emulators": 9489,
-    "tests": 38131,
+    "tests": 38130,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""

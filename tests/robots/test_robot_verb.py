@@ -16,14 +16,10 @@ from wrenchbed.cli import main
 from wrenchbed.robots.base import models
 from wrenchbed.robots.described import read
 
+pytestmark = pytest.mark.usefixtures("fresh_registry")
 LOOP = ArmFileCase(str(models() / "five_bar" / "five_bar.xml"), "sensor", 4, True)
 """A robot with closed loops; its TOML says how they are solved."""
 STATED = ["--tool-mass", str(TOOL_MASS), "--tool-cog", *map(str, TOOL_COG)]
-
-
-@pytest.fixture(autouse=True)
-def fresh(request):
-    request.addfinalizer(registry.forget())
 
 
 def ran(*words, code=0):

@@ -24,6 +24,7 @@ from wrenchbed.sensors.described import read, rebuilt, text
 
 REST = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma" / "0-steady-state_wrench.csv"
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "sensors.md"
+pytestmark = pytest.mark.usefixtures("fresh_registry")
 RATE = 698.1
 SENSORS = registry.names("sensors")
 
@@ -167,11 +168,6 @@ def test_a_simulated_gamma_rests_like_the_real_one(real: np.ndarray) -> None:
 
 
 TEXT = text(registry.load("sensors", "ati-mini45"))
-
-
-@pytest.fixture(autouse=True)
-def fresh(request: pytest.FixtureRequest) -> None:
-    request.addfinalizer(registry.forget())
 
 
 @pytest.fixture

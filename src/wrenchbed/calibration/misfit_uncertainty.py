@@ -23,11 +23,11 @@ ROWS = 4000
 """Most observations that are looked at, evenly spread: half a minute at 125 Hz."""
 SPARE = 20
 """Least number of readings in excess of all parameters for a residual to tell its causes."""
-KNOWN = 1e9
-"""Degrees of freedom of a noise that is known before the fit: as good as infinite."""
-SURE, CLEAR = 1e-3, 4.0
-"""P-value of all suspects together, and standard deviations of one of them, from which they
-explain a part of the residual."""
+CLEAR = 4.0
+"""Standard deviations from which a suspect is clearly present."""
+FEWEST = 2.0
+"""Least number of determined sizes from which the spread of a family is taken: a tilt of gravity
+and a pull have two in common, and the third, which no data show, follows Student's t of them."""
 LARGE = 8.0
 """Multiple of an ordinary imperfection that counts as a fault: 8 % of a gain, 1.6° of a tilt."""
 MOVED = 5.0
@@ -45,8 +45,8 @@ RANK = 1e-10
 """Least eigenvalue over the largest, of columns of unit length, that counts in a rank."""
 _SMALLEST, _LARGEST = 2.0**-6, 2.0**10
 """Limits of the fitted size of a family of suspects, in their ordinary sizes."""
-_ROUNDS = 30
-"""Updates of the families' sizes; most settle within ten."""
+_ROUNDS, _SETTLED = 30, 0.01
+"""Most updates of the families' sizes, and change of their logarithm that ends them."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,15 @@ class _Whitened:
         S: changes by faults of ordinary size (n, C); a fault has one column or several.
         r: residual (n,).
         worth: number of independent readings among the n.
-        rest: degrees of freedom of the noise.
+        fall: noise of a fit without faults over that of this one, by channel (6,); None if the
+            noise is known.
     """
 
     A: np.ndarray
     S: np.ndarray
     r: np.ndarray
     worth: float
-    rest: float
+    fall: np.ndarray | None
 
 
 def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | None]:
@@ -81,20 +82,16 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
     that is clearly present and large, else None."""
     some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
     fit = _Rows(problem, outcome, some, list(suspects(problem, outcome.solution.x, some)))
-    if _explained(fit):
-        return outcome, None
     more = list(background(problem, outcome.solution.x, some))
     columns = fit.wrenches.shape[2] - 1 + sum(s.change.shape[2] for s in more)
     if 6 * len(some) - columns >= SPARE:
         fit = replace(fit, every=fit.every + more)
     seen, every = _whitened(fit), fit.every
-    if seen is None:
+    if seen is None or (sizes := _sizes(seen, every)) is None:
         return outcome, None
     q = np.linalg.qr(seen.A)[0]
     residual, alone = seen.r - q @ (q.T @ seen.r), seen.S - q @ (q.T @ seen.S)
-    if not _more_than_noise(seen, alone, residual):
-        return outcome, None
-    shift, spread = _posterior(seen, _sizes(alone, residual, every))
+    shift, spread = _posterior(seen, sizes)
     names, size, changes = _likeliest(every, seen, alone, residual)
     covariance = np.linalg.pinv(seen.A.T @ seen.A, rcond=1e-12)  # by noise alone
     by_one = np.abs(covariance @ (seen.A.T @ changes)).max(axis=1)
@@ -170,7 +167,9 @@ class _Rows:
     def least(self) -> np.ndarray:
         """Lower bound (6,) [N, N·m] of an observation's noise; inf for a channel that is all 0."""
         largest = np.abs(self.problem.data.wrench).max(axis=0)
-        least = np.maximum(self.outcome.noise.expected, FINEST * largest)
+        noise = self.outcome.noise  # without a known one that of the residual is no bound
+        expected = 0.0 if noise.source == "residual" else noise.expected
+        least = np.maximum(expected, FINEST * largest)
         return np.where(least > 0.0, least, np.inf)
 
     def white(self, noise: np.ndarray) -> np.ndarray:
@@ -180,42 +179,42 @@ class _Rows:
         return np.concatenate([wrenches, self.others])
 
 
-def _explained(fit: _Rows) -> bool:
-    """Whether noise known before the fit explains the residual, also along each suspected fault."""
-    noise = fit.outcome.noise
-    if noise.source == "residual" or noise.inflated:
-        return False
-    white, k = fit.white(np.maximum(noise.scatter, fit.least)), len(fit.problem.free)
-    q = np.linalg.qr(white[:, :k])[0]
-    residual = white[:, k:] - q @ (q.T @ white[:, k:])
-    return bool(_clear(white[:, k:-1], residual[:, :-1], residual[:, -1]) < CLEAR)
-
-
 def _whitened(fit: _Rows) -> _Whitened | None:
     """Divide a fit's rows by the noise that remains after parameters and suspected faults are
-    fitted, of few readings by that of the repeats; None where few have no repeats."""
-    least, motion = fit.least, isinstance(fit.problem.data.q, Jet)
-    known, count = np.maximum(fit.outcome.noise.scatter, least), 6 * len(fit.some)
-    noise, k = known, len(fit.problem.free)
+    fitted, of few by that of the repeats, or after one fault; None where even that leaves few."""
+    least, before, motion = fit.least, fit.outcome.noise, isinstance(fit.problem.data.q, Jet)
+    noise = alone = np.maximum(before.scatter, least)
+    count, k = 6 * len(fit.some), len(fit.problem.free)
     for _ in range(2):  # the second time by the noise that suspects leave
         white = fit.white(noise)
         if not np.isfinite(white).all():
             return None
         rest, rank = _rest(white)
-        rest = rest[:count].reshape(-1, 6)
-        spare = rest.size - rank
-        if spare < SPARE:  # too few to estimate the noise anew: that of the repeats counts
-            if fit.outcome.noise.source == "residual" or motion:
-                return None
+        explained = count - rank < SPARE or not before.inflated  # or few: what is known counts
+        if before.source != "residual" and explained and not motion:
             white = fit.white(least)
-            return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], float(count), KNOWN)
+            return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], float(count), None)
+        if count - rank < SPARE:  # too few to estimate noise anew: what one suspect leaves counts
+            tried = [_rest(white[:, [*range(k), *of, -1]]) for of in _columns(fit.every, k)]
+            cost = {count * np.log(r @ r + 1e-300) + n * np.log(count): (r, n) for r, n in tried}
+            rest, rank = cost[min(cost)]  # by Schwarz' criterion
+            if count - rank < SPARE or motion:
+                return None
+        rest, spare = rest[:count].reshape(-1, 6), count - rank
         time = correlation_time(rest) if motion else np.ones(6)
         unit = np.where(np.isinf(noise), 0.0, noise)
         scale = np.sqrt((rest**2).mean(axis=0) * rest.size / spare * time) * unit
         noise = np.where(np.isinf(least), np.inf, np.maximum(scale, least))
         worth = float((len(rest) / time).sum())
-    white, share = fit.white(noise), worth / rest.size
-    return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], worth, max(1.0, spare * share))
+    white = fit.white(noise)
+    fall = np.where(np.isinf(least), 1.0, alone * np.sqrt(time) / noise)
+    return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], worth, fall)
+
+
+def _columns(every: list[Suspect], first: int = 0) -> list[range]:
+    """Columns of each fault in a matrix in which those of all faults begin at ``first``."""
+    ends = first + np.cumsum([len(s.families) for s in every])
+    return [range(end - len(s.families), end) for s, end in zip(every, ends, strict=True)]
 
 
 def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
@@ -228,29 +227,13 @@ def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
     return white[:, -1] - columns @ (basis @ along), len(along)
 
 
-def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -> bool:
-    """Whether faults explain significantly more of ``residual`` (n,) than chance would. ``alone``
-    (n, C): changes by the faults; both are without what parameters explain."""
-    if _clear(seen.S, alone, residual) > CLEAR:
-        return True
-    rest, rank = _rest(np.column_stack([alone, residual]))
-    explained = float(residual @ residual - rest @ rest) / max(1, rank)
-    return bool(special.fdtrc(max(1, rank), seen.rest, explained) < SURE)
-
-
-def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
-    """Largest significance, in standard deviations, with which one column of S (n, C) explains the
-    residual (n,); ``alone`` (n, C) is S without what parameters explain."""
-    least = 1e-6 * np.linalg.norm(S, axis=0) + 1e-300
-    length = np.maximum(np.linalg.norm(alone, axis=0), least)
-    return float((np.abs(alone.T @ residual) / length).max())
-
-
-def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.ndarray:
+def _sizes(seen: _Whitened, every: list[Suspect]) -> np.ndarray | None:
     """Standard deviation (C,) of the size of each column, common to faults of a kind, at maximum
-    marginal likelihood (MacKay's updates). Changes by faults, ``alone`` (n, C), and residual (n,)
-    are whitened, without what parameters explain."""
-    R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
+    marginal likelihood (MacKay's updates); None if noise alone is more probable and no fault is
+    clearly present."""
+    k = seen.A.shape[1]
+    R = np.asarray(np.linalg.qr(np.column_stack([seen.A, seen.S, seen.r]), mode="r"))[:, k:]
+    least, R = 1e-6 * np.linalg.norm(R[:, :-1], axis=0) + 1e-300, R[k:]
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
     _, family = np.unique([f for s in every for f in s.families], return_inverse=True)
     size = np.ones(len(family))
@@ -259,8 +242,25 @@ def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.
         mean = covariance @ (right * size)  # in units of the sizes
         determined = np.bincount(family, 1.0 - np.diagonal(covariance))
         grown = np.sqrt(np.bincount(family, mean**2) / np.maximum(determined, 1e-9))
-        size = np.clip(size * grown[family], _SMALLEST, _LARGEST)
-    return size
+        last, size = size, np.clip(size * grown[family], _SMALLEST, _LARGEST)
+        if np.abs(np.log(size / last)).max() < _SETTLED:
+            break
+    scaled, r = R[:, :-1] * size, R[:, -1]
+    marginal, dof = np.eye(len(R)) + scaled @ scaled.T, max(1.0, seen.worth - k)
+    known = float(r @ r) if seen.fall is None else dof * (1.0 + np.log(seen.fall**2).mean())
+    left = float(r @ np.linalg.solve(marginal, r)) + np.linalg.slogdet(marginal)[1]
+    # a size that is fitted costs its prior range over the width that one number leaves
+    cost = np.log(np.log(_LARGEST / _SMALLEST) / np.sqrt(4.0 * np.pi))
+    clear = np.abs(right) > CLEAR * np.maximum(np.sqrt(np.diagonal(square)), least)
+    evidence = 0.5 * (known - left) - cost * np.minimum(determined, 1.0).sum()
+    if evidence <= 0.0 and not clear.any():
+        return None
+    return np.asarray(np.where(determined >= 1.0, student(determined), 1.0)[family] * size)
+
+
+def student(count: np.ndarray) -> np.ndarray:
+    """95 % interval over the normal one where ``count`` numbers (…), 2 or more, tell a spread."""
+    return np.asarray(special.stdtrit(np.maximum(count, FEWEST), 0.975) / special.ndtri(0.975))
 
 
 def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -284,15 +284,13 @@ def _likeliest(
     alike, those with fewest are named. ``alone`` (n, C): changes beyond the parameters'.
     """
     scores = list[tuple[float, np.ndarray, np.ndarray]]()
-    ends = np.cumsum([len(s.families) for s in every])
-    for suspect, end in zip(every, ends, strict=True):
-        of = slice(end - len(suspect.families), end)
+    for of in _columns(every):
         u, s, vt = np.linalg.svd(alone[:, of], full_matrices=False)
         keep = s > 1e-6 * np.linalg.norm(seen.S[:, of])
         along = u[:, keep].T @ residual
         sizes = vt[keep].T @ (along / s[keep])
         score = float(along @ along) - keep.sum() * np.log(seen.worth)
-        hidden = vt[~keep].T * np.sqrt((sizes**2).sum() / max(1, keep.sum()))
+        hidden = vt[~keep].T * student(keep.sum()) * np.sqrt((sizes**2).sum() / max(1, keep.sum()))
         scores.append((score, sizes, seen.S[:, of] @ np.column_stack([sizes, hidden])))
     best = max(score for score, *_ in scores)
     least = best - max(ALIKE, ALIKE_PART * best)

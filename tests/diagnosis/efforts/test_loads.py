@@ -9,17 +9,12 @@ from arm_torques import COULOMB, MASS, NOISE, VISCOUS
 from file_arms import IIWA, UR10
 from file_arms import case as by_file
 
-from wrenchbed import registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 
+pytestmark = pytest.mark.usefixtures("fresh_registry")
 TEN = pytest.mark.parametrize("seed", range(10))
-
-
-@pytest.fixture(autouse=True)
-def fresh(request):
-    request.addfinalizer(registry.forget())
 
 
 def claimed(found):

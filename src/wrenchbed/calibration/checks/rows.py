@@ -302,10 +302,12 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
     rows, y = np.flatnonzero(keep), recording.wrench[keep]
     pose = np.repeat(np.arange(len(count)), count)
     start = np.cumsum(count) - count
+    # a row's value, as no row is at the median of a pose whose rows split in halves
     if (count == count[0]).all():
-        middle = np.median(y.reshape(len(count), -1, y.shape[1]), axis=1)
+        middle = np.quantile(y.reshape(len(count), -1, 6), 0.5, axis=1, method="lower")
     else:
-        middle = np.stack([np.median(part, axis=0) for part in np.split(y, start[1:])])
+        parts = np.split(y, start[1:])
+        middle = np.stack([np.quantile(part, 0.5, axis=0, method="lower") for part in parts])
     away = np.abs(y - middle[pose])
     step = np.where(away > 1e-9 * np.ptp(y, axis=0), away, np.inf).min(axis=0)  # of coarse sensors
     std = np.maximum(_MAD * np.median(away, axis=0), step)
