@@ -26,8 +26,8 @@ _KEPT = 32
 """Parameter vectors whose constants for C are cached: a fit compares a few."""
 _IDEAL = np.append(np.zeros(6), np.eye(3))
 """Bias and gains of a sensor whose reading is its load."""
-_ROWS_AT_ONCE = 200_000
-"""Most poses times parameters per evaluation of derivatives, to limit memory."""
+_AT_ONCE = 4000
+"""Poses times parameters per evaluation of derivatives: what a processor's cache holds."""
 _LOAD = slice(3, 8)
 """Positions of mass, CoG and the sensor's own mass among the C constants, see `_statics.c`."""
 _PAST_LIMIT = 1e-3
@@ -217,16 +217,16 @@ class Model:
         compiled = self._compiled.jacobian(q, theta, columns)
         if compiled is not None:
             return compiled
-        still, rows = self._seen(q, theta), len(value(q))
-        slopes = np.empty((len(columns), rows, 6))
+        slopes = np.empty((len(columns), len(value(q)), 6))
         names, load = self.parameters.names[: len(self.robot.parameters)], self.robot.load
         # whether the sensor's pose depends on a parameter; the others cost no kinematics
         moving = np.array([c < len(names) and names[c] not in load for c in columns], dtype=bool)
         for moves, group in ((True, np.flatnonzero(moving)), (False, np.flatnonzero(~moving))):
-            for some in np.array_split(group, 1 + rows * len(group) // _ROWS_AT_ONCE):
-                shifted = complex_steps(theta, [columns[k] for k in some])
-                seen = self._seen(q, shifted) if moves and len(some) else still
-                slopes[some] = self.read(self._load(seen, shifted), shifted).imag / STEP
+            shifted = complex_steps(theta, [columns[k] for k in group.tolist()])
+            step, end = max(1, _AT_ONCE // max(1, len(group))), slopes.shape[1] * (len(group) > 0)
+            for part in (slice(a, a + step) for a in range(0, end, step)):
+                seen = self._seen(q[part], shifted if moves else theta)
+                slopes[group, part] = self.read(self._load(seen, shifted), shifted).imag / STEP
         return np.moveaxis(slopes, 0, -1)
 
 

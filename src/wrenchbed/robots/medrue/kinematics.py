@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.physics.model_parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import rot_x_of, rot_y_of, rot_z_of
 from wrenchbed.physics.taylor_jets import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
 from wrenchbed.robots.base import Values, load_parameters
 
@@ -114,8 +113,12 @@ class Solved(NamedTuple):
 
     @property
     def wrist(self) -> Value:
-        """Rotation matrix of the wrist in the base (…, N, 3, 3)."""
-        return rot_x_of(*self.gamma) @ rot_y_of(*self.beta) @ rot_z_of(*self.alpha)
+        """Rotation matrix of the wrist in the base (…, N, 3, 3): the three turns multiplied."""
+        (cx, sx), (cy, sy), (cz, sz) = self.gamma, self.beta, self.alpha
+        cxsy, sxsy = cx * sy, sx * sy
+        x = stack_jets([cy * cz, cx * sz + sxsy * cz, sx * sz - cxsy * cz])
+        y = stack_jets([-(cy * sz), cx * cz - sxsy * sz, sx * cz + cxsy * sz])
+        return stack_jets([x, y, stack_jets([sy, -(sx * cy), cx * cy])])
 
 
 def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:

@@ -23,7 +23,7 @@ from wrenchbed.physics.rotations import (
     rot_z,
     rot_z_of,
 )
-from wrenchbed.physics.taylor_jets import Value, atan2, cos, jet_sqrt, sin, stack_jets
+from wrenchbed.physics.taylor_jets import Value, atan2, jet_sqrt, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import (
     LOAD,
@@ -141,8 +141,9 @@ class MedRUE(SimulatedRobot):
         """R_world_sensor (…, N, 3, 3) and the sensor's origin (…, N, 3) [m] (Equation 1)."""
         p = self.values(theta)
         loops, base, mount = solved(p, q), _turn(p, "0"), _turn(p, "S")
-        inner = loops.origin + apply(loops.wrist, _place(p, "S"))
-        return base @ loops.wrist @ mount, _place(p, "0") + apply(base, inner)
+        wrist = loops.wrist
+        inner = loops.origin + apply(wrist, _place(p, "S"))
+        return base @ wrist @ mount, _place(p, "0") + apply(base, inner)
 
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """R_world_tool (…, N, 3, 3) and position (…, N, 3) [m] of the probe, in the world."""
@@ -228,17 +229,13 @@ class MedRUE(SimulatedRobot):
         """The MJCF's 13 joint coordinates (…, N, 13), depth first, at q; real parameters only."""
         p = self.values(theta)
         loops = solved(p, q)
-        (left, right), span, wrist = loops.bars, loops.e2 - loops.e1, loops.wrist
-        angle = atan2(left.E[..., 1] - left.D[..., 1], left.E[..., 0] - left.D[..., 0])
-        gamma = angle + q[..., 5] + p["dq6"]
-        c_beta = wrist[..., 2, 2] * cos(gamma) - wrist[..., 1, 2] * sin(gamma)
+        (left, right), span = loops.bars, loops.e2 - loops.e1
         return stack_jets(
             [
                 q[..., 0],
                 q[..., 1], elbow(left.direction, q[..., 1] + p["dq2"], left.E - left.B),
                 q[..., 2], elbow(left.direction, q[..., 2] + p["dq3"], left.E - left.D),
-                q[..., 5], atan2(wrist[..., 0, 2], c_beta),
-                atan2(-wrist[..., 0, 1], wrist[..., 0, 0]),
+                q[..., 5], atan2(loops.beta.s, loops.beta.c), atan2(loops.alpha.s, loops.alpha.c),
                 jet_sqrt(dot(span, span)),
                 q[..., 3], elbow(right.direction, q[..., 3] + p["dq4"], right.E - right.B),
                 q[..., 4], elbow(right.direction, q[..., 4] + p["dq5"], right.E - right.D),
