@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -84,17 +85,15 @@ def jobs(folder: Path) -> dict[str, Job]:
         model = wb.Model.of(robot)
         theta, q = model.parameters.nominal, robot.sample(2000, rng)
         free = list(model.parameters.select(robot.free))
-        few, some = q[:1].copy(), q[:500].copy()
+        few, slopes = q[:1].copy(), partial(model.jacobian, q[:500].copy(), theta, free)
         result |= {
             f"{title}: static wrench, 2,000 poses": times(
-                200, lambda m=model, q=q, t=theta: m.true_wrench(q, t)
+                200, partial(model.true_wrench, q, theta)
             ),
             f"{title}: static wrench, one pose": times(
-                2000, lambda m=model, q=few, t=theta: m.true_wrench(q, t)
+                2000, partial(model.true_wrench, few, theta)
             ),
-            f"{title}: Jacobian at rest, 500 poses": times(
-                4, lambda m=model, q=some, t=theta, f=free: m.jacobian(q, t, f)
-            ),
+            f"{title}: Jacobian at rest, 500 poses": times(4, slopes),
         }
         with wb.SimDriver(wb.SimOptions(name, seed=1)) as driver:
             wb.record(driver, wb.poses(robot, 25, seed=1), folder / f"{name}.parquet", samples=20)
@@ -103,10 +102,8 @@ def jobs(folder: Path) -> dict[str, Job]:
         if name == "ur5":
             result["UR5: diagnosed at rest, 25 poses"] = lambda r=recording: diagnose(r)
             waves = [rng.standard_normal((2000, 6)) for _ in range(2)]
-            moving = Jet(q, *waves)
-            result["UR5: wrench in motion, 2,000 rows"] = times(
-                5, lambda m=model, q=moving, t=theta: m.true_wrench(q, t)
-            )
+            moving = partial(model.true_wrench, Jet(q, *waves), theta)
+            result["UR5: wrench in motion, 2,000 rows"] = times(5, moving)
     result["a recording read"] = times(5, lambda: wb.Recording.read(folder / "ur5.parquet"))
     blocks = rng.standard_normal((2000, 6, 12))
     start = np.arange(30)
