@@ -1,5 +1,6 @@
 """Causes that show only between rows, on look-alikes and from scatters whose numbers are stated."""
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -135,7 +136,7 @@ def test_each_cause_is_found(mode, effect):
 
 
 @pytest.mark.parametrize("mode", DESIGNS)
-def test_frequency_and_amplitude_of_a_shaking_base(mode):
+def test_a_shaking_base_coarse_counts_and_repeated_rows_are_measured(mode):
     found = {f.effect: f for f in row_effects(shaken(quiet(mode), 0.06, 17.3))}
     assert set(found) == {"base.vibration"}
     told = found["base.vibration"].parameters
@@ -143,6 +144,17 @@ def test_frequency_and_amplitude_of_a_shaking_base(mode):
     assert told["frequency"]["std"] < 0.1
     mass = float(ROBOT.tool(ROBOT.parameters.nominal).mass)
     assert 0.2 < told["amplitude.fx"]["value"] / (mass * 0.06) < 1.1
+    rec, step = quiet(mode), 4.0 * STD[0]
+    coarse = with_columns(rec, {"fx": np.round(step * np.round(rec.columns["fx"] / step), 3)})
+    (found,) = row_effects(coarse)  # printed with few digits
+    assert found.effect == "sensor.quantization" and found.channels == ("fx",)
+    told = found.parameters["step.fx"]
+    assert told["value"] == pytest.approx(step, abs=max(3 * told["std"], 1e-5))
+    assert named(row_effects(without_noise_stated(coarse))) == {"sensor.quantization"}
+    (found,) = row_effects(with_wrench(rec, rec.wrench[stale_rows(rec, 0.1)]))
+    assert found.effect == "timing.stale" and found.channels == CHANNELS
+    told = found.parameters["share"]
+    assert told["value"] == pytest.approx(0.1, abs=4 * told["std"] + 0.005)
 
 
 def test_a_mains_line_is_noise_and_repeats_are_of_one_device():
@@ -155,17 +167,6 @@ def test_a_mains_line_is_noise_and_repeats_are_of_one_device():
     wrench[:, 3:] = wrench[stale_rows(rec, 0.2), 3:]
     (found,) = row_effects(with_wrench(rec, wrench))
     assert found.effect == "timing.stale" and found.channels == CHANNELS[3:]
-
-
-@pytest.mark.parametrize("mode", DESIGNS)
-def test_a_coarse_count_is_measured_even_when_printed_with_few_digits(mode):
-    rec, step = quiet(mode), 4.0 * STD[0]
-    coarse = with_columns(rec, {"fx": np.round(step * np.round(rec.columns["fx"] / step), 3)})
-    (found,) = row_effects(coarse)
-    assert found.effect == "sensor.quantization" and found.channels == ("fx",)
-    told = found.parameters["step.fx"]
-    assert told["value"] == pytest.approx(step, abs=max(3 * told["std"], 1e-5))
-    assert named(row_effects(without_noise_stated(coarse))) == {"sensor.quantization"}
 
 
 @pytest.mark.parametrize("rows", [5, 20])
@@ -182,15 +183,6 @@ def test_clipped_fine_or_single_rows_are_no_finding():
     assert row_effects(with_rows(quiet("static"), slice(None, None, 60))) == ()
     assert RowFinding("timing.stale", 0.9, 0.1, ("fx",), {}, "").active(None) is None
     assert module.find_row_effects([1, 2], None) == ((), None)
-
-
-@pytest.mark.parametrize("mode", DESIGNS)
-def test_repeated_rows_are_counted(mode):
-    rec = quiet(mode)
-    (found,) = row_effects(with_wrench(rec, rec.wrench[stale_rows(rec, 0.1)]))
-    assert found.effect == "timing.stale" and found.channels == CHANNELS
-    told = found.parameters["share"]
-    assert told["value"] == pytest.approx(0.1, abs=4 * told["std"] + 0.005)
 
 
 def test_noise_beside_shaking_and_without_a_statement():
@@ -267,7 +259,7 @@ def test_a_coarse_count_is_told_from_a_rise_of_0_45(rise, told):
     assert module._coarse(steps, counted * 0.9, 4.0 * ONES) is None
 
 
-def test_repeats_are_told_from_a_share_of_three_hundredths():
+def test_repeats_are_told_from_a_share_of_three_hundredths_or_if_late_by_enough(monkeypatch):
     rec = rising()
     assert module._stale(rec, repeats(0.029), None) is None
     found = module._stale(rec, repeats(0.031), None)
@@ -278,13 +270,10 @@ def test_repeats_are_told_from_a_share_of_three_hundredths():
     assert module._stale(rec, repeats(0.05, expected=0.025), None) is None  # counts make half
     forces = module._stale(rec, repeats(0.05, channels=(0, 1, 2)), None)
     assert "rows of fx, fy, fz repeat" in forces.sentence
-
-
-@pytest.mark.parametrize(("late", "told"), [(0.34, False), (0.36, True)])
-def test_fewer_repeats_are_told_if_they_are_late_by_enough(monkeypatch, late, told):
-    monkeypatch.setattr(module, "_late", lambda *_: late)
-    found = module._stale(rising(), repeats(0.02), None)
-    assert (found and found.rise) == (late if told else None)
+    for late, told in ((0.34, None), (0.36, 0.36)):
+        monkeypatch.setattr(module, "_late", lambda *_, late=late: late)
+        found = module._stale(rec, repeats(0.02), None)
+        assert (found and found.rise) == told
 
 
 def test_a_repeat_is_late_by_what_moved_meanwhile():
@@ -321,6 +310,14 @@ def test_noise_is_told_from_a_rise_of_0_35_that_nothing_else_explains(no_line):
     assert module._noise(scatter(variance, steady=False), 0.0 * ONES) is None
     for rise, sure in ((0.38, False), (0.39, True)):  # Φ((rise − 0.35) / 0.05): 0.73 and 0.79
         assert (module._noise(scatter(1.0 + rise, std=0.0), 0.0 * ONES) is not None) == sure
+
+
+def test_a_noisy_sensor_is_so_in_channels_too_whose_rise_does_not_count(no_line):
+    s = scatter(np.array([2.0, 1.3, 1.0, 1.0, 1.0, 1.0]))
+    s.means = lambda _: np.tile([2.2, 1.7, 1.0, 1.0, 1.0, 1.0], (12, 1))  # with tails
+    found = module._noise(s, 0.0 * ONES)
+    assert found.channels == ("fx",) and module.unexplained(s, [found]) == ""
+    assert "rows of fy scatter" in module.unexplained(s, [replace(found, effect="other")])
 
 
 def shaking(rise, seen=0.0, line=None):

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from test_between_rows import row_effects
+from test_between_rows import row_effects, shaken
 
 import wrenchbed as wb
-from altered import with_columns, with_wrench
+from altered import with_added, with_columns, with_wrench
 from mutated import turning
 from simulated import driven
 from wrenchbed import registry
@@ -59,10 +59,14 @@ def test_noise_is_measured_and_what_moves_slowly_or_jumps_is_none():
 
 @pytest.mark.parametrize("frequency", [7.3, 12.3, 31.0])
 def test_a_line_counts_as_what_is_left_of_it_in_the_averages(frequency):
-    x = white() + 4.0 * np.sin(2 * np.pi * frequency * T)[:, None]
+    line = np.outer(np.sin(2 * np.pi * frequency * T), np.ones(6))
+    x = white() + 4.0 * line
     row, mean = noise_in_motion(x, PERIOD, STRIDE)
     assert row == pytest.approx(x.var(axis=0), rel=0.15)
     assert mean == pytest.approx(averages(x), rel=0.4)
+    named = quiet().shaking(200.0 * quiet().sigma, frequency)
+    assert named.noise == pytest.approx(1.0 + averages(200.0 * line), rel=0.02)
+    assert quiet().shaking(200.0 * quiet().sigma, None).noise == pytest.approx(np.full(6, 20001.0))
 
 
 @cache
@@ -77,6 +81,19 @@ def test_what_scatters_rows_raises_the_noise_not_the_gap(effect):
     assert (loud.noise >= 1.0).all() and (quiet().noise >= 1.0).all()
     assert loud.noise.max() > 1.3 * quiet().noise.max()
     assert HeldOut(loud).floor().mean() > 0.3 > abs(HeldOut(quiet()).floor().mean())
+
+
+@pytest.mark.study  # half a minute
+def test_a_base_that_shakes_and_a_zero_that_slips_for_half_a_second_are_both_named():
+    """What shakes turns with the tool: it is not steady."""
+    rec = recording(DESIGN, draw(DESIGN, 21, "none"))
+    loud = shaken(rec, 0.14, 33.0)
+    added = (((loud.wrench - rec.wrench) / rec.metadata.sensor.noise_std) ** 2).mean()
+    slip = np.clip((rec.t - rec.t[0] - 31.0) / 0.5, 0.0, 1.0)
+    told = diagnose(with_added(loud, np.outer(slip, 0.5 * np.eye(6)[1]))).diagnosis
+    assert [w["effect"] for w in told.which] == ["sensor.jump", "base.vibration"]
+    assert told.gap.floor == pytest.approx(added, rel=0.15)
+    assert min(w["probability"] for w in told.which) > 0.9 and added > 2.0
 
 
 def test_the_floor_of_noise_with_memory_is_not_below_it():
@@ -100,14 +117,10 @@ def test_rows_that_repeat_take_no_part():
     assert np.sqrt(np.mean(off**2)) < 2.0
     assert np.sqrt(np.mean(raw**2)) / whole.sigma[0] > 2.0 * np.sqrt(np.mean(off[:, 0] ** 2))
     assert HeldOut(held).count.sum() == np.count_nonzero(~again & held.judged)
-
-
-@pytest.mark.parametrize("channel", [0, 5])
-def test_a_clipped_channel_is_no_repeat(channel):
-    rec = recording(DESIGN, draw(DESIGN, 23, "none"))
-    y, name = rec.wrench[:, channel], CHANNELS[channel]
-    clipped = with_columns(rec, {name: np.minimum(y, np.quantile(y, 0.95))})
-    assert "timing.stale" not in {f.effect for f in row_effects(clipped)}
+    for name in ("fx", "tz"):
+        clipped = np.minimum(rec.columns[name], np.quantile(rec.columns[name], 0.95))
+        found = row_effects(with_columns(rec, {name: clipped}))
+        assert "timing.stale" not in {f.effect for f in found}
 
 
 def test_what_shows_between_rows_says_so_and_becomes_part_of_the_twin():

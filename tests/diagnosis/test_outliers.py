@@ -3,6 +3,8 @@
 A few that have a point and a surface in common are a contact.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,8 +13,11 @@ from simulated import UR5_TRUTH, WHITE, static, with_tool
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
 from wrenchbed.benchmark.lookalikes import recording as look_alike
+from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain.outliers import Outlier, comes_again
+from wrenchbed.diagnosis.prepare import contact
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.planning import choose
 
 POSES, ROWS = 60, 10
@@ -194,6 +199,31 @@ def test_a_table_that_a_few_poses_touch_is_a_contact(free, count):
         assert abs(point["value"] - true) < 4.0 * point["std"]
     assert {o["pose"] for o in told.outliers} == set(np.flatnonzero(deep).tolist())
     assert all(o["sentence"].endswith("contact") for o in told.outliers)
+
+
+def test_a_table_that_a_motion_touches_is_a_contact_though_the_tool_bounces():
+    design = ExperimentDesign.of_plan(choose.multisine(UR5, 40.0, 125.0, 11), UR5)
+    rec, rng = look_alike(design, draw(design, 22, "none")), np.random.default_rng(3)
+    p = prepare(rec)
+    rotation, position = UR5.sensor_pose(p.poses, p.theta)
+    height = (position + rotation @ p.scene.tip)[:, 2]
+    deep = np.maximum(np.quantile(height, 0.08) - height, 0.0)
+    push = 1.5 * np.sqrt(deep / deep.max()) * rng.uniform(-1.0, 3.0, len(deep))  # row by row
+    touches = [np.isin(np.arange(len(deep)), np.arange(*run)) for run in runs(deep > 0.0)]
+    point = 1.05 * p.scene.tip
+
+    def found(ways):
+        world = sum(np.outer(push * t, way) for t, way in zip(touches, ways, strict=True))
+        force = np.einsum("nij,ni->nj", rotation, world)
+        noise = p.sigma * rng.standard_normal(p.y.shape)
+        return contact.contact_of(replace(p, y=p.y + at_point(force, point) + noise), touches, p.y)
+
+    upwards = [(FRICTION * rng.uniform(-1.0, 1.0), 0.0, 1.0) for _ in touches]
+    touch = found(upwards)
+    told = touch.parameters["point.z"]
+    assert abs(told["value"] - point[2]) < 4.0 * told["std"]
+    assert np.array_equal(touch.rows, deep > 0.0)
+    assert found([np.roll(way, k) for k, way in enumerate(upwards)]) is None
 
 
 @pytest.mark.slow

@@ -299,8 +299,7 @@ def test_a_loose_part_leans_and_without_a_way_goes_nowhere():
     assert found == pytest.approx([0, 0, 0, lever * along * G, 0, 0], abs=1e-12)
     unmoved = added(scene, "tool.loose", shift=2e-3, way__y=1.0, way__z=0.0, lean=along)
     assert np.abs(unmoved).max() < 1e-12
-    found = added(oriented(*TURNS), "tool.loose", shift=1e-3, way__z=0.0)
-    assert np.abs(found).max() == 0.0
+    assert np.abs(added(oriented(*TURNS), "tool.loose", shift=1e-3, way__z=0.0)).max() == 0.0
 
 
 TIP = 0.089159 - 0.09465 - 0.012
@@ -365,8 +364,8 @@ def test_backlash_and_gear_errors_of_joints():
     s = at("ur5", [np.zeros(6), [0, 0.1, 0, 0, 0, 0], [0, 0.05, 0, 0, 0, 0]])
     way = displacement(s, "joint.backlash", joint=2, approach=2e-4)
     assert way[:, 1] == pytest.approx([0.0, -2e-4, 2e-4])
-    idle = displacement(s, "joint.backlash", joint=1, load=2e-4)
-    assert np.abs(idle).max() < 1e-12  # upright axis: no torque, no side
+    # upright axis: no torque, no side
+    assert np.abs(displacement(s, "joint.backlash", joint=1, load=2e-4)).max() < 1e-12
     s = motion("ur5", seconds=2.0)
     dq = displacement(s, "joint.gear_error", joint=2, sin=3e-4, cos=1e-4, order=20.0)[..., 1]
     angle, rate = 20.0 * s.q.v[:, 1], 20.0 * s.q.d[:, 1]
@@ -378,10 +377,12 @@ def test_tools_that_bend_or_stick():
     found = added(oriented([np.pi / 4.0, 0.0, 0.0]), "tool.flexure", bending=2e-3)[0]
     assert found == pytest.approx([0, 0, 0, 2e-3 * 0.1**2 * G**2 / 2, 0, 0], abs=1e-12)
     angle = np.deg2rad([40.0, 10.0, -10.0, -40.0, 10.0]) / 2
-    zero = np.zeros(5)
-    s = at("oriented", np.stack([np.cos(angle), np.sin(angle), zero, zero], axis=1))
-    found = added(s, "tool.loose", shift=1e-3, way__y=1.0, way__z=0.0, grip=0.3)[:, 3]
+    s = at("oriented", np.stack([np.cos(angle), np.sin(angle), 0 * angle, 0 * angle], axis=1))
+    given = {"shift": 1e-3, "way__y": 1.0, "way__z": 0.0, "grip": 0.3}
+    found, slide = added(s, "tool.loose", **given)[:, 3], 0.2 * (np.sin(angle[0] * 2) - 0.3)
     assert np.sign(found).tolist() == [1, 1, 1, -1, -1]
+    late = added(replace(s, t=0.1 * np.arange(5.0)), "tool.loose", **given, slide=slide)[:, 3]
+    assert late / found == pytest.approx([1, 1, 1, -1, -0.5])  # half its half way, of 0.2 s
 
 
 def test_a_twisted_cable_turns_back_and_rubs():

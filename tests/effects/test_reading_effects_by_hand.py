@@ -102,15 +102,10 @@ def test_before_the_first_reading_and_after_the_last_it_stands_still():
         shown = y + change("timing.delay", scene, y, {"delay": delay})
         expected = np.outer((t - delay) ** 2, np.arange(1.0, 7.0))
         assert shown[20:-20] == pytest.approx(expected[20:-20], rel=1e-9)
-
-
-def test_clock_and_channels_lag_together():
-    t = 5.0 + np.arange(400) / 100.0
-    y = np.outer(t**3, np.ones(6))
-    given = {"skew": 0.01, "channel": 0.003}
-    shown = y + change("timing.skew", rows_at(t, moves=True), y, given)
-    then = (t - 0.01 * (t - 5.0))[:, None] - 0.003 * np.arange(6)
-    inside = then[:, 5] > 5.0
+    y, given = np.outer(t**3, np.ones(6)), {"skew": 0.01, "channel": 0.003}  # both together
+    shown = y + change("timing.skew", scene, y, given)
+    then = (t - 0.01 * (t - 20.0))[:, None] - 0.003 * np.arange(6)
+    inside = then[:, 5] > 20.0
     assert shown[inside] == pytest.approx((then**3)[inside], rel=1e-9)
 
 
@@ -149,7 +144,8 @@ def test_creep_under_a_ramp_of_load(even, late):
     assert not found[:, [0, 2, 3, 4]].any()
 
 
-def test_noise_repeats_and_steps_act_on_rows():
+def test_noise_steps_and_repeats_act_on_rows():
+    """A row is stale as a whole, and the first is fresh."""
     shown = corrupted("sensor.noise", np.full((20000, 6), 5.0), np.arange(20000.0), 1,
                       std_fx=0.2, std_fy=0.2)  # fmt: skip
     assert np.abs(np.corrcoef(shown[:, :2].T)[0, 1]) < 0.03
@@ -165,9 +161,6 @@ def test_noise_repeats_and_steps_act_on_rows():
     assert not shown[:, :2].any()
     other = corrupted("base.vibration", np.zeros((1250, 6)), seed=1, amplitude_fz=0.4)
     assert not np.allclose(shown, other)
-
-
-def test_a_row_is_stale_as_a_whole_and_the_first_is_fresh():
     rows = np.random.default_rng(3).standard_normal((4000, 6))
     for seed in range(5):
         shown = corrupted("timing.stale", rows, np.arange(4000.0), seed, share=0.6)
@@ -192,12 +185,8 @@ def test_gains_zeros_and_crosstalk_are_matrices():
     # Each pair by a number of its own: what the first shows of the second.
     x = 1e-3 * np.arange(1.0, 37.0).reshape(6, 6)
     np.fill_diagonal(x, 0.0)
-    given = {
-        f"x.{a}.{b}": x[i, j]
-        for i, a in enumerate(CHANNELS)
-        for j, b in enumerate(CHANNELS)
-        if i != j
-    }
+    pairs = np.argwhere(~np.eye(6, dtype=bool))
+    given = {f"x.{CHANNELS[i]}.{CHANNELS[j]}": x[i, j] for i, j in pairs}
     y = np.random.default_rng(6).standard_normal((5, 6))
     found = change("sensor.crosstalk", rows_at(np.arange(5.0)), y, given)
     assert found == pytest.approx(np.einsum("ij,mj->mi", x, y), abs=1e-12)
@@ -214,6 +203,8 @@ def test_drift_and_jump_in_time():
     jumped = reading("sensor.jump", scene, y, step_fy=2.0, time=120.0)
     assert np.array_equal(jumped[:, 1], [0.0, 0.0, 2.0])
     assert np.array_equal(jumped[:, 0], y[:, 0])
+    slipped = reading("sensor.jump", scene, y, step_fy=2.0, time=112.0, rise=5.0)
+    assert slipped[:, 1] == pytest.approx([0.0, 0.2, 2.0])
     short = registry.load("effects", "sensor.jump").variants(rows_at(np.arange(3.0)))
     assert {v.at["time"] for v in short} == {0.5, 1.5}
 

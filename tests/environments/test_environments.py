@@ -53,18 +53,13 @@ def test_gymnasium_finds_nothing_to_complain_of(name):
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_greedy_information_beats_chance(robot):
+def test_greedy_information_and_a_force_controller_beat_chance(robot):
     env = gymnasium.make(f"wrenchbed/{robot}Calibration-v0", budget=40.0, pool=64)
     for seed in range(2):
         chance, told = played(env, seed)[1:]
         greedy, better = played(env, seed, GreedyInformation)[1:]
         assert greedy.sum() > 1.1 * chance.sum() > 0
         assert better["error"] < told["error"]
-
-
-@pytest.mark.sampled
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_a_force_controller_beats_chance_and_keeps_the_force(robot):
     env = gymnasium.make(f"wrenchbed/{robot}Contact-v0", seconds=5.0)
     rewards, told = played(env, 0, ForceController)[1:]
     assert rewards.sum() > played(env, 0)[1].sum() + 100

@@ -15,7 +15,7 @@ WRENCHBED = {
     "data": 5525,
     "diagnosis": 13002,
     "drives": 1727,
-    "effects": 4999,
+    "effects": 4997,
     "environments": 588,
     "exports": 828,
     "files": 576,

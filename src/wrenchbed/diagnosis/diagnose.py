@@ -14,6 +14,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import json_entries
 from wrenchbed.diagnosis.between_rows.row_effects import (
+    VIBRATION,
     RowFinding,
     find_row_effects,
     find_tool_vibration,
@@ -58,6 +59,7 @@ from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material, Prepared, Touch
 from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.effects import sensor_jump, sensor_saturation
+from wrenchbed.effects.base import per_channel
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
 
@@ -155,12 +157,24 @@ def examine(
     shows; ``known``: learnt shares of claims that are right, others and errors as of `diagnose`."""
     progress("noise and blocks")
     prepared = prepare(recording, seed, material)
-    progress("effects and their evidence")
-    weighed = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
-    prepared = weighed.analysis.prepared
     progress("rows")
     between, scattered = _between_rows(prepared) if prepared.has_wrench else ((), "")
+    prepared = _shaken(prepared, between)
+    progress("effects and their evidence")
+    weighed = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
+    if weighed.outliers and prepared.has_wrench:
+        between, scattered = _between_rows(weighed.analysis.prepared)
     return weighed._replace(between=between, scattered=scattered)
+
+
+def _shaken(prepared: Prepared, between: Sequence[RowFinding]) -> Prepared:
+    """Copy in which a vibration found between the rows of a motion of joints is noise."""
+    for finding in between if prepared.moving else ():
+        if finding.effect == VIBRATION:
+            size = {name: p["value"] for name, p in finding.parameters.items()}
+            amplitude = np.array([size[name] for name in per_channel("amplitude")])
+            return prepared.shaking(amplitude, size.get("frequency"))
+    return prepared
 
 
 def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
@@ -186,9 +200,7 @@ def findings_of(
     analysis, decision, outliers = weighed.analysis, weighed.decision, weighed.outliers
     between, scattered = weighed.between, weighed.scattered
     gap, twin, prepared = decision.gap, weighed.twin, analysis.prepared
-    touch = prepared.touch
-    if outliers and touch is None and prepared.has_wrench:
-        touch = contact_of(prepared, [o.rows for o in outliers], twin.wrench(prepared.scene))
+    touch = _touch_of(weighed, outliers)
     often = OFTEN if touch is None and outliers_.spells(outliers) > MOST_SPELLS else ""
     loud = scattered or (LOUD if not between and gap.calibrated.low > LARGEST_NONE else "")
     signs = [sentence for sentence in (loud, often) if sentence]
@@ -362,20 +374,15 @@ def _without_outliers(prepared: Prepared, first: Weighed, known: Reliability, se
         decision = weighed.decision
         if decision.settled and decision.gap.left < LEFT:
             break
-        claims = Claims(weighed.analysis, seed)
-        claim = claims.claimed(decision.verdict) if decision.settled else None
-        named = None if claim is None else claim.finalist
-        rows = outliers_.suspects(weighed.analysis, named) | ~weighed.analysis.prepared.judged
-        if np.array_equal(rows, ~weighed.analysis.prepared.judged):
+        claim = Claims(weighed.analysis, seed).claimed(decision.verdict)
+        named = None if claim is None or not decision.settled else claim.finalist
+        found = _set_aside(prepared, weighed, outliers_.in_contact(weighed.analysis), known, seed)
+        if found is None or _touch_of(*found) is None:
+            rows = outliers_.suspects(weighed.analysis, named)
+            found = _set_aside(prepared, weighed, rows, known, seed)
+        if found is None:
             break
-        again = weigh(prepared.aside(rows), known, seed)
-        described = outliers_.described(prepared, rows, simulated(prepared, again.twin))
-        if not described or again.decision.gap.left > CLEARER * decision.gap.left:
-            break
-        outliers, all_rows = described, np.any([o.rows for o in described], axis=0)
-        weighed = again
-        if not np.array_equal(all_rows, rows):  # fewer: only what does disagree
-            weighed = weigh(prepared.aside(all_rows), known, seed)
+        weighed, outliers = found
     verdict, a = weighed.decision.verdict, weighed.analysis
     jumps, p = _parts(verdict, {sensor_jump.EFFECT.name}), a.prepared
     if jumps and p.has_wrench:
@@ -384,6 +391,32 @@ def _without_outliers(prepared: Prepared, first: Weighed, known: Reliability, se
         if outliers_.comes_again(outliers, made, p.leading.sigma):
             weighed = _refuted(weighed, AGAIN, seed)
     return weighed._replace(outliers=outliers)
+
+
+def _set_aside(
+    prepared: Prepared, first: Weighed, rows: np.ndarray, known: Reliability, seed: int
+) -> tuple[Weighed, tuple[outliers_.Outlier, ...]] | None:
+    """Decision without the observations of a mask ``rows`` (H,) and without those set aside before,
+    and which of them do disagree; None if that is not clearer than the decision ``first``."""
+    before = ~first.analysis.prepared.judged
+    if not (rows & ~before).any():
+        return None
+    again = weigh(prepared.aside(rows | before), known, seed)
+    outliers = outliers_.described(prepared, rows | before, simulated(prepared, again.twin))
+    if not outliers or again.decision.gap.left > CLEARER * first.decision.gap.left:
+        return None
+    all_rows = np.any([o.rows for o in outliers], axis=0)
+    if not np.array_equal(all_rows, rows | before):  # fewer: only what does disagree
+        again = weigh(prepared.aside(all_rows), known, seed)
+    return again, outliers
+
+
+def _touch_of(weighed: Weighed, outliers: Sequence[outliers_.Outlier]) -> Touch | None:
+    """Contact that outliers of a wrench are; None if they are none."""
+    p = weighed.analysis.prepared
+    if not (outliers and p.touch is None and p.has_wrench):
+        return p.touch
+    return contact_of(p, [o.rows for o in outliers], weighed.twin.wrench(p.scene))
 
 
 def _designs(a: Analysis) -> list[Design]:

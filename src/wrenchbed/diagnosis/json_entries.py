@@ -413,12 +413,9 @@ def minor(
 ) -> list[dict[str, Any]]:
     """Entries of ``minor`` of diagnosis.json: detected effects that are too small to be claimed.
 
-    Args:
-        a: explanations of the recording, with probabilities.
-        verdict: its claims are not listed again. If it is ``unknown``, explanations that have a
-            cause large enough to be claimed are ignored: they were refuted.
-        spread: factor on standard uncertainties, see `Reliability`.
-        right: share of claims that are right, an upper limit of each probability.
+    Claims of ``verdict`` are not listed again. If it is ``unknown``, explanations that have a cause
+    large enough to be claimed are ignored: they were refuted. ``spread`` multiplies standard
+    uncertainties; ``right``, the share of claims that are right, limits each probability.
     """
     ranked, weight = a.ranking.explanations, weights(a.ranking)[1:]
     effects = [{e.finalist.names[k] for k in e.finalist.effects} for e in ranked]
@@ -472,13 +469,8 @@ def _instead(
     small: Sequence[AbstractSet[str]],
 ) -> dict[str, list[int]]:
     """Small effects that other explanations have in the place of the effect ``name`` (itself
-    included), with the indices of these explanations.
-
-    Args:
-        name: the effect.
-        beside: effects of the explanation that contains it.
-        effects: names of each explanation's effects.
-        small: names of those effects of each explanation that add less gap than a cause.
+    included), with the indices of these explanations. ``beside``: effects of the explanation that
+    contains it; ``effects`` of each explanation; ``small``: those that add less gap than a cause.
     """
     result = dict[str, list[int]]()
     for k, (of, names) in enumerate(zip(effects, small, strict=True)):

@@ -86,11 +86,8 @@ class CablePull(LoadEffect):
         return (taut, *slack)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants whose cable anchors, slack lengths and points of attack explain a residual best.
-
-        At a point p of the tool the force u along the cable and its torque p × u are linear in
-        stiffness k and in k p.
-        """
+        """Variants whose cable anchors, slack lengths and points p of attack explain a residual
+        best: force u along the cable and torque p × u are linear in stiffness k and in k p."""
         if not scene.jointed:
             return ()
         rotation, origin = (value(x)[residual.rows] for x in scene.pose)

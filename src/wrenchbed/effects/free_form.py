@@ -60,11 +60,8 @@ def channel_curves(
 ) -> tuple[Curve, ...]:
     """Curves of a variant without a formula, one for each channel that it has amplitudes of.
 
-    Args:
-        variant: free curve, with amplitudes ``….fx`` …
-        x: grid (P,), or a function from a channel's name to its grid.
-        basis: function of an amplitude's name and grid (P,): its contribution per SI unit (P,).
-        x_unit, y_unit: units of grid and values; if empty the channel's own.
+    ``x`` is the grid (P,), or a function from a channel's name to it; ``basis`` is a function of an
+    amplitude's name and grid to its contribution per SI unit (P,). Empty units are the channel's.
     """
     result = []
     for c, unit in zip(CHANNELS, UNITS, strict=True):

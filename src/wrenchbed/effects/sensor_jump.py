@@ -31,6 +31,9 @@ with 0.5 two of the twenty of tests/diagnosis/test_misleading_recordings.py are 
 _BEFORE = 1e-3
 """Part of the time between two poses by which a jump within one begins before its mean time: far
 below what readings tell, so that the pose itself is behind it; by definition."""
+RISE_S = 0.2
+"""Duration of a step in motion from which a fit begins [s]: several rows, so that the readings have
+a slope by its moment."""
 EXPLAINED = 0.5
 """Share of what the jumps before it leave that a further one explains at least."""
 
@@ -46,7 +49,8 @@ JUMPS = tuple(_named(k) for k in range(1, MOST + 1))
 class SensorJump(ReadingEffect):
     """y_i → y_i + s_i from ``time`` [s] on, a moment of the recording's clock; further jumps have
     ``step2.fx``, ``time2``, and so on. The first row from ``time`` on has a ``part`` of the step:
-    the mean of a pose in which the zero jumps.
+    the mean of a pose in which the zero jumps. In motion each step takes a time ``rise`` [s], half
+    of it before its moment: what slips or recovers settles.
 
     Seen in: varied orientations before and after its moment.
     """
@@ -69,6 +73,7 @@ class SensorJump(ReadingEffect):
             )
         ),
         Parameter("part", 1.0, "1", 0.5, 0.0, 1.0, "of the step in the first row after it"),
+        Parameter("rise", 0.0, "s", 0.2, 0.0, 5.0, "duration of each step"),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
@@ -77,8 +82,9 @@ class SensorJump(ReadingEffect):
         midway = (t[1:] + t[:-1]) / 2.0
         count = min(MOMENTS, len(midway))
         chosen = ((np.arange(count) + 0.5) * len(midway) / max(count, 1)).astype(int)
+        rise = {"rise": RISE_S} if scene.moving else {}
         return tuple(
-            Variant(label, steps, {"time": float(moment)}, ("time",))
+            Variant(label, steps, {"time": float(moment)} | rise, ("time", *rise))
             for moment in midway[chosen]
             for label, steps in (("forces", STEPS[:3]), ("all channels", STEPS))
         )
@@ -108,13 +114,17 @@ class SensorJump(ReadingEffect):
         at = {JUMPS[k][0]: float(t[i - 1] + t[i]) / 2.0 for k, i in enumerate(sorted(chosen))}
         free = tuple(name for _, steps in JUMPS[: len(chosen)] for name in steps)
         moments = ", ".join(f"{x:.0f}" for x in at.values())
+        at |= {"rise": RISE_S} if scene.moving else {}
         return (Variant(f"near {moments} s, all channels", free, at, tuple(at)),)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         for time, steps in JUMPS:
             if any(p[name] for name in steps):
-                after = (scene.t >= p[time]).astype(float)
-                if (time, steps) == JUMPS[0]:
+                since = scene.t - p[time]
+                after = (since >= 0.0).astype(float)
+                if p["rise"]:
+                    after = np.clip(0.5 + since / p["rise"], 0.0, 1.0)
+                elif (time, steps) == JUMPS[0]:
                     after[np.flatnonzero(scene.held & (after > 0.0))[:1]] = p["part"]
                 reading = reading + after[:, None] * vector(p, steps)
         return reading
@@ -137,13 +147,8 @@ def _placed(
 
 
 def _explained(rest: np.ndarray, basis: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Squared residual (M,) that one more jump explains, for each of M rows where it may be.
-
-    Args:
-        rest: residual (R, 6), orthogonal to the basis.
-        basis: orthonormal columns (R, 6, k) of what is fitted already.
-        after: first row after each jump (M,).
-    """
+    """Squared residual (M,) that one more jump explains, for each of M first rows ``after`` it;
+    ``rest``: residual (R, 6), orthogonal to the orthonormal ``basis`` (R, 6, k) fitted already."""
     inside = np.cumsum(basis[::-1], axis=0)[::-1][after]  # (M, 6, k)
     along = np.cumsum(rest[::-1], axis=0)[::-1][after]  # (M, 6)
     count = (len(rest) - after)[:, None, None] * np.eye(6)

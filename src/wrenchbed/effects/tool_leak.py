@@ -66,10 +66,8 @@ class ToolLeak(LoadEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants whose place (3,) [m] of the lost mass explains a residual best.
-
-        A mass a(t) at s has the wrench a u + Σ_i a s_i l_i (known u, l_i): linear in a and a s.
-        """
+        """Variants whose place s (3,) [m] of lost mass a(t) explains a residual best; its wrench
+        a u + Σ_i a s_i l_i (known u, l_i) is linear in a and a s."""
         pose = Pose(*scene.pose)
         rows = residual.rows[:: 1 + len(residual.rows) // SCANNED]
         value = residual.value[:: 1 + len(residual.rows) // SCANNED]

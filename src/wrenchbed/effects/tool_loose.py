@@ -16,6 +16,7 @@ from wrenchbed.effects.base import (
     direction,
     sides,
 )
+from wrenchbed.effects.drives.operators import stop
 from wrenchbed.effects.scene import Scene, held_on
 from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.rotations import cross, sphere
@@ -30,6 +31,8 @@ jumps."""
 GRIP = 0.3
 """Share of the load along the way below which a part that sticks stays where it was: a friction of
 0.3."""
+SLIDE_S = 0.02
+"""Time of half a part's way in motion where a fit begins [s]: 1 cm against 5 N·s/m of 1 kg."""
 WAYS = 200
 """Ways over a half sphere that a scan tries: 10° apart, which a refit bridges."""
 GRIPS, LEANS = (0.0, 0.08, 0.16, 0.24, 0.32), (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
@@ -41,7 +44,8 @@ class ToolLoose(LoadEffect):
     """c → c + s n sgn(n·F/|F| − l): the tool's CoG jumps by 2 s along a direction n; torque δc × F.
 
     The sign is tanh(…/0.05), l leans to one side; with a ``grip`` it turns only once n·F/|F| is
-    that far beyond l. What flows along the load has no torque; along one axis it is tool.flexure.
+    that far beyond l. In motion viscous drag may hold it up: ``slide`` is the time of half its way
+    under its weight. What flows along the load has no torque; along one axis it is tool.flexure.
 
     Seen in: orientations that tip the tool to either side, and back.
     """
@@ -58,25 +62,23 @@ class ToolLoose(LoadEffect):
         Parameter(WAY[2], 1.0, "1", 0.1, -2.0, 2.0, "of the jump"),
         *alike(("lean",), "1", 0.05, 0.9, "share of the load at which it jumps"),
         Parameter("grip", 0.0, "1", 0.1, 0.0, 0.9, "share of the load that moves it"),
+        Parameter("slide", 0.0, "s", 0.01, 0.0, 1.0, "time of half its way under its weight"),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        result = []
+        result, drag = [], {"slide": SLIDE_S} if scene.moving else {}
         for way in product((-1.0, 0.0, 1.0), repeat=3):
             if way > (0.0, 0.0, 0.0):  # one of each two opposite ways
                 along = np.array(way) / np.linalg.norm(way)
-                at = dict(zip(WAY, map(float, along), strict=True)) | {"lean": 0.0}
-                result += [
-                    Variant(f"{text} along {sides(along)}", ("shift",), at | {"grip": grip}, shape)
-                    for grip, text, shape in ((0.0, "falls", SHAPE[:-1]), (GRIP, "sticks", SHAPE))
-                ]
+                at = dict(zip(WAY, map(float, along), strict=True)) | {"lean": 0.0} | drag
+                for grip, text, shape in ((0.0, "falls", SHAPE[:-1]), (GRIP, "sticks", SHAPE)):
+                    label, shape = f"{text} along {sides(along)}", (*shape, *drag)
+                    result.append(Variant(label, ("shift",), at | {"grip": grip}, shape))
         return tuple(result)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """Variants whose directions, grips and leans fit a residual's torques best.
-
-        A jump s = ±1 by a lever δ adds the torque s δ × F, linear in δ: sums of s Fᵀ × T suffice.
-        """
+        """Variants whose directions, grips, leans fit a residual's torques best: a jump s = ±1 by
+        a lever δ adds the torque s δ × F, linear in δ, so that sums of s Fᵀ × T suffice."""
         force = scene.tool_force(wrench(*scene.pose, scene.tool, scene.gravity))
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
         fitted = force[residual.rows]
@@ -103,11 +105,12 @@ class ToolLoose(LoadEffect):
                     (abs(float(gain[k])), k, grip, lean) for k in np.argsort(-abs(gain))[:2]
                 ]
         candidates.sort(reverse=True)
-        result: list[Variant] = []
+        result, drag = list[Variant](), {"slide": SLIDE_S} if scene.moving else {}
         for _, k, grip, lean in candidates[:4]:
             begin = dict(zip(WAY, map(float, ways[k]), strict=True)) | {"lean": lean, "grip": grip}
             text = f"{'sticks' if grip else 'falls'} along {sides(ways[k])}"
-            result.append(Variant(text, ("shift",), begin, SHAPE if grip else SHAPE[:-1], {}, 0.05))
+            shape = (*(SHAPE if grip else SHAPE[:-1]), *drag)
+            result.append(Variant(text, ("shift",), begin | drag, shape, {}, 0.05))
         return tuple(result)
 
     def size(self, scene: Scene, variant: Variant, p: Values) -> Sizes:
@@ -117,24 +120,29 @@ class ToolLoose(LoadEffect):
         force = scene.tool_force(load)
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
         way = direction(p, WAY)
-        lever = p["shift"] * _side(towards @ way - p["lean"], p["grip"])[:, None] * way
+        lever = p["shift"] * _side(towards @ way - p["lean"], scene.t, p)[:, None] * way
         return np.concatenate([np.zeros_like(force), cross(lever, force)], axis=1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """Let the tool's mass slide between stops, with friction and a bias to one side."""
+        """Let the tool's mass slide between stops, with friction and a bias, but no drag."""
         from wrenchbed.simulation.springs import Spring, slide
 
         weight = float(robot.tool(theta).mass) * float(np.linalg.norm(spec.option.gravity))
         half = p["shift"]
-        if half:
+        if half and not p["slide"]:
             way, soft = [*map(float, direction(p, WAY))], SOFT * weight / half
             friction, bias = p["grip"] * weight, -p["lean"] * weight
             spring = Spring(soft, abs(half), friction=friction, bias=bias)
             slide(spec, self.name, "shift", way, spring)
 
 
-def _side(along: np.ndarray, grip: float) -> np.ndarray:
-    """Position (M,), −1 … 1, of a part that sticks to ``grip``; ``along``: load along its path."""
+def _side(along: np.ndarray, t: np.ndarray, p: Values) -> np.ndarray:
+    """Position (M,), −1 … 1, of a part at times t (M,) [s]; ``along``: load along its path."""
+    grip, slide = p["grip"], p["slide"]
+    if slide:
+        beyond = along - np.clip(along, -grip, grip)
+        steps = np.concatenate([[0.0, 2.0 * np.sign(beyond[0])], beyond[:-1] * np.diff(t) / slide])
+        return stop(np.cumsum(steps), 1.0)[1:]
     if not grip:
         return np.tanh(along / SOFT)
     return held_on(np.where(np.abs(along) > grip, np.sign(along), 0.0)[:, None])[:, 0]

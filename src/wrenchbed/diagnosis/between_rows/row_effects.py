@@ -128,6 +128,9 @@ def unexplained(s: Scatter | None, findings: Sequence[RowFinding]) -> str:
         return ""
     groups = s.means(s.rows**2)
     rise = groups.mean(axis=0) - 1.0
+    if any(f.effect == NOISE for f in findings):  # a noisy sensor is so in all channels
+        rest = [all(c not in f.channels for f in findings) for c in CHANNELS]
+        rise -= BESIDE * np.where(rest, np.maximum(s.variance()[0] - 1.0, 0.0), 0.0)
     for f in findings:
         rise[[CHANNELS.index(c) for c in f.channels]] -= BESIDE * max(f.rise, 0.0)
     k = int(np.argmax(rise))

@@ -45,12 +45,8 @@ Rule = Callable[[Facts[S], Verdict[S], Closure], Verdict[S]]
 
 
 def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
-    """Verdict on a recording (word, causes with rivals, probabilities) and its held-out gaps.
-
-    Args:
-        facts: evidence, gaps and reliabilities of the recording.
-        without: names of rules to leave out, to measure what they change.
-    """
+    """Verdict on a recording (word, causes with rivals, probabilities) and its held-out gaps;
+    ``without``: names of rules to leave out, to measure what they change."""
     verdict = leading(facts, without)
     gap = facts.measure(verdict)
     for name, rule in RULES.items():
@@ -277,11 +273,9 @@ def beside_own_rest(
     separate from the leading cause. A cause that is named only once the residual counts as noise
     must have a constant size.
 
-    Args:
-        first: decision with the sensor's noise alone.
-        again: makes the decision with the residual as noise.
-        rivals: returns effects that close as much as a verdict's leading cause on held-out rows.
-        changing: returns a sentence on a cause, of those named, whose size changes; else empty.
+    ``first`` counts the sensor's noise alone, ``again`` makes the decision with the residual as
+    noise. ``rivals`` returns effects that close as much as a verdict's leading cause on held-out
+    rows, ``changing`` a sentence on a cause, of those named, whose size changes; else empty.
     """
     if first.settled:
         return replace(first, verdict=widened(first.verdict, rivals(first.verdict))), ""
@@ -302,11 +296,9 @@ def conclude(
 ) -> Verdict[S]:
     """Final verdict, with the findings that means of readings do not show.
 
-    Args:
-        decision: decision on the means of readings.
-        elements: for each cause the joints, links or axes that explain as well, by effect.
-        signs: sentences on unusual noise; with one of them the answer is not ``none``.
-        between: effects that show between rows only, with probabilities, surest first.
+    ``elements``: for each cause the joints, links or axes that explain as well, by effect;
+    ``signs``: sentences on unusual noise, with one of which the answer is not ``none``;
+    ``between``: effects that show between rows only, with probabilities, surest first.
     """
     verdict = decision.verdict
     if signs and verdict.word == NONE:

@@ -74,12 +74,9 @@ def not_apart(
 ) -> tuple[Key, ...]:  # fmt: skip
     """Keys of the candidates that do as well as the leading cause on held-out rows, best first.
 
-    Args:
-        mean: returns the mean of gaps (S,) with its interval.
-        without: gap of each observation (S,) with neither leading cause nor candidate.
-        leading: gap of each observation (S,) with the leading cause.
-        spare: gap that a rival may leave beyond what the leading cause leaves.
-        each: candidates: key, gaps (S,) with it alone, function to gaps (S,) with both.
+    ``mean`` returns the mean of gaps (S,) with its interval. Gaps of each observation (S,) are
+    ``leading`` with the leading cause and ``without`` it and candidates; a rival may leave
+    ``spare`` beyond what the leading cause leaves.
     """
     closes, worse = mean(without - leading).value, dict[Key, float]()
     for key, gaps, both in each:

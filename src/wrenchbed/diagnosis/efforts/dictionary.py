@@ -194,9 +194,8 @@ def _made(
 ) -> tuple[list[Column], np.ndarray, list[Block]]:
     """Columns of channel j, from 0, their values at M kept rows (M, K), and its causes.
 
-    Args:
-        y, use: residual of the channel (M,), and the mask of rows to use of it (M,).
-        arm: columns of the arm at these rows (M, A).
+    ``y``: residual of the channel (M,), ``use`` (M,): mask of its rows to use, ``arm``: columns of
+    the arm (M, A).
     """
     if j >= scene.joints:
         columns, blocks = of_sensor(scene, j - scene.joints)

@@ -44,9 +44,8 @@ class Drives:
 def stated_drives(recording: Recording, path: str | Path | None = None) -> Drives:
     """Stated values from the metadata, replaced by those fitted to a recording without faults.
 
-    Args:
-        recording: recording whose metadata may state ``configured``.
-        path: file of ``wrenchbed calibrate`` on joint efforts, or ``drives.json``, if any.
+    ``path``: file of ``wrenchbed calibrate`` on joint efforts, or ``drives.json``, if any; the
+    metadata of ``recording`` may state ``configured``.
 
     Raises:
         DiagnosisError: a field is no number, or the fit is of another robot or of wrenches.

@@ -318,13 +318,9 @@ class EffectDictionary:
 def build(
     prepared: Prepared, robot_theta: np.ndarray, tolerance: Mapping[str, np.ndarray]
 ) -> EffectDictionary:
-    """Make the columns of all effects (change of readings per typical size) at a baseline.
-
-    Args:
-        prepared: the recording's design and noise.
-        robot_theta: parameters of the robot at the baseline, its tool included (P,).
-        tolerance: tolerance of bias, mass and CoG by effect, SI; inf if they are not stated.
-    """
+    """Make the columns of all effects (change of readings per typical size) at a baseline, with
+    parameters (P,) of the robot and its tool; ``tolerance`` of bias, mass and CoG by effect, SI;
+    inf if they are not stated."""
     at = prepared.at(robot_theta)
     response = Response(at.scene, at.channels)
     residual = FittedResidual(at.leading, response, tolerance)

@@ -337,11 +337,9 @@ def over_scales(
 ) -> ScaledEvidence:
     """Log evidence on one background level, averaged over the scales of one cause after another.
 
-    Args:
-        moments: information and score of the k columns, and log evidence without causes.
-        owner: index of the cause of each column (k,).
-        fixed: prior standard deviation of columns whose scale is known (k,), else 0.
-        ladder: prior standard deviations ("scales") to try of each of p causes (p, s).
+    Of k columns: ``moments``, ``owner``, the index of the cause of each (k,), and ``fixed``, prior
+    standard deviations where they are known (k,), else 0; ``ladder``: those to try of each of p
+    causes (p, s).
     """
     information, score, start = moments
     best, total = np.median(ladder, axis=1), -np.inf

@@ -85,13 +85,11 @@ class Candidates:
     def added(
         self, rung: int, base: float, score: np.ndarray, known: np.ndarray | None = None
     ) -> list[SingleEvidence]:
-        """Log posterior of a set of causes with each further effect variant or smooth function.
+        """Log posterior of a set of causes with each further effect variant or smooth function, on
+        the background level of index ``rung``; ``base`` is that of the set alone.
 
-        Args:
-            rung: index of the background level.
-            base: log posterior of the set of causes alone.
-            score: derivatives w of the log likelihood by all columns (n,), beside these causes.
-            known: H (m, n): HᵀH is the information that these causes take up; None without any.
+        ``score`` has the derivatives w of the log likelihood by all columns (n,), beside these
+        causes; with ``known`` H (m, n), HᵀH is the information that they take up.
         """
         result: list[SingleEvidence] = []
         for batch, alone in zip(self.batches, self._information(rung), strict=True):
@@ -204,11 +202,8 @@ class Searcher(Candidates):
         """Least cost (H,) of a signal fitted by each of H hypotheses: square of the rest over
         background and noise, plus the square of its sizes over their largest scales.
 
-        Args:
-            rung: index of the background level.
-            energy: square of the whole signal over background and noise.
-            score: scores w of all columns (n,), for the signal as readings.
-            known: factor (m, n) of the information taken up by causes, as in `added`.
+        ``energy`` is the square of the whole signal over background and noise, ``score`` (n,) that
+        of all columns for the signal as readings; ``rung`` and ``known`` are as in `added`.
         """
         result = np.full(len(self.hypotheses), np.inf)
         for batch, alone in zip(self.batches, self._information(rung), strict=True):

@@ -191,13 +191,11 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
 def wrong_odds(
     mean: np.ndarray, std: np.ndarray, tolerance: np.ndarray, offset: np.ndarray
 ) -> np.ndarray:
-    """Odds (S,) that stated numbers are wrong rather than within tolerance; 0 for unstated ones.
+    """Odds (S,) that stated numbers are wrong rather than within ``tolerance`` (S,); 0 for unstated
+    ones, of tolerance inf.
 
-    Args:
-        mean: estimated error of each number (S,).
-        std: standard uncertainty of each error (S,).
-        tolerance: tolerance of each number (S,), inf where nothing is stated.
-        offset: size (S,) by which effects may shift each, as the zero of a drift is a convention.
+    ``mean`` and ``std`` (S,) are the estimated errors; ``offset`` (S,) is the size by which effects
+    may shift each, as the zero of a drift is a convention.
     """
     finite = np.isfinite(tolerance)
     width = np.where(finite, tolerance, 1.0) + offset

@@ -73,15 +73,9 @@ def elements(
 ) -> dict[str, Elements]:
     """Elements of some effects that explain a recording as well as one cause of a fitted set.
 
-    Args:
-        refitter: model of the recording that fits sets of causes.
-        f: the fitted set of causes.
-        part: index of the cause in whose place they are fitted.
-        effects: names of effects, among them the cause's own.
-
-    Returns:
-        Elements by the effect's name; for the cause's own effect its element is always one, unless
-        it is of several elements together and one of them alone makes all that counts.
+    ``effects`` are names, the own one of cause ``part``, by index, among them. Of that one its
+    element is always returned, unless it is of several together and one alone makes all that
+    counts.
     """
     replaced, signal = f.parts[part], made_by(refitter, f, [part])
     result = {replaced.name: Elements((element(replaced.variant),), (f,), (part,))}

@@ -15,8 +15,10 @@ from scipy.special import betainc, chdtrc
 from wrenchbed.calibration.checks.rows import usable
 from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
+from wrenchbed.diagnosis.explain.contributions import made_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis, prediction_errors
+from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 
 FAR = 25.0
@@ -35,6 +37,9 @@ NEAR = 0.966
 """Cosine from which a direction counts as along an axis: 15°."""
 AGAIN = 1e-4
 """Largest p-value with which outliers count as a jump of the zero that comes again."""
+PUSH, MOST_TOUCHED = 1e-3, 0.5
+"""Least push of a fitted contact, over a row's noise: beyond rounding; and largest share of a
+motion that is touched: more leaves too little of it."""
 MARGIN_S = 0.3
 """Time before and after a stretch that is set aside with it [s]: a touch begins and ends softly."""
 
@@ -87,12 +92,8 @@ def spells(outliers: Sequence[Outlier]) -> int:
 def comes_again(outliers: Sequence[Outlier], made: np.ndarray, scale: np.ndarray) -> bool:
     """Whether outliers' errors have the direction of a fitted jump of the zero: it comes and goes.
 
-    The squared cosine between independent directions is Beta(½, (C − 1)/2).
-
-    Args:
-        outliers: poses or stretches that were set aside.
-        made: readings that the jump adds, row by row, over the noise (R, C).
-        scale: noise of a row (C,) [N, N·m].
+    The squared cosine between independent directions is Beta(½, (C − 1)/2). ``made`` (R, C): what
+    the jump adds to readings, row by row, over the noise of a row, ``scale`` (C,) [N, N·m].
     """
     steps = np.diff(made, axis=0)
     steps = steps[np.abs(steps).max(axis=1) > 0.0]
@@ -135,6 +136,19 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
         if contrast > far_by:
             best, far_by = far, contrast
     return np.isin(p.block, np.unique(blocks)[best]) & p.judged & ~p.at_limits
+
+
+def in_contact(a: Analysis) -> np.ndarray:
+    """Mask (H,) of a motion's observations in or near which its contact pushes."""
+    p, best = a.prepared, a.ranking.explanations[0]
+    rows = np.zeros(len(p.y), dtype=bool)
+    parts = [part.index for part in best.parts if part.name == CONTACT and part.index is not None]
+    if parts and p.moving:
+        made = made_by(a.refitter, best.finalist, parts).reshape(len(p.block_rows), -1)
+        rows[p.observations[:, (np.abs(made) > PUSH).any(axis=1)]] = True
+        for near in _stretches(rows, p.scene.t[p.scene.held]):
+            rows[near] = True
+    return rows if rows.mean() < MOST_TOUCHED else np.zeros_like(rows)
 
 
 def _with_known_jumps(a: Analysis, f: Finalist) -> Finalist:

@@ -246,10 +246,7 @@ class ReadingsModel:
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
     ) -> np.ndarray:
         """Change (C R, k) of R rows of C whitened channels per unit of the variables with indices
-        ``which``, at x (k,), where causes add f (C R,).
-
-        For effects without shape parameters they are the dictionary's columns.
-        """
+        ``which``, at x (k,), where causes add f (C R,)."""
         v, which = Variables.of(parts), list(which)
         result = self.d.E[:, v.column[which]]
         step = np.where(v.shape, _SHAPE_STEP, _STEP)

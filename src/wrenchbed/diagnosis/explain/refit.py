@@ -49,11 +49,11 @@ class Refitter(ReadingsModel):
 
     def without(self, fold: int) -> "Refitter":
         """Refitter of the same recordings without the fold of number ``fold`` of each."""
-        return together([r._less(fold) for r in self.each])[self._place]
-
-    def _less(self, fold: int) -> "Refitter":
-        keep = np.repeat(self.d.prepared.fold_rows != fold, self.d.channels)
-        return type(self)(Searcher(self.d.without(fold)), self.y[keep])
+        less = list[Refitter]()
+        for r in self.each:
+            keep = np.repeat(r.d.prepared.fold_rows != fold, r.d.channels)
+            less.append(type(r)(Searcher(r.d.without(fold)), r.y[keep]))
+        return together(less)[self._place]
 
     def nothing(self) -> Finalist:
         """Fit without any effect, on the background level that fits best."""
@@ -161,10 +161,7 @@ class Refitter(ReadingsModel):
         self, s: Structure, rungs: Sequence[int], x: np.ndarray, spread: np.ndarray
     ) -> np.ndarray:
         """Most probable variables (k,), by Gauss–Newton from x on background levels ``rungs``
-        (indices), with prior std ``spread`` (k,) about the hypotheses' own shapes.
-
-        Derivatives by shapes are renewed at each step, by amplitudes beside them at every third.
-        """
+        (indices), with prior std ``spread`` (k,) about the hypotheses' own shapes."""
         if not len(x):
             return x
         y, centre, precision = s.y, s.start, 1.0 / spread**2
@@ -240,10 +237,7 @@ class Refitter(ReadingsModel):
         and the evidence on the best ones.
 
         Besides ``rungs`` all levels of healthy robots are tried, for several recordings all levels.
-
-        Args:
-            y: linearised readings (C R,).
-            every: columns (C R, m) of all numbers.
+        ``y``: linearised readings (C R,); ``every``: columns (C R, m) of all numbers.
         """
         moments = []
         for r, rung, rows, of in zip(self.each, rungs, s.rows, s.columns, strict=True):

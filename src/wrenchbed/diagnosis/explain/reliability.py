@@ -179,11 +179,8 @@ def conformal(shares: Sequence[float], weights: Sequence[float]) -> float:
     `COVERED` of cases, with confidence `CONFIDENT` over the sampled cases.
 
     The share that the k-th of n shares covers is Beta(k, n + 1 − k) (Vovk 2012, arXiv 1209.2673;
-    arXiv 2509.15349 for few cases). Weighted cases count for (Σw)²/Σw² of them.
-
-    Args:
-        shares: probability of each case's likeliest answers down to the true one (N,).
-        weights: weights of the cases (N,).
+    arXiv 2509.15349 for few cases). Weighted cases count for (Σw)²/Σw² of them. ``shares`` (N,):
+    probability of each case's likeliest answers down to the true one.
     """
     w = np.asarray(weights, dtype=float)
     count = int(w.sum() ** 2 / (w**2).sum()) if len(w) else 0

@@ -195,17 +195,15 @@ def _on_rows(prepared: Prepared, functions: np.ndarray) -> np.ndarray:
     if functions.ndim == 2:
         rows = prepared.averages(functions)
         return np.broadcast_to(rows, (len(prepared.variance), *rows.shape))
-    flat = np.moveaxis(functions, 0, 1).reshape(functions.shape[1], -1)
-    rows = prepared.averages(flat)
+    rows = prepared.averages(np.moveaxis(functions, 0, 1).reshape(functions.shape[1], -1))
     return np.moveaxis(rows.reshape(len(rows), len(functions), -1), 1, 0)
 
 
 def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
     """Orthonormal basis (C, R, k') of the columns (C, R, k) of each channel, without a mean.
 
-    Args:
-        columns: values of functions at the rows; too many for the rows are cut.
-        tolerance: smallest norm of a direction; with 0, columns are scaled and cut first.
+    Too many columns for the rows are cut; ``tolerance``: smallest norm of a direction; with 0,
+    columns are scaled and cut first.
     """
     centred = columns - columns.mean(axis=1, keepdims=True)
     least = tolerance

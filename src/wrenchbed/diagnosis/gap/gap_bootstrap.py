@@ -141,13 +141,9 @@ def closure(
 ) -> Closure:
     """Combine the gaps of all recordings, with bootstrap intervals over blocks.
 
-    Args:
-        each: the recordings.
-        names: names of the channels (C,), where a recording does not state them.
-        folds: number of parts of a recording, each of which was held out once.
-        seed: random seed of the bootstrap.
-        stated: whether all causes are wrong stated numbers: the fit of bias, mass and CoG corrects
-            these, so ``closed`` counts from the configured gap.
+    ``names`` of channels (C,) are those of recordings that do not state them. ``stated``: whether
+    all causes are wrong stated numbers: the fit of bias, mass and CoG corrects these, so ``closed``
+    counts from the configured gap.
     """
     drawn = Bootstrap([(j.block, j.count) for j in each], seed)
     gaps = {s: np.concatenate([j.gaps[s] for j in each]) for s in each[0].gaps}

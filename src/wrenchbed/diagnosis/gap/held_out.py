@@ -73,15 +73,14 @@ class HeldOut:
         return np.asarray((gaps * self.count[:, None]).sum(axis=0) / self.count.sum())
 
     def floor(self) -> np.ndarray:
-        """Gap of noise alone (S,): of rows about their mean at rest, of fast scatter in motion.
-
-        Second differences would miss most of a noise with memory.
-        """
+        """Gap of noise alone (S,): of rows about their mean at rest, in motion of fast steady
+        scatter, or of a vibration, which turns with the tool and so is not steady."""
         p = self.prepared
         if p.moving:
             variance, _ = noise_in_motion(p.residual @ self._root.T, p.scene.period, p.stride)
             fresh = np.count_nonzero(p.count) / len(p.count)  # what repeats hardly scatters
-            return np.full(len(self.y), float(variance.mean()) / fresh - self._of_row)
+            steady = float(variance.mean()) / fresh - self._of_row
+            return np.full(len(self.y), max(steady, float(np.mean(p.shaken)) or steady))
         if p.averaged:
             return np.asarray(self.noise + float(p.noise.mean()))
         n = np.maximum(self.count, 2)

@@ -93,12 +93,10 @@ def entries(
 ) -> list[dict[str, Any]]:
     """Entries of ``where`` of diagnosis.json: causes, or hints by share, then effects on rows.
 
-    Args:
-        causes: (effect, detail, share of the gap 0 … 1, p-value, rivals, the gap's name) of each
-            claimed effect. Without any, significant findings become hints.
-        findings: what the residual varies with, as `locate` returns it.
-        rows: (effect, channels, share of a row's variance 0 … 1, p-value) of each effect between
-            rows; its share is given only if there is no other entry.
+    ``causes``: (effect, detail, share of the gap 0 … 1, p-value, rivals, the gap's name) of each
+    claimed effect; without any, significant ``findings`` of `locate` become hints. ``rows``:
+    (effect, channels, share of a row's variance 0 … 1, p-value) of each effect between rows; its
+    share is given only if there is no other entry.
     """
     result = [_of_cause(*cause) for cause in causes]
     if not causes:

@@ -186,11 +186,8 @@ def reported_from(
     """Size s95 (n,), in typical sizes, from which 95 % of such recordings report each of n causes
     of k numbers; at least `ORDINARY`, since a design that reports even that shows every fault.
 
-    Args:
-        information: matrix of each cause's numbers (n, k, k), over noise and background.
-        scales: prior standard deviations of the numbers (n, s).
-        odds: log prior odds of each cause against no cause (n,).
-        gaps: gap of each at its typical size (n,).
+    Of each cause: ``information`` of its numbers (n, k, k), over noise and background, their prior
+    standard deviations ``scales`` (n, s), log prior ``odds`` (n,), ``gaps`` at typical size (n,).
     """
     values = np.maximum(np.linalg.eigvalsh(information), 0.0)
     ratio = scales[:, :, None] ** 2 * values[:, None, :]  # (n, s, k)

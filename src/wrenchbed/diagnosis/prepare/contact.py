@@ -148,37 +148,45 @@ def _levers(force: np.ndarray) -> np.ndarray:
 
 def contact_of(p: Prepared, outliers: Sequence[np.ndarray], reading: np.ndarray) -> Touch | None:
     """Contact shown by outliers (masks of observations (H,)): forces at the tip, one way, and the
-    tip deepest there; None if one fails. ``reading`` (M, 6) [N, N·m]: simulated by all others."""
+    tip deepest there; None if one fails. ``reading`` (M, 6) [N, N·m]: simulated by all others.
+
+    Of a stretch of motion the mean counts: what is touched bounces and sticks meanwhile.
+    """
     p = p.leading
     if not outliers or not p.scene.jointed:
         return None
     aside = np.any(outliers, axis=0)
     error = p.y - reading[p.scene.held]
-    usual = np.sqrt((error[~aside] ** 2).mean(axis=0))
-    touched = aside & (np.linalg.norm(error[:, :3], axis=1) > CLEAR * np.linalg.norm(usual[:3]))
+    rotation, position = (value(x)[p.scene.held] for x in p.scene.pose)
+    world = apply(rotation, error[:, :3])
+    mean, force = (np.array([x[o].mean(axis=0) for o in outliers]) for x in (error, world))
+    usual = _usual(error[~aside], int(np.median(np.sum(outliers, axis=1))))
+    touched = np.linalg.norm(mean[:, :3], axis=1) > CLEAR * np.linalg.norm(usual[:3])
     if not touched.any():
         return None
-    lever = p.scene.tip
-    rotation, position = (value(x)[p.scene.held] for x in p.scene.pose)
-    force = apply(rotation, error[:, :3])[touched]
+    force, lever = force[touched], p.scene.tip
     way = force.mean(axis=0) / np.linalg.norm(force.mean(axis=0))
     one_way = (force @ way > ONE_WAY * np.linalg.norm(force, axis=1)).all()
     at = position + apply(rotation, lever)
-    point, std, likely = _point_near(error[aside], usual, lever)
-    if not (one_way and likely > REFUTED and _deepest(at, touched, aside, way)):
+    pushed = [o for o, push in zip(outliers, touched, strict=True) if push]
+    point, std, likely = _point_near(mean, usual, lever)
+    if not (one_way and likely > REFUTED and _deepest(at, pushed, aside, way)):
         return None
-    return _touch(p, error, touched, aside, point, std)
+    return _touch(p, error, np.any(pushed, axis=0), aside, point, std)
+
+
+def _usual(error: np.ndarray, size: int) -> np.ndarray:
+    """Rms (6,) of the means of each ``size`` of the errors (H, 6) of untouched observations."""
+    count = max(1, len(error) // size)
+    means = error[: count * size].reshape(count, -1, error.shape[1]).mean(axis=1)
+    return np.asarray(np.sqrt((means**2).mean(axis=0)))
 
 
 def _point_near(
     error: np.ndarray, usual: np.ndarray, tip: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Point r (3,) of T = r × F near the tip; its std (3,); tail probability of the misfit.
-
-    Args:
-        error: measured minus expected force and torque (H, 6) [N, N·m].
-        usual: rms of such errors in untouched rows (6,).
-        tip: the tool's tip in sensor axes (3,) [m].
+    """Point r (3,) of T = r × F near the ``tip`` (3,) [m]; its std (3,); tail probability of the
+    misfit. ``error``: measured minus expected (H, 6) [N, N·m], ``usual`` (6,): its rms untouched.
     """
     force, torque = error[:, :3], error[:, 3:]
     long = float(np.linalg.norm(tip))
@@ -195,13 +203,16 @@ def _point_near(
     return tip + aside, np.sqrt(np.diagonal(covariance)), float(chdtrc(len(residual), misfit))
 
 
-def _deepest(at: np.ndarray, touched: np.ndarray, aside: np.ndarray, way: np.ndarray) -> bool:
-    """Whether a plane nearly normal to ``way`` separates tips ``at`` (H, 3) [m] that are
-    ``touched`` (mask (H,)) from those not set ``aside`` (mask (H,))."""
+def _deepest(
+    at: np.ndarray, pushed: Sequence[np.ndarray], aside: np.ndarray, way: np.ndarray
+) -> bool:
+    """Whether a plane nearly normal to ``way`` separates a tip of ``at`` (H, 3) [m] in each of the
+    touches ``pushed`` (masks (H,)) from all that are not set ``aside`` (mask (H,))."""
     normals = np.vstack([way, sphere(WAYS)])
     normals = normals[normals @ way >= LEAN]
     height = at @ normals.T
-    return bool((height[touched].max(axis=0) < height[~aside].min(axis=0)).any())
+    deepest = np.max([height[of].min(axis=0) for of in pushed], axis=0)
+    return bool((deepest < height[~aside].min(axis=0)).any())
 
 
 def _touch(

@@ -129,10 +129,7 @@ def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndar
 
     The part of fast motion that passes the averaging is measured; noise of rows at rest is white.
     The accelerometer samples at other times, less often, so an average has a random share of it.
-
-    Args:
-        tool: the load on the sensor.
-        without: averages to leave out (M,), boolean.
+    ``without``: averages to leave out (M,), boolean.
     """
     variance_ratio = float((means.weight**2).sum())
     std = np.asarray(recording.metadata.sensor.noise_std)

@@ -111,6 +111,7 @@ class Prepared:
         row: covariance of one row's noise (C, C), if ``covariance`` is the material residual.
         channels: measured channels; the published gap is of the first ("leading") one.
         remarks: sentences on rows that scatter far beyond the stated noise, on further channels.
+        shaken: variance (6,) that a vibration adds to a motion's wrench, over `sigma`²; else 0.
     """
 
     recording: Recording
@@ -132,6 +133,7 @@ class Prepared:
     row: np.ndarray | None = None
     channels: tuple[Channel, ...] = (WRENCH,)
     remarks: tuple[str, ...] = ()
+    shaken: np.ndarray | float = 0.0
 
     @property
     def model(self) -> Model:
@@ -310,14 +312,14 @@ class Prepared:
 
     def averages(self, x: np.ndarray) -> np.ndarray:
         """Averages (R, k) of ``stride`` rows within a block, from observations (H, k)."""
-        first, *others = self._averaged_rows
+        first, *others = self.observations
         total = x[first]
         for rows in others:
             total = total + x[rows]
         return np.asarray(total / self.stride)
 
     @cached_property
-    def _averaged_rows(self) -> np.ndarray:
+    def observations(self) -> np.ndarray:
         """Indices of the observations that make each average (stride, R)."""
         s, fitted = self.stride, np.flatnonzero(self.fitted)
         blocks = self.block[fitted]
@@ -368,6 +370,18 @@ class Prepared:
             noise=self.noise / inner, block=self.block[first], fold=self.fold[rows].min(axis=1),
             scatter=mean(self.scatter), stride=self.stride // inner,
         )  # fmt: skip
+
+    def shaking(self, amplitude: np.ndarray, frequency: float | None) -> "Prepared":
+        """Copy of a motion in which a vibration of ``amplitude`` (6,) [N, N·m] of the wrench is
+        noise: a sine of ``frequency`` [Hz], as far as averages pass it, or white if None."""
+        noise, p, passed = self.noise.copy(), self.leading, 1.0 / self.stride
+        shaken = 0.5 * (amplitude / p.sigma) ** 2
+        if frequency is not None:
+            wave = np.pi * frequency * self.scene.period
+            passed = (np.sin(self.stride * wave) / (self.stride * np.sin(wave))) ** 2
+        loud = p.row_variance + self.stride * passed * shaken
+        noise[self.families[0]] = np.maximum(p.noise, loud)
+        return replace(self, noise=noise, shaken=shaken)
 
     def at(self, robot_theta: np.ndarray) -> "Prepared":
         """Copy with the scene at other parameters (P,) of the robot, its tool included."""
@@ -421,14 +435,8 @@ def split(
     """Block and fold of each observation (H,): poses, or stretches of a motion.
 
     Every `FOLDS` neighbouring blocks are one of each fold, in random order, so that each fold
-    covers the recording evenly. Stretches begin at multiples of ``stride`` rows.
-
-    Args:
-        rows: number of observations.
-        moving: whether they are samples of a motion.
-        seed: random seed of the order.
-        stride: number of a motion's rows that are averaged into one.
-        poses: joint values (H, J); visits of the same pose are in one fold.
+    covers the recording evenly. Stretches begin at multiples of ``stride`` rows, which are averaged
+    into one. Visits of the same of ``poses``, joint values (H, J), are in one fold.
     """
     count = BLOCKS_IN_MOTION if moving else rows
     block = np.minimum(np.arange(rows) // stride * count // max(1, rows // stride), count - 1)

@@ -23,8 +23,6 @@ DEVICES = (0, 1, 2), (3, 4, 5)
 """Groups of channels that a device may deliver alone: a single clipped channel is not one."""
 WINDOW = 64
 """Number of rows over which a channel's own share of repeats is averaged."""
-
-
 LEAST_PILE, PILE = 3, 5.0
 """Fewest readings at exactly a channel's least or largest value for it to be a limit, and least
 ratio of their number to that at any value between: coarse quantisation repeats all values."""

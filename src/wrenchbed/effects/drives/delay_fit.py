@@ -22,13 +22,9 @@ counts, but a late turn comes when it moves. Encoders' noise of 17 bits is a ten
 def closest(
     changes: Callable[[float], list[np.ndarray]], y: np.ndarray, basis: np.ndarray
 ) -> float:
-    """Find the lag [s] whose change of the torque, unscaled, best fits y beside other columns.
-
-    Args:
-        changes: from a time [s] to the change of the torque (M,), then columns (M,) to fit freely.
-        y: measured minus predicted torque (M,).
-        basis: orthonormal basis (M, K) of the ordinary columns.
-    """
+    """Find the lag [s] whose change of the torque, unscaled, best fits y (M,), measured minus
+    predicted, beside the orthonormal ``basis`` (M, K). ``changes`` go from a time [s] to the change
+    of the torque (M,), then columns (M,) to fit freely."""
 
     def left(time: float) -> float:
         change, *free = changes(time)

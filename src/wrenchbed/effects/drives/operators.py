@@ -55,10 +55,8 @@ def stop(x: np.ndarray, width: float) -> np.ndarray:
 
 
 def play(x: np.ndarray, width: float) -> np.ndarray:
-    """Output (M, K) of the play (backlash) operator of half width ``width`` along rows (M, K).
-
-    Small inputs are cached: a fit asks for the same path again and again.
-    """
+    """Output (M, K) of the play (backlash) operator of half width ``width`` along rows (M, K); of
+    small inputs cached, since a fit asks for the same path again."""
     if x.nbytes > _LARGEST_KEPT:
         return _path(x, width)
     return _kept_path(x.tobytes(), x.shape[1], width)
@@ -75,9 +73,8 @@ def _kept_path(x: bytes, columns: int, width: float) -> np.ndarray:
 def _path(x: np.ndarray, width: float) -> np.ndarray:
     """Compute `play` (M, K) in blocks of rows, without a loop over rows.
 
-    Each row clips the state into x ± width, and clips composed are a clip. So all blocks of about
-    √M rows are composed side by side, and one pass over blocks finds the states between: bit for
-    bit a loop.
+    Each row clips the state into x ± width, and clips composed are a clip: blocks of about √M rows
+    are composed side by side, and one pass over blocks finds the states, bit for bit as a loop.
     """
     rows, channels = x.shape
     length = max(1, int(np.sqrt(rows)))
