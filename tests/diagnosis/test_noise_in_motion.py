@@ -85,14 +85,14 @@ def test_what_scatters_rows_raises_the_noise_not_the_gap(effect):
 
 @pytest.mark.study  # half a minute
 def test_a_base_that_shakes_and_a_zero_that_slips_for_half_a_second_are_both_named():
-    """What shakes turns with the tool: it is not steady."""
+    """What shakes turns with the tool, so is not steady; no other rows tell when the zero slips."""
     rec = recording(DESIGN, draw(DESIGN, 21, "none"))
     loud = shaken(rec, 0.14, 33.0)
     added = (((loud.wrench - rec.wrench) / rec.metadata.sensor.noise_std) ** 2).mean()
-    slip = np.clip((rec.t - rec.t[0] - 31.0) / 0.5, 0.0, 1.0)
+    slip = np.clip((rec.t - rec.t[0] - 30.0) / 0.5, 0.0, 1.0)
     told = diagnose(with_added(loud, np.outer(slip, 0.5 * np.eye(6)[1]))).diagnosis
     assert [w["effect"] for w in told.which] == ["sensor.jump", "base.vibration"]
-    assert told.gap.floor == pytest.approx(added, rel=0.15)
+    assert told.gap.floor == pytest.approx(added, rel=0.15) and told.gap.left < 0.3
     assert min(w["probability"] for w in told.which) > 0.9 and added > 2.0
 
 

@@ -191,8 +191,7 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
 def wrong_odds(
     mean: np.ndarray, std: np.ndarray, tolerance: np.ndarray, offset: np.ndarray
 ) -> np.ndarray:
-    """Odds (S,) that stated numbers are wrong rather than within ``tolerance`` (S,); 0 for unstated
-    ones, of tolerance inf.
+    """Odds (S,) that stated numbers are wrong rather than within ``tolerance`` (S,); 0 where inf.
 
     ``mean`` and ``std`` (S,) are the estimated errors; ``offset`` (S,) is the size by which effects
     may shift each, as the zero of a drift is a convention.

@@ -73,9 +73,8 @@ def elements(
 ) -> dict[str, Elements]:
     """Elements of some effects that explain a recording as well as one cause of a fitted set.
 
-    ``effects`` are names, the own one of cause ``part``, by index, among them. Of that one its
-    element is always returned, unless it is of several together and one alone makes all that
-    counts.
+    ``effects`` are names, that of cause ``part``, by index, among them: of it the cause's element
+    is always returned, unless it is of several together and one alone makes all that counts.
     """
     replaced, signal = f.parts[part], made_by(refitter, f, [part])
     result = {replaced.name: Elements((element(replaced.variant),), (f,), (part,))}

@@ -96,11 +96,13 @@ class Refitter(ReadingsModel):
 
     def again(self, f: Finalist) -> Finalist:
         """Fit to these rows a set of causes that was fitted to other rows: only variables and
-        residual are new."""
+        residual are new. Moments of what happens once stay where these rows do not tell them."""
         views = tuple(self._views(f))
         if views not in self._again:
             s, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
-            x, fitted = self._minimum(s, rungs, x, spread), list[Finalist]()
+            once = [np.array([g.parts[k].effect.once for k in g.variables.part]) for g in views]
+            centre = np.where(s.merged(once) * s.shape[: s.free], x, s.start)
+            x, fitted = self._minimum(s, rungs, x, spread, centre), list[Finalist]()
             for c, g, at in zip(self.each, views, s.at, strict=True):
                 residual = c.y - c.response(g.parts, x[at])
                 fitted.append(replace(g, x=x[at], residual=residual, each=fitted))
@@ -158,13 +160,14 @@ class Refitter(ReadingsModel):
         return views[self._place]
 
     def _minimum(
-        self, s: Structure, rungs: Sequence[int], x: np.ndarray, spread: np.ndarray
-    ) -> np.ndarray:
+        self, s: Structure, rungs: Sequence[int], x: np.ndarray, spread: np.ndarray,
+        centre: np.ndarray | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """Most probable variables (k,), by Gauss–Newton from x on background levels ``rungs``
-        (indices), with prior std ``spread`` (k,) about the hypotheses' own shapes."""
+        (indices), with prior std ``spread`` (k,) about ``centre``, else the hypotheses' shapes."""
         if not len(x):
             return x
-        y, centre, precision = s.y, s.start, 1.0 / spread**2
+        y, centre, precision = s.y, s.start if centre is None else centre, 1.0 / spread**2
         levels = [r.level(of, k) for r, of, k in zip(self.each, s.parts, rungs, strict=True)]
         shaped = s.shape[: s.free]
         shapes = np.flatnonzero(shaped).tolist()
@@ -237,8 +240,7 @@ class Refitter(ReadingsModel):
         and the evidence on the best ones.
 
         Besides ``rungs`` all levels of healthy robots are tried, for several recordings all levels.
-        ``y``: linearised readings (C R,); ``every``: columns (C R, m) of all numbers.
-        """
+        ``every``: columns (C R, m) of all numbers."""
         moments = []
         for r, rung, rows, of in zip(self.each, rungs, s.rows, s.columns, strict=True):
             every_rung = range(len(r.searcher.levels))
