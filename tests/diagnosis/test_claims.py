@@ -8,7 +8,7 @@ from scipy.special import ndtr
 
 from linear_case import dictionary, named, noise, readings, refitter
 from wrenchbed.diagnosis.decision.decide import leading
-from wrenchbed.diagnosis.decision.weighed_explanations import facts_of
+from wrenchbed.diagnosis.decision.facts import facts_of
 from wrenchbed.diagnosis.explain.claims import (
     explained,
     stated,

@@ -21,8 +21,7 @@ from wrenchbed.diagnosis.decision.decide import (
     small,
     surely,
 )
-from wrenchbed.diagnosis.decision.facts import Facts
-from wrenchbed.diagnosis.decision.weighed_explanations import facts_of
+from wrenchbed.diagnosis.decision.facts import Facts, facts_of
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
 from wrenchbed.diagnosis.explain.structures import Ranking
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict

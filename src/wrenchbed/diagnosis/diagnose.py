@@ -32,8 +32,7 @@ from wrenchbed.diagnosis.decision.decide import (
     decide,
     withdrawn,
 )
-from wrenchbed.diagnosis.decision.facts import Decision, Facts
-from wrenchbed.diagnosis.decision.weighed_explanations import facts_of
+from wrenchbed.diagnosis.decision.facts import Decision, Facts, facts_of
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import unexplained_residual
@@ -206,7 +205,7 @@ def findings_of(
     signs = [sentence for sentence in (loud, often) if sentence]
     elements = json_entries.elements_of(analysis, decision.verdict)
     shown = [(r.effect, r.probability) for r in between]
-    verdict = conclude(decision, elements, signs, shown)
+    verdict = conclude(decision, elements, () if decision.verdict.causes else signs, shown)
     progress("where")
     places = varies_with.locate(prepared.leading, analysis.calibrated, seed=seed)
     unknown = verdict.word == UNKNOWN

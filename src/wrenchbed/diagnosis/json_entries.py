@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, quantity
 from wrenchbed.diagnosis.decision.decide import MOST_RIVALS
-from wrenchbed.diagnosis.decision.weighed_explanations import weights
+from wrenchbed.diagnosis.decision.facts import weights
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain.claims import Explanation, contradicted, missed, stated
 from wrenchbed.diagnosis.explain.contributions import imitators, shares

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.decision.decide import LEAST, small
+from wrenchbed.diagnosis.efforts.columns import place as place_of
+from wrenchbed.diagnosis.efforts.columns import title
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.efforts.fitted_causes import remaining
-from wrenchbed.diagnosis.efforts.names import place as place_of
-from wrenchbed.diagnosis.efforts.names import title
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.pages import numbers
@@ -132,7 +132,7 @@ class EffortAnswer(Answer):
             gap = numbers.gap(self.d.gap.configured)
             return f"State tool and drives: what is fitted makes up a gap of {gap} and is no cause."
         if self.d.verdict == NONE:
-            return "Nothing: the stated robot predicts these efforts as well as noise allows."
+            return "Nothing: with ordinary errors the stated robot predicts all but noise."
         places = dict.fromkeys(str(w["detail"]) for w in self.d.where)
         phrases = [p if p[-1].isdigit() else f"the {p}" for p in places]
         return f"drives.json contains the corrected values; look at {' and '.join(phrases)}."

@@ -18,7 +18,7 @@ from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.fitted_causes import facts_of
 from wrenchbed.diagnosis.efforts.json_entries import shown_from
-from wrenchbed.diagnosis.efforts.residual_anomalies import episode, held, outliers, peak
+from wrenchbed.diagnosis.efforts.residual_anomalies import episode, held, peak
 from wrenchbed.diagnosis.efforts.search import Evidence
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
@@ -164,7 +164,8 @@ def test_ordinary_noise_has_no_sign(seed):
     left = noise(seed)
     steps = np.round(3.0 * left) / 3.0
     assert held(T, steps, np.ones(ROWS)) == ""
-    assert episode(T, left, USE) == "" and peak(left, RATE) == "" and outliers(T, left, USE) == ""
+    left[1250] = 22.0  # heavy-tailed noise does this once
+    assert episode(T, left, USE) == "" and peak(left, RATE) == ""
 
 
 def test_each_sign_is_found_and_dated():
@@ -178,11 +179,6 @@ def test_each_sign_is_found_and_dated():
     assert "from 20.0 s to 21.0 s" in episode(T, left, USE)
     ringing = noise(3) + 1.5 * np.sin(2.0 * np.pi * 9.3 * T)
     assert "9.3 Hz" in peak(ringing, RATE)
-    left = noise(4)
-    left[1250] = 22.0
-    assert outliers(T, left, USE) == ""  # heavy-tailed noise does this once
-    left[3750] = 20.0
-    assert "at 10.0 s" in outliers(T, left, USE)
 
 
 @pytest.mark.slow
@@ -208,21 +204,23 @@ def test_a_brake_that_drags_at_times_is_no_noise():
     tau5 = healthy.columns["tau5"] + drag
     d = diagnose_efforts(with_columns(healthy, {"tau5": tau5})).diagnosis
     assert d.verdict == "unknown" and not d.which
-    assert d.where[0]["detail"] == "joint 5" and "changes slowly" in d.where[0]["sentence"]
+    assert d.where[0]["detail"] == "joint 5"
 
 
 @pytest.mark.parametrize(
-    ("closed", "least", "after", "right"),
-    [(0.9, 0.2, 0.1, 1.0), (0.5, 0.2, 0.1, 0.85), (0.9, 0.2, 3.0, 0.85), (0.8, 1.5, 3.0, 0.68)],
-)
-def test_a_cause_that_leaves_what_counts_is_less_sure(closed, least, after, right):
+    ("closed", "least", "after", "alone", "right"),
+    [(0.9, 0.2, 0.1, 8.0, 1.0), (0.5, 0.2, 0.1, 8.0, 0.85), (0.9, 0.2, 0.1, 0.1, 0.85),
+     (0.9, 0.2, 3.0, 8.0, 6.0 / 9.0), (0.8, 1.5, 3.0, 8.0, 0.8 * 6.0 / 9.0)],
+)  # fmt: skip
+def test_a_cause_that_leaves_what_counts_is_less_sure(closed, least, after, alone, right):
     cause = Cause((("drive.load", 2),), 1.0, Part("drive.load", 6.0, index=1, joint=2))
     verdict = Verdict("identified", (cause,), (), {"drive.load": 1.0})
     channels = {"tau1": {"before": 9.0, "after": 5.0}, "tau2": {"before": 9.0, "after": after}}
     share = Interval(closed, closed - 0.1, closed + 0.1)
     gap = SimpleNamespace(
-        closed=share, per_channel=channels, with_effects=Interval(2.0, least, 3.0), floor=0.0
-    )
+        closed=share, per_channel=channels, with_effects=Interval(2.0, least, 3.0), floor=0.0,
+        members={"drive.load 2": Interval(alone, 0.0, 9.0)}, surely_left=least,
+    )  # fmt: skip
     gap.closed_beside = partial(Closure.closed_beside, gap)
     facts = facts_of(SimpleNamespace(d=SimpleNamespace(blocks=[])), (), 0)
     assert facts.right(verdict, gap) == pytest.approx(right)

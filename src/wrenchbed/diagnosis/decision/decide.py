@@ -207,7 +207,7 @@ def _imitated(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> bool:
     sure = min(c.probability for c in verdict.causes) >= FIRM
     if not (facts.ordinary_fitted and sure and small(gap)) or gap.closed is None:
         return False
-    return gap.closed.low > 0.0 and all(member.high >= 0.0 for member in gap.members.values())
+    return gap.closed.value > 0.0 and all(member.high >= 0.0 for member in gap.members.values())
 
 
 def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
@@ -297,13 +297,13 @@ def conclude(
     """Final verdict, with the findings that means of readings do not show.
 
     ``elements``: for each cause the joints, links or axes that explain as well, by effect;
-    ``signs``: sentences on unusual noise, with one of which the answer is not ``none``;
+    ``signs``: sentences on unusual noise, where no cause is claimed: then none is named;
     ``between``: effects that show between rows only, with probabilities, surest first.
     """
     verdict = decision.verdict
-    if signs and verdict.word == NONE:
+    if signs and verdict.word != UNKNOWN:
         verdict = withdrawn(verdict, UNKNOWN)
-    both = zip(verdict.causes, elements, strict=True)
+    both = zip(verdict.causes, elements, strict=False)
     causes = tuple(replace(c, elements=e) for c, e in both)
     word = _word(causes) if causes and verdict.word != PARTIAL else verdict.word
     probability = dict(verdict.probabilities)

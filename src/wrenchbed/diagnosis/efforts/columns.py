@@ -1,20 +1,25 @@
-"""Regressor columns of joint efforts: of each joint, each wrench channel, and the whole arm.
+"""Effects that joint efforts show, of drives (from the registry), links, tool and base, and their
+regressor columns: of each joint, each wrench channel, and the whole arm.
 
 Unnamed causes (`Block.outside`) have columns too: if they explain best, the verdict is ``unknown``.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.channels.effort import ZERO
+from wrenchbed.channels.effort import TARED, ZERO
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
-from wrenchbed.diagnosis.efforts.names import drive_effects
-from wrenchbed.diagnosis.efforts.scene import COMMANDED, EffortScene
+from wrenchbed.diagnosis.efforts.scene import EffortScene
+from wrenchbed.diagnosis.efforts.stated_drives import COMMANDED
+from wrenchbed.diagnosis.explain.verdict import Key
 from wrenchbed.diagnosis.prepare.bias_and_load_fit import COG_M, MASS_SHARE
 from wrenchbed.drives.identify import load_torques, of_mass, of_moment
-from wrenchbed.effects.drives.base import Block, Column, DriveRows, StatedNumber
+from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveRows, Size, StatedNumber
 from wrenchbed.effects.drives.operators import late, slow
 from wrenchbed.physics.rigid_load_regressor import INERTIAL
 from wrenchbed.physics.wrench import CHANNELS
@@ -28,8 +33,9 @@ perfect. Its square is a hundredth of the gap of 1 from which a cause counts."""
 STRETCHES = 6
 """Number of knots in time between which a friction or offset may change linearly: enough for a
 warm-up within some minutes, few enough that each amplitude is determined."""
-LIMITS = (0.5, 0.75, 0.9)
-"""Quantiles of |effort| at which it may be limited: a limit below the median stops the robot."""
+LIMITS = (0.1, 0.25, 0.4, 0.6, 0.75, 0.9)
+"""Quantiles of the effort beyond which it may be limited, at either end: between them the robot
+would hardly run."""
 ENDS = (0.15, 0.85)
 """Quantiles of a joint's value beyond which something may resist motion: near the ends it used."""
 LIGHT = 0.01
@@ -57,8 +63,67 @@ _LAST = -2.0
 """Log prior odds of a fault of the last link against one of the tool that hangs on it: tools change
 daily, links do not (1 : 7)."""
 _OFFSET, _ROTOR, _CONSTANT = "drive.offset", "drive.inertia", "drive.constant"
+_RANGE = "record the joint over its whole range, which tells a cable from a spring"
+_REACH = "record poses with the arm stretched and folded, at rest in both directions"
 Made = tuple[list[Column], list[Block]]
 """Regressor columns, and the causes, each of which frees the amplitudes of some of them."""
+
+
+class Carried(NamedTuple):
+    """Effect of links, tool or base: title, definition of its size, and how to tell its rivals."""
+
+    title: str
+    size: Size
+    remedy: str = ""
+
+
+OTHERS: Mapping[str, Carried] = {
+    "link.mass": Carried("the mass of link {joint} differs from the model",
+                         Size("mass", "kg", 0.5), _REACH),
+    "link.cog": Carried("the centre of gravity of link {joint} differs from the model",
+                        Size("moment", "kg·m", 0.05, vector=True), _REACH),
+    "link.inertia": Carried("the inertia of link {joint} differs from the model",
+                            Size("inertia", "kg·m²", 1.0, vector=True)),
+    "link.cable": Carried("a cable bundle pulls at joint {joint} like a spring",
+                          Size("stiffness", "N·m/rad", 2.0, columns=("cable",)), _RANGE),
+    "link.spring": Carried(
+        "the spring that balances gravity at joint {joint} is wrong",
+        Size("amplitude", "N·m", 2.0, columns=("sine", "cosine"), vector=True), _RANGE,
+    ),
+    "tool.mass": Carried("the tool's mass differs from its stated value",
+                         Size("mass", "kg", 0.25),
+                         "weigh the tool, or record the same motion without it"),
+    "tool.cog": Carried("the tool's centre of gravity differs from its stated place",
+                        Size("distance", "m", 0.02, vector=True),
+                        "record the same motion without the tool"),
+    "base.tilt": Carried("the base is tilted",
+                         Size("angle", "rad", float(np.deg2rad(5.0)), vector=True),
+                         "put a level on the base, or record with joint 1 in several directions"),
+}  # fmt: skip
+"""Effects without a file of their own, by name; ``{joint}`` is the joint's or link's number."""
+
+
+@cache
+def drive_effects() -> Mapping[str, DriveEffect]:
+    """All drive effects by name."""
+    return {name: registry.load("drives", name) for name in registry.names("drives")}
+
+
+@cache
+def all_effects() -> Mapping[str, DriveEffect | Carried]:
+    """Descriptions by name of all effects of drives, and of links, tool and base."""
+    return {**drive_effects(), **OTHERS}
+
+
+def place(key: Key) -> str:
+    """Place of an effect as text: ``joint 2``, ``link 3``; without a joint ``tool`` or ``base``."""
+    part = key[0].split(".")[0]
+    return part if key[1] is None else f"{'link' if part == 'link' else 'joint'} {key[1]}"
+
+
+def title(effect: str, joint: int | None) -> str:
+    """Description of an effect with its joint's number, from 1, in lower case."""
+    return all_effects()[effect].title.format(joint=joint)
 
 
 def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
@@ -109,10 +174,11 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
     if kind == _CONSTANT and not (scene.currents or scene.commanded):  # a torque sensor's is 1
         return effect.relative
     known, value = drives.known(kind)[j], abs(float(drives.of(kind)[j]))
+    zero = TARED if known else ZERO  # a constant torque that is stated was measured
     if kind in (_OFFSET, _ROTOR):  # where friction is stated no zero is, and the model's rotor
         known = known or drives.known("drive.coulomb")[j]
     value = float(scene.inertias.rotor[j]) if kind == _ROTOR else value
-    least = ZERO * float(np.abs(scene.total[:, j]).max()) if kind == _OFFSET else 0.0
+    least = zero * float(np.abs(scene.total[:, j]).max()) if kind == _OFFSET else 0.0
     spread = float(np.hypot(max(effect.relative * value, least), drives.std[kind][j]))
     return spread / (value if kind == _CONSTANT else 1.0) if known else None
 
@@ -120,7 +186,7 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
 def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarray]]:
     """Columns (N,) by name, by cause: cables and springs between links, then shapes of torque
     errors that are no effect of the library, as "offset in time"."""
-    size = np.abs(rows.total)
+    middle = np.median(rows.total)
     hats = _hats(rows.t)
     way = 1.0 if rows.hinge else float(np.ptp(rows.angle)) / (2.0 * np.pi)
     turns = [(k, k * rows.angle / way) for k in (1, 2)]
@@ -131,8 +197,8 @@ def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarra
         "link.cable": {"cable": rows.angle - rows.angle.mean()},
         **({"link.spring": spring} if rows.hinge else {}),
         "limited": {
-            f"limit{k}": np.sign(rows.total) * np.maximum(size - at, 0.0)
-            for k, at in enumerate(np.quantile(size, LIMITS))
+            f"limit{k}": (np.maximum if at > middle else np.minimum)(rows.total - at, 0.0)
+            for k, at in enumerate(np.quantile(rows.total, LIMITS))
         },
         "friction in time": {f"when{k}": rows.sign * hat for k, hat in enumerate(hats, start=1)},
         "offset in time": {f"drift{k}": hat for k, hat in enumerate(hats, start=1)},

@@ -24,8 +24,7 @@ from wrenchbed.diagnosis.efforts.fitted_causes import (
 from wrenchbed.diagnosis.efforts.residual_anomalies import signs
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Evidence, Structure, search
-from wrenchbed.diagnosis.efforts.servo_tracking_torques import as_efforts
-from wrenchbed.diagnosis.efforts.stated_drives import stated_drives, with_tool
+from wrenchbed.diagnosis.efforts.stated_drives import as_efforts, stated_drives, with_tool
 from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.json_entries import cannot_tell
@@ -141,7 +140,9 @@ def diagnose_efforts(
     decision = decide(facts_of(simulators, likely, seed))
     alike = as_good(simulators, decision.verdict, seed)
     decision = replace(decision, verdict=widened(decision.verdict, alike))
-    final = conclude(decision, [{} for _ in decision.verdict.causes], [text for _, text in seen])
+    joints = [c.part.joint for c in decision.verdict.causes]
+    elsewhere = [text for j, text in seen if j + 1 not in joints]
+    final = conclude(decision, [{} for _ in joints], elsewhere)
     gap, fit = decision.gap, simulators.of(blocks(final.causes))
     theta = np.asarray(scene.model.configured(scene.recording.metadata))
     twin = Twin(scene.model, theta, (), recording.name)
@@ -151,7 +152,7 @@ def diagnose_efforts(
         json_entries.where(d, final, gap, seen), which, dict(final.probabilities),
         cannot_tell(which, final.alike), json_entries.next_steps(final, seen), twin,
         time.perf_counter() - begun,
-        (*notes(given, recording, recording), *json_entries.notes(d, final, gap, seen, unnamed)),
+        (*notes(given, recording, recording), *json_entries.notes(fit, final, gap, seen, unnamed)),
         set90=set90(final, UNLEARNT),
         minor=json_entries.minor(simulators, likely, final),
         fitted=json_entries.fitted(fit),

@@ -16,12 +16,13 @@ from scipy.linalg import solve_toeplitz
 from wrenchbed.diagnosis.efforts.columns import (
     BACKGROUND,
     FREE,
+    all_effects,
+    drive_effects,
     of_arm,
     of_joint,
     of_sensor,
     rows_of,
 )
-from wrenchbed.diagnosis.efforts.names import all_effects, drive_effects
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.drives.joint_least_squares import FOLDS

@@ -14,7 +14,7 @@ from functools import cache, cached_property, partial
 
 import numpy as np
 
-from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
+from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, closes, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.decision.rivals import not_apart
 from wrenchbed.diagnosis.efforts.columns import FREE, LIGHT
@@ -32,8 +32,6 @@ from wrenchbed.drives.joint_least_squares import FOLDS
 
 ORDINARY = 2.0
 """Standard deviations by which a fit may move a stated value: 95 % of healthy robots lie within."""
-_ROUNDS = 6
-"""Largest number of passes that fix amplitudes which leave their range."""
 _SMALL = 1e-3
 """Probability of a set of causes below which it is not examined; the best one always is."""
 _BESIDE = 0.25
@@ -106,7 +104,7 @@ class Simulator:
         d, bounded, (gram, right) = self.d, self._bounded, self.d.without(fold)
         variance = np.where(bounded, d.std**2, self._unbounded * wide(d, self.rms))
         fixed = np.zeros(right.shape)
-        for _ in range(_ROUNDS):
+        while True:  # each pass fixes more amplitudes
             level = Products(gram, variance)
             x = fixed + level.held(right - gram @ fixed)
             off = bounded & (variance > 0.0) & (np.abs(x[:, 0]) > ORDINARY * d.std)
@@ -131,9 +129,10 @@ class Simulators:
     def judged(self, blocks: Sequence[int]) -> Judged:
         """Held-out gaps: as stated, fitted without causes, with those of indices ``blocks``.
 
-        To measure one cause, the others are refitted without it. But a wrong number of the stated
-        tool is measured from the configured value (`docs/contracts.md`), so no ordinary error of a
-        link takes its place. The black box, for comparison, has all causes at once.
+        To measure one cause, the others are refitted without it, in the channel where it counts
+        most. But a wrong number of the stated tool is measured from the configured value
+        (`docs/contracts.md`), so no ordinary error of a link takes its place. The black box, for
+        comparison, has all causes at once.
         """
         d, fit, use = self.d, self.of(blocks), self._use
         each = {
@@ -150,10 +149,11 @@ class Simulators:
                 each[label] = fit.each.copy()
                 each[label][:, d.at[k]] = 0.0
         every = {name: self._left(x) for name, x in each.items()}
-        rows = {name: self._of_rows(x) for name, x in every.items()}
+        here = {n: self._where(every[n] - every["with_effects"]) for n in labels.values()}
+        rows = {name: self._of_rows(x) for name, x in every.items() if name not in here}
         rows["floor"] = np.zeros(len(use))
         channels = {s: every[name].sum(axis=0) / use.sum(axis=0) for s, name in stages.items()}
-        without = {label: rows.pop(label) for label in labels.values()}
+        without = {label: rows["with_effects"] + back for label, back in here.items()}
         return Judged(d.fold, np.ones(len(use)), rows, without, channels)
 
     def gap(self, blocks: Iterable[int], joint: int | None) -> np.ndarray:
@@ -169,6 +169,11 @@ class Simulators:
         """Gap (M, C) of readings, 0 if unused; amplitudes (B, P) are fitted without each block."""
         counts = self._use * np.square([c.std / c.counts for c in self.d.channels])
         return np.asarray((remaining(self.d, each) ** 2 - 1.0) * counts)
+
+    def _where(self, back: np.ndarray) -> np.ndarray:
+        """Gap by row (M,) in the channel where most of a cause's gap ``back`` (M, C) lies."""
+        c = int((back.sum(axis=0) / self._use.sum(axis=0)).argmax())
+        return np.asarray(back[:, c] * len(back) / self._use[:, c].sum())
 
     def _of_rows(self, left: np.ndarray) -> np.ndarray:
         """Gap (M,) of each row, from gaps (M, C) of readings; its mean is that of used readings."""
@@ -282,11 +287,11 @@ def facts_of(
     def measured(causes: tuple[int, ...]) -> Closure:
         names = [column for _, column, _ in s.d.scene.channels]
         of = partial(closure, [s.judged(causes)], names, FOLDS, seed)
-        gap = of(stated=False)
+        gap = replace(of(stated=False), apart=True)
         stated = all(s.d.stated[s.d.at[b]].all() for b in causes)
         shrinks = gap.closed is not None and gap.closed.high >= 0.0
         # the usual fit takes wrong stated numbers: they close the configured gap
-        return of(stated=True) if shrinks and stated and small(gap) else gap
+        return replace(of(stated=True), apart=True) if shrinks and stated and small(gap) else gap
 
     return Facts(
         some or (Option((), 0.0, ()),), unknown, lambda verdict: measured(blocks(verdict.causes)),
@@ -317,11 +322,14 @@ def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key,
 
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
     """Share of verdicts like this that are right, 0…1: less where ordinary errors may imitate a
-    cause, or where much of the gap, or a gap of 1, is left in all joints or in the cause's."""
+    cause, or much of the gap is left; where a gap of 1 is left in its joint, or surely in all
+    joints, at most the share that is closed there, since causes may then only resemble the true."""
     if not verdict.causes:
         return RIGHT_ELSEWHERE if verdict.word == NONE else 1.0
-    joint = verdict.causes[0].part.joint
-    of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
+    part = verdict.causes[0].part
+    of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(part.joint)]
+    left = [c["after"] / c["before"] for c in of_joint if c.get("after", 0.0) > LARGEST_NONE]
     little = gap.closed is None or gap.closed.value < _MOSTLY
-    much = bool(of_joint) and of_joint[0].get("after", 0.0) > LARGEST_NONE
-    return gap.closed_beside(LARGEST_NONE) * (RIGHT_ELSEWHERE if little or much else 1.0)
+    doubtful = little or left or not closes(gap.members.get(part.label))
+    right = RIGHT_ELSEWHERE if doubtful else 1.0
+    return gap.closed_beside(LARGEST_NONE) * min([right, *(max(1.0 - x, 0.0) for x in left)])

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.decision.decide import leading
+from wrenchbed.diagnosis.efforts.columns import all_effects, place
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import (
     Simulator,
@@ -22,7 +23,6 @@ from wrenchbed.diagnosis.efforts.fitted_causes import (
     facts_of,
     mass_of_tool,
 )
-from wrenchbed.diagnosis.efforts.names import all_effects, place
 from wrenchbed.diagnosis.efforts.residual_anomalies import Sign
 from wrenchbed.diagnosis.efforts.search import AMPLITUDE, Evidence, Structure
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST
@@ -45,6 +45,7 @@ from wrenchbed.diagnosis.next.blind import (
 from wrenchbed.diagnosis.result import Scale
 from wrenchbed.drives.identify import FRICTION
 from wrenchbed.effects.drives.angle_periodic import Wave
+from wrenchbed.pages.numbers import quantity
 
 FITTED = "fitted, since nobody states it"
 _OF_COMMANDS = (
@@ -140,11 +141,27 @@ def next_steps(v: Verdict[Structure], seen: Sequence[Sign] = ()) -> list[dict[st
     ]  # fmt: skip
 
 
+def _silently(fit: Simulator) -> str:
+    """Phrase on the stated number whose ordinary error, as fitted, makes up most gap; empty if that
+    gap does not count."""
+    d = fit.d
+    each = {b: added(d, fit.x, at) for b, at in enumerate(d.at) if len(at) and d.stated[at].all()}
+    most = max(each, key=lambda b: each[b])
+    if each[most] < CLAIMABLE:
+        return ""
+    block = d.blocks[most]
+    name = all_effects()[block.effect].size.name
+    by = quantity(name, parameters(fit, most)[name], signed=True)
+    return f"; {block.effect} of {place(block.key)} by {by} makes up a gap of {each[most]:.2g}"
+
+
 def notes(
-    d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = (), outside: str = ""
-) -> tuple[str, ...]:
+    fit: Simulator, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = (),
+    outside: str = "",
+) -> tuple[str, ...]:  # fmt: skip
     """Notes on data, noise, signs and gap; ``outside``: unnamed cause that the gap is most like."""
-    scene, noise = d.scene, [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
+    d, scene = fit.d, fit.d.scene
+    noise = [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
     stated = ", ".join(k for k in scene.drives.value if scene.drives.known(k).any())
     fitted = scene.currents and not scene.drives.known("drive.constant").all()
     along = ", ".join(f"{x + 0.0:.4f}" for x in scene.model.gravity)
@@ -158,8 +175,8 @@ def notes(
         _OF_COMMANDS: scene.commanded,
         "drive constants are fitted, and no cause: they hold as the link masses do": fitted,
         **{f"not ordinary noise: {text}": True for _, text in seen},
-        "ordinary errors of links and drives together may imitate a cause: none is never surer":
-            v.word == NONE,
+        "ordinary errors of links and drives are fitted and may together imitate a cause, so none "
+        f"is never surer{_silently(fit) if v.word == NONE else ''}": v.word == NONE,
         "ordinary errors of all stated values together leave hardly a gap either: the cause is the "
         "likelier explanation, and held-out rows do not refute it":
             v.causes and gap.calibrated.high < 1.0,

@@ -11,7 +11,7 @@ import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.efforts.stated_drives import Drives
+from wrenchbed.diagnosis.efforts.stated_drives import COMMANDED, Drives
 from wrenchbed.drives.identify import FRICTION, arm_of, calibrate_efforts
 from wrenchbed.drives.identify_at_rest import CONSTANT
 from wrenchbed.drives.signals import DriveSignals, efforts_of, motion_signals
@@ -24,8 +24,6 @@ from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjspec_edits import LinkInertias, link_inertias
 from wrenchbed.simulation.closed_form import Model
 
-COMMANDED = "commanded"
-"""Column prefix of targets of servos times their stiffness [N·m]."""
 MOST_ROWS = 12_000
 """Most rows of the analysis, 1.5 min at 125 Hz: time and memory grow, evidence is enough before."""
 _RATE = 125.0
@@ -161,11 +159,6 @@ class EffortScene:
         """Speeds (N, C) that select rows to use: each joint's; for the wrench the fastest one's."""
         arm = np.abs(self.q.d).max(axis=1, keepdims=True)
         return np.hstack([self.q.d, np.repeat(arm, self.load.shape[1], axis=1)])
-
-    @property
-    def rate(self) -> float:
-        """Rate of the kept rows [Hz]."""
-        return self.signals.rate / self.step
 
     def thin(self, columns: np.ndarray) -> np.ndarray:
         """Values (N, …) of all rows at kept rows (M, …), low-pass filtered if rows are left out."""

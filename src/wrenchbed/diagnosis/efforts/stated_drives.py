@@ -1,4 +1,9 @@
-"""Stated values of an arm's drives: from the recording's metadata, or from an earlier fit."""
+"""Stated values of an arm's drives: from the recording's metadata, or from an earlier fit.
+
+They also make torques of commands: tracking errors kp (u(t − T) − q) of position servos, command u,
+joint value q, with stiffness kp and delay T stated or fitted. So effects that change torques are
+named from commands too; a wrong stiffness appears as a drive constant, a late servo as a lag.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,13 +12,19 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.metadata import ToolInfo
-from wrenchbed.data.recording import Recording
+from wrenchbed.data.recording import COMMAND, Recording
 from wrenchbed.diagnosis.prepare.configured_simulator import LOAD
-from wrenchbed.errors import DiagnosisError
+from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.diagnosis.prepare.scenes import at_rows
+from wrenchbed.drives.servo import DELAY, SERVO, STIFFNESS, calibrate_servos, pieces_of
+from wrenchbed.drives.signals import encoder_noise
+from wrenchbed.errors import CalibrationError, DiagnosisError
 from wrenchbed.files import checked
 
 KINDS = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia", "drive.constant",
          "servo.stiffness", "servo.delay")  # fmt: skip
+COMMANDED = "commanded"
+"""Column prefix of targets of servos times their stiffness [N·m]."""
 FIELD = "configured"
 """Metadata field of stated drive values: by name, ``drive.coulomb.2``, or lists over joints."""
 
@@ -114,3 +125,39 @@ def _parameters(parameters: checked.Fields) -> dict[str, tuple[float, float]]:
             if number is not None and spread is not None:
                 result[name] = number, spread
     return result
+
+
+def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives, Material]:
+    """Convert the longest piece of commands to a recording of joint torques. Return it, the drives'
+    values that predict it, and one row's encoder noise as a torque, which counts as a gap of 1.
+
+    Raises:
+        DiagnosisError: the servos' stiffness is not stated and cannot be fitted.
+    """
+    try:
+        piece = max(pieces_of(recording), key=lambda p: len(p.signals.t))
+        drives = drives if drives.known(STIFFNESS).all() else _fitted(recording, drives)
+    except CalibrationError as error:
+        raise DiagnosisError(str(error)) from error
+    stiffness = drives.of(STIFFNESS)
+    target, q = piece.held(drives.of(DELAY)), piece.signals.effort
+    first = int(np.searchsorted(recording.t, piece.signals.t[0]))
+    rows = at_rows(recording, slice(first, first + len(target)))
+    columns = {k: v for k, v in rows.columns.items() if not k.startswith(COMMAND)}
+    for j, kp in enumerate(stiffness):
+        columns[f"tau{j + 1}"] = kp * (target[:, j] - q[:, j])
+        columns[f"{COMMANDED}{j + 1}"] = kp * target[:, j]
+    noise = [encoder_noise(x, piece.signals.rate) for x in piece.signals.effort.T]
+    counts = float(np.median(stiffness * noise))
+    value = {**drives.value, "drive.constant": stiffness}
+    std = {**drives.std, "drive.constant": drives.std[STIFFNESS]}
+    known = replace(drives, value=value, std=std)
+    return replace(rows, columns=columns), known, Material(counts, counts)
+
+
+def _fitted(recording: Recording, drives: Drives) -> Drives:
+    """Copy of ``drives`` with servo stiffness and delay fitted to the recording itself."""
+    fit = calibrate_servos(recording, (SERVO,))
+    kinds, many = (STIFFNESS, DELAY), range(1, len(recording.joints) + 1)
+    value = {k: np.array([fit[f"{k}.{j}"].value for j in many]) for k in kinds}
+    return replace(drives, value={**drives.value, **value})

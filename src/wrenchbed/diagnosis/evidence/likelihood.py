@@ -78,6 +78,13 @@ class OfProducts:
         """H (b, n): HᵀH is the part of the Gram matrix G (n, n) that the background explains."""
         return solved(self._factor[0], self._beside().T)
 
+    def over_noise(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Scores w = Eᵀ K₀⁻¹ y (n, c) and log evidence (c,), above that of noise alone, of c
+        recordings' readings y, given as u = Eᵀ v₀⁻¹ y (n, c)."""
+        kept = self.held(u)
+        gain = 0.5 * (u * kept).sum(axis=0) - np.log(np.diagonal(self._factor[0])).sum()
+        return np.asarray(u - self.gram @ kept), np.asarray(gain)
+
     def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
         """Information matrices P = Eᵀ K₀⁻¹ E (b, k, k) of each group of sets (b, k) of columns,
         with the covariance K₀ of noise and background."""
@@ -223,15 +230,13 @@ class BackgroundLevel(OfProducts):
     def scored(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Scores w = Eᵀ K₀⁻¹ y (n, c) by the background's n columns E, and log N(y; 0, K₀) (c,) by
         its covariance K₀, without the constant in 2π, of c recordings' readings y (C R, c)."""
-        if not self.tall:
-            solved = self.solve(y)
-            square, score = (y * solved).sum(axis=0), self.E.T @ solved
-        else:
+        if self.tall:
             z = y / self.v0[:, None]
-            u = self.E.T @ z
-            kept = self.held(u)
-            square, score = (y * z).sum(axis=0) - (u * kept).sum(axis=0), u - self.gram @ kept
-        return np.asarray(score), np.asarray(-0.5 * (square + self.log_det))
+            score, gain = self.over_noise(self.E.T @ z)
+            return score, gain - 0.5 * ((y * z).sum(axis=0) + np.log(self.v0).sum())
+        solved = self.solve(y)
+        square = (y * solved).sum(axis=0)
+        return self.E.T @ solved, np.asarray(-0.5 * (square + self.log_det))
 
 
 class Whitened(NamedTuple):

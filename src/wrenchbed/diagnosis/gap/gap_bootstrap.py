@@ -40,6 +40,7 @@ class Closure:
         further: gap of channels but the first that each cause closes, by `Part.label`.
         start: gap of which ``closed`` is a share.
         closed_from: which gap that is, ``calibrated`` or ``configured``.
+        apart: whether each channel has a device of its own, which may have a fault alone (joints).
     """
 
     configured: float
@@ -57,6 +58,7 @@ class Closure:
     further: Mapping[str, Interval] = field(default_factory=dict)
     start: float = 0.0
     closed_from: str = "calibrated"
+    apart: bool = False
 
     @property
     def closed_least(self) -> float:
@@ -93,8 +95,9 @@ class Closure:
 
     @property
     def channels(self) -> float:
-        """Mean calibrated gap of the channels, their noise taken as independent."""
-        return float(np.mean([c["before"] for c in self.per_channel.values()]))
+        """Mean calibrated gap of the channels, as of independent noise; the largest if `apart`."""
+        each = [c["before"] for c in self.per_channel.values()]
+        return float(np.max(each) if self.apart else np.mean(each))
 
     @property
     def shares(self) -> dict[str, float]:
