@@ -12,6 +12,7 @@ from linear_case import Named
 from wrenchbed.diagnosis.decision.decide import (
     DOUBTFUL,
     WITHDRAWN,
+    conclude,
     decide,
     held_out,
     leading,
@@ -21,7 +22,7 @@ from wrenchbed.diagnosis.decision.decide import (
     small,
     surely,
 )
-from wrenchbed.diagnosis.decision.facts import Facts, facts_of
+from wrenchbed.diagnosis.decision.facts import Decision, Facts, facts_of
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
 from wrenchbed.diagnosis.explain.structures import Ranking
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
@@ -423,6 +424,13 @@ def test_none_is_impossible_where_held_out_rows_show_a_gap():
 )
 def test_a_small_gap_is_one_at_most_beyond_the_noise(calibrated, floor, channels, is_small):
     assert small(gap(calibrated=calibrated, floor=floor, channels=channels)) is is_small
+
+
+def test_a_gap_of_one_joint_counts_alone_and_a_sign_without_a_cause_names_nothing():
+    each = {"tau1": {"before": 0.1}, "tau2": {"before": 1.5}}
+    joints = replace(gap(calibrated=about(0.8)), per_channel=each)
+    assert small(joints) and not small(replace(joints, apart=True))
+    assert conclude(Decision(claimed("drive.delay"), joints), [{}], ["rings"]).word == "unknown"
 
 
 PROBABILITY = st.floats(0.001, 1.0)

@@ -234,9 +234,8 @@ class BackgroundLevel(OfProducts):
             z = y / self.v0[:, None]
             score, gain = self.over_noise(self.E.T @ z)
             return score, gain - 0.5 * ((y * z).sum(axis=0) + np.log(self.v0).sum())
-        solved = self.solve(y)
-        square = (y * solved).sum(axis=0)
-        return self.E.T @ solved, np.asarray(-0.5 * (square + self.log_det))
+        away = self.solve(y)
+        return self.E.T @ away, np.asarray(-0.5 * ((y * away).sum(axis=0) + self.log_det))
 
 
 class Whitened(NamedTuple):
