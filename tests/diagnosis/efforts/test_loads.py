@@ -71,10 +71,10 @@ def test_what_is_fitted_because_nobody_states_it_is_said():
     assert "a load of 2.8" in words.headline and "robot's model has 1.35 kg" in words.headline
     assert "friction of joints 1, 2, 3, 4, 5 and 6" in words.headline
     advice = words.advice_without_experiment
-    assert "as well as noise" not in advice and "State tool" in advice
+    assert "all but noise" not in advice and "State tool" in advice
     stated = EffortAnswer(replace(found, diagnosis=replace(found.diagnosis, fitted=())))
     advice = stated.advice_without_experiment
-    assert "normal imperfections" in stated.headline and "as well as" in advice
+    assert "normal imperfections" in stated.headline and "all but noise" in advice
 
 
 @pytest.mark.slow
