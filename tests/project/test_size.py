@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79016,
-    "src/wrenchbed": 69527,
+    "src": 79014,
+    "src/wrenchbed": 69525,
     "src/robot_emulators": 9489,
     "tests": 38130,
     "scripts": 3492,
