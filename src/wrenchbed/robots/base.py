@@ -306,7 +306,10 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        rotation, position = self.flange_pose(q, theta)
+        one = theta.reshape(-1, theta.shape[-1])[0].real
+        alike = (theta == one).reshape(-1, len(one)).all(axis=0)
+        alike[self._offset] = alike[self._turn] = True  # the flange does not depend on the mount
+        rotation, position = self.flange_pose(q, one if alike.all() else theta)
         offset, turn = theta[..., self._offset], theta[..., self._turn]
         if offset.any():
             position = position + apply(rotation, offset)

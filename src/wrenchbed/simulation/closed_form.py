@@ -26,7 +26,7 @@ _KEPT = 32
 """Parameter vectors whose constants for C are cached: a fit compares a few."""
 _IDEAL = np.append(np.zeros(6), np.eye(3))
 """Bias and gains of a sensor whose reading is its load."""
-_AT_ONCE = 4000
+_AT_ONCE = 8000
 """Poses times parameters per evaluation of derivatives: what a processor's cache holds."""
 _LOAD = slice(3, 8)
 """Positions of mass, CoG and the sensor's own mass among the C constants, see `_statics.c`."""

@@ -122,12 +122,9 @@ class MedRUE(SimulatedRobot):
     @cached_property
     def bodies(self) -> tuple[BodyMass, ...]:  # type: ignore[override]
         """Mass [kg] and CoG [m], in body axes, of the MJCF's moving bodies in order of `JOINTS`."""
-        spec, bodies = bare(self.mjcf), list[BodyMass]()
-        for joint in JOINTS:
-            body = spec.joint(joint).parent
-            x, y, z = (float(c) for c in body.ipos)
-            bodies.append(BodyMass(body.name, float(body.mass), (x, y, z)))
-        return tuple(bodies)
+        spec = bare(self.mjcf)
+        every = (spec.joint(joint).parent for joint in JOINTS)
+        return tuple(BodyMass(b.name, float(b.mass), tuple(b.ipos.tolist())) for b in every)
 
     @property
     def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
