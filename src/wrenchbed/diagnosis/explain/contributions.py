@@ -77,31 +77,31 @@ def twins(
     the gap ``share``; causes of indices ``named`` are left out."""
     claimed = {f.parts[k].name for k in named}
     others = _as_many_numbers(refitter, f, part, made_by(refitter, f, [part]), share)
-    alike = (n for n in others if n not in claimed)
-    return tuple(dict.fromkeys([*f.parts[part].variant.rivals, *alike]))
+    rivals = f.parts[part].variant.rivals
+    return tuple(dict.fromkeys([*rivals, *(n for n in others if n not in claimed)]))
 
 
 def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
-    """Names of effects that make the readings of the cause of index ``part`` at plausible sizes,
-    with any number of amplitudes; those that nearly do are refitted with finite angles."""
+    """Names of effects that make the readings of the cause of index ``part``, as plausibly as it
+    does, with any number of amplitudes; those that nearly do are refitted with finite angles."""
     hypotheses, small = refitter.searcher.hypotheses, f.parts[part]
     signal = made_by(refitter, f, [part])
     energy, remainders = refitter.remainders(f, part, signal)
-    nearest: dict[str, int] = {}
-    for k in np.argsort(remainders).tolist():
-        if remainders[k] > max(APART, SAME * energy):
-            break
-        h = hypotheses[k]
-        if h.name != small.name and not h.effect.stated and not _holds(refitter, h, small):
-            nearest.setdefault(h.name, k)
-    alone = Refitter(refitter.searcher, signal)
 
     def away(k: int) -> float:
         if remainders[k] <= APART:
             return float(remainders[k])
-        return refitter.remainders(f, part, alone.fit((hypotheses[k],), f.rung).residual)[0]
+        alone = Refitter(refitter.searcher, signal).fit((hypotheses[k],), f.rung)
+        return refitter.remainders(f, part, alone.residual)[0]
 
-    return tuple(name for name, k in nearest.items() if away(k) <= APART)
+    own = min((r, k) for k, r in enumerate(remainders) if hypotheses[k].name == small.name)[1]
+    most = APART + away(own)  # a large size is improbable
+    nearest: dict[str, int] = {}
+    for k in np.argsort(remainders)[: (remainders <= max(most, SAME * energy)).sum()].tolist():
+        h = hypotheses[k]
+        if h.name != small.name and not h.effect.stated and not _holds(refitter, h, small):
+            nearest.setdefault(h.name, k)
+    return tuple(name for name, k in nearest.items() if away(k) <= most)
 
 
 def _holds(refitter: Refitter, wide: Hypothesis, part: Hypothesis) -> bool:
