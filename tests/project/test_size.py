@@ -27,7 +27,7 @@ WRENCHBED = {
     "planning": 1037,
     "plant": 761,
     "reports": 2124,
-    "robots": 4351,
+    "robots": 4352,
     "sensors": 314,
     "simulation": 1302,
     "studies": 1336,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79014,
-    "src/wrenchbed": 69525,
+    "src": 79015,
+    "src/wrenchbed": 69526,
     "src/robot_emulators": 9489,
     "tests": 38130,
     "scripts": 3492,

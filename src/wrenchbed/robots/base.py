@@ -306,10 +306,11 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        one = theta.reshape(-1, theta.shape[-1])[0].real
-        alike = (theta == one).reshape(-1, len(one)).all(axis=0)
+        flat = theta.reshape(-1, theta.shape[-1])
+        alike = (flat == flat[:1].real).all(axis=0)
         alike[self._offset] = alike[self._turn] = True  # the flange does not depend on the mount
-        rotation, position = self.flange_pose(q, one if alike.all() else theta)
+        one = flat[0].real if len(flat) and alike.all() else theta
+        rotation, position = self.flange_pose(q, one)
         offset, turn = theta[..., self._offset], theta[..., self._turn]
         if offset.any():
             position = position + apply(rotation, offset)
