@@ -8,12 +8,12 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5172,
+    "calibration": 5168,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
     "data": 5525,
-    "diagnosis": 13002,
+    "diagnosis": 13000,
     "drives": 1727,
     "effects": 4997,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79015,
-    "src/wrenchbed": 69526,
+    "src": 79009,
+    "src/wrenchbed": 69520,
     "src/robot_emulators": 9489,
-    "tests": 38130,
+    "tests": 38127,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyvander
 
 from wrenchbed import registry
 from wrenchbed.calibration.checks.rows import frozen_joints, usable
@@ -144,13 +143,10 @@ def _long(recording: Recording, window: int) -> list[slice]:
 def smoothed(y: np.ndarray, window: int, deriv: int = 0, step: float = 1.0) -> np.ndarray:
     """Signals (N, k) smoothed by polynomials over each ``window``, an odd number of rows, or their
     ``deriv``-th derivative for rows one ``step`` apart; at the ends those of the first and last
-    window (Savitzky & Golay 1964; scipy's takes 0.5 s to load)."""
-    x, half = np.linspace(-1.0, 1.0, window), window // 2
-    fit = polyder(np.linalg.pinv(polyvander(x, _ORDER)), deriv, scl=1.0 / (half * step))
-    powers = polyvander(x, _ORDER - deriv)
-    first, last = (powers @ (fit @ ends) for ends in (y[:window], y[-window:]))
-    inner = np.stack([np.convolve(c, fit[0, ::-1], "valid") for c in y.T], axis=1)
-    return np.concatenate([first[:half], inner, last[half + 1 :]])
+    window (Savitzky & Golay 1964)."""
+    from scipy.signal import savgol_filter  # slow to load: only when it is used
+
+    return np.asarray(savgol_filter(y, window, _ORDER, deriv, step, axis=0))
 
 
 def window_of(recording: Recording) -> int:

@@ -302,8 +302,8 @@ def conclude(
     """
     verdict = decision.verdict
     if signs and verdict.word != UNKNOWN:
-        verdict = withdrawn(verdict, UNKNOWN)
-    both = zip(verdict.causes, elements, strict=False)
+        verdict, elements = withdrawn(verdict, UNKNOWN), ()
+    both = zip(verdict.causes, elements, strict=True)
     causes = tuple(replace(c, elements=e) for c, e in both)
     word = _word(causes) if causes and verdict.word != PARTIAL else verdict.word
     probability = dict(verdict.probabilities)

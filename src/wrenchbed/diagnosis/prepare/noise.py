@@ -7,7 +7,6 @@ the mean of all (minimum statistics, Martin 2001, doi 10.1109/89.928915).
 """
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import chdtri
 
@@ -40,13 +39,12 @@ def noise_in_motion(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Noise variance (6,) of a row, and that of averages of ``stride`` rows times ``stride``, from
     the residual of rows (N, 6), in its unit squared, sampled each ``period`` [s]."""
+    from scipy.signal import spectrogram  # slow to load: only when it is used
+
     length = min(len(residual), max(LEAST, round(STRETCH_S / period)))
-    stretches = sliding_window_view(residual, length, axis=0)[:: length // 4]  # (T, 6, length)
-    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
-    spectrum = rfft((stretches - stretches.mean(axis=2, keepdims=True)) * hann)
-    f = np.arange(spectrum.shape[2]) / (length * period)
-    one_side = np.where((f > 0.0) & (2.0 * f * period < 1.0), 2.0, 1.0)
-    power = (np.abs(spectrum) ** 2 * (one_side * period / (hann @ hann))).transpose(2, 1, 0)
+    f, _, power = spectrogram(
+        residual, 1.0 / period, "hann", length, length - length // 4, detrend="constant", axis=0
+    )  # (F, 6, stretches)
     wave = np.pi * f * period
     passed = np.ones(len(f))
     passed[1:] = (np.sin(stride * wave[1:]) / (stride * np.sin(wave[1:]))) ** 2
