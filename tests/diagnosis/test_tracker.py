@@ -93,7 +93,7 @@ def test_a_tracker_without_repeats_has_the_noise_that_no_effect_explains():
     single = Recording(rows.metadata, {k: v[first] for k, v in rows.columns.items()}, rows.name)
     found = diagnose(single).diagnosis
     assert found.which[0]["elements"] == ["joint 5"]
-    assert 3e-5 < found.scale["mx"].noise < 8e-5  # 50 µm
+    assert 3e-5 < found.scale["mx"].noise < 8e-5 and " mm a pose" in " ".join(found.notes)  # 50 µm
 
 
 def one_wrong(row, column, size):

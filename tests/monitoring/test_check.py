@@ -84,9 +84,8 @@ def test_values_are_those_of_the_simulation(plan, tmp_path):
              "sensor.bias.fx": 1.0, "sensor.bias.tz": 0.02}  # fmt: skip
     with wb.SimDriver(wb.SimOptions("ur5", parameters=truth, seed=3)) as link:
         wb.record(link, plan, tmp_path / "r.parquet", samples=200, revisit=False)
-    recording = history.stated(
-        wb.Recording.read(tmp_path / "r.parquet"), {"time": "2026-01-01T00:00:00Z"}
-    )
+    read = wb.Recording.read(tmp_path / "r.parquet")
+    recording = history.stated(read, {"time": "2026-01-01T00:00:00Z"})
     fitted = History(UR5, [history.taken(recording, UR5, plan)])
     std = np.hypot(fitted.std, fitted._expected[0])
     stated = UR5.parameters.mapping(UR5.parameters.nominal) | truth

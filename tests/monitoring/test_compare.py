@@ -1,6 +1,7 @@
 """Comparisons of results: changes are found, their σ are right, false alarms stay rare."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -34,10 +35,14 @@ def test_a_heavier_tool_is_the_one_change(fits):
     assert mass.after - mass.before == pytest.approx(0.02, abs=4 * mass.std)
     assert found.sentences[0].startswith(f"1 of {len(found.changes)} numbers changed: tool.mass: +")
     assert f"({abs(mass.sigmas):.1f} σ)" in found.sentences[0] and found.together["p"] < 1e-6
+    for cells in (c.cells[1:4] for c in found.changes):  # one unit and as many decimals in a row
+        assert len({re.sub(r"[^a-zN°·]", "", x) for x in cells}) == 1, cells
+        assert len({len(x) for cell in cells for x in re.findall(r"\.(\d+)", cell)}) <= 1, cells
 
 
 def test_two_recordings_of_one_robot_agree_and_fits_of_the_same_rows_share_their_noise(fits):
-    found = compare(fits / "a.parquet", fits / "b.parquet")
+    (fits / "b.pq").hardlink_to(fits / "b.parquet")  # whatever the suffix
+    found = compare(fits / "a.parquet", fits / "b.pq")
     assert not found.changed and found.kind == "recordings"
     assert found.sentences[0].startswith("no change: ") and found.together["p"] > LEVEL
     found = compare(fits / "a.json", fits / "a.json")
@@ -48,9 +53,8 @@ def test_sigma_and_chi2_are_those_of_the_covariances(fits):
     raw = [json.loads((fits / f"{n}.json").read_text()) for n in "ab"]
     found = compare(fits / "a.json", fits / "b.json")
     names = list(raw[0]["parameters"])
-    d = np.array(
-        [raw[1]["parameters"][n]["value"] - raw[0]["parameters"][n]["value"] for n in names]
-    )
+    values = [[r["parameters"][n]["value"] for n in names] for r in raw]
+    d = np.subtract(values[1], values[0])
     c = np.array(raw[0]["covariance"]) + np.array(raw[1]["covariance"])
     assert [x.name for x in found.changes] == names
     assert [x.sigmas for x in found.changes] == pytest.approx(d / np.sqrt(np.diagonal(c)))
@@ -79,13 +83,8 @@ def test_a_number_that_is_known_in_sum_only_is_left_out(fits, tmp_path):
 
 def test_diagnoses_are_compared_by_verdict_causes_and_numbers(tmp_path):
     def diagnosis(name, verdict, gap, **causes):
-        which = [
-            {
-                "effect": n.replace("_", "."),
-                "parameters": {"x": {"value": v, "std": 0.1, "unit": "N"}},
-            }
-            for n, v in causes.items()
-        ]
+        sizes = {n: {"x": {"value": v, "std": 0.1, "unit": "N"}} for n, v in causes.items()}
+        which = [{"effect": n.replace("_", "."), "parameters": x} for n, x in sizes.items()]
         interval = {"calibrated": gap, "calibrated_ci95": [gap - 0.5, gap + 0.5]}
         raw = {"robot": "ur5", "verdict": verdict, "gap": interval, "which": which}
         (tmp_path / name).mkdir()
@@ -147,4 +146,5 @@ def test_what_no_compared_number_explains_is_a_change(tmp_path):
     found = compare(tmp_path / "june.parquet", tmp_path / "july.parquet")
     assert found.changed and not any(c.changed for c in found.changes)
     assert found.sentences[0].startswith("what these numbers do not explain went from 1.")
+    assert len(found.sentences[0]) < 85 and "diagnose" in found.sentences[1]  # two lines on A4
     assert "None of" not in found.page().html() and "Find the cause" in found.page().html()

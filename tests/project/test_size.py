@@ -21,7 +21,7 @@ WRENCHBED = {
     "files": 576,
     "hardware": 6696,
     "jobs": 555,
-    "monitoring": 1388,
+    "monitoring": 1387,
     "pages": 1255,
     "physics": 1028,
     "planning": 1037,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79009,
-    "src/wrenchbed": 69520,
+    "src": 79006,
+    "src/wrenchbed": 69517,
     "src/robot_emulators": 9489,
     "tests": 38127,
     "scripts": 3492,

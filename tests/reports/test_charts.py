@@ -84,11 +84,11 @@ def test_still_and_interactive_have_the_same_numbers():
 def test_a_spring_shows_as_a_line_of_its_stiffness_that_no_fit_drew(springy):
     panel = next(f.chart for f in springy.figures if f.chart.name == "cause-0").panels[0]
     measured = next(s for s in panel.series if s.name == "measured")
-    assert panel.x.unit == "N·m" and panel.y.unit == "mrad"
+    assert panel.x.unit == "N·m" and panel.y.unit == "°"
     weight = 1.0 / measured.std**2
     slope = (weight * measured.x * measured.y).sum() / (weight * measured.x**2).sum()
     sure = 1.0 / np.sqrt((weight * measured.x**2).sum())
-    assert abs(1e-3 * slope - 1.0 / STIFFNESS) < 4e-3 * sure
+    assert abs(np.deg2rad(slope) - 1.0 / STIFFNESS) < 4.0 * np.deg2rad(sure)
     assert sure < 0.1 * slope
 
 

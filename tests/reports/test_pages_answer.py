@@ -192,7 +192,7 @@ def test_keys_alone_move_a_cursor_that_all_figures_share(page, pages):
         key(page, name)
     said = page.run("document.querySelector('#cause-0 .said').textContent")
     assert re.search(r"torque of weight on joint 2 −?[\d.]+ N·m", said)
-    assert re.search(r"measured: −?[\d.]+ ± [\d.]+ mrad", said)
+    assert re.search(r"measured: −?[\d.]+ ± [\d.]+ °", said)
     observation = page.run("wrenchbed.cursor()")
     assert isinstance(observation, int)
     others = page.run(

@@ -190,10 +190,8 @@ def test_the_first_screen_says_no_more_than_is_there(springy):
     assert [len(WrenchAnswer(replace(f, places=seen)).where) for f in (springy, tight)] == [3, 1]
     silent = replace(changed(without_cause(springy), verdict="none"), places=seen)
     assert "joint 1, joint 2, joint 3 and 3 more." in WrenchAnswer(silent).where[0]
-    loud = {
-        c: {"before": gap}
-        for c, gap in zip(CHANNELS, (2.7, 41.6, 12.0, 0.1, 0.0, -0.1), strict=True)
-    }
+    each = zip(CHANNELS, (2.7, 41.6, 12.0, 0.1, 0.0, -0.1), strict=True)
+    loud = {c: {"before": gap} for c, gap in each}
     lost = without_cause(springy)
     lost = changed(lost, gap=replace(lost.diagnosis.gap, per_channel=loud))
     assert "explains the gap, 74 % in fy" in WrenchAnswer(lost).headline
@@ -240,6 +238,8 @@ VERDICTS = {
              "which: No cause is named.; far: there is nothing to close"),
     "none beside a gap": ({"calibrated": Interval(1.64, 0.71, 2.6)},
                           "far: Gap 1.64; far: 95 % interval is 0.71 … 2.60"),
+    "none of the means' gap": ({"calibrated": Interval(113.0, 112.0, 114.0), "floor": 114.0},
+                               "far: 113 of it is how single rows scatter"),
     "springy in part": (
         {"verdict": "partial", "with_effects": Interval(3.0, 2.5, 3.5),
          "closed": Interval(0.3, 0.2, 0.4)},

@@ -14,12 +14,13 @@ import numpy as np
 from scipy.special import chdtrc, stdtr  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
+from wrenchbed.data.overwrite_rules import Kind, kind_of
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.files import checked
 from wrenchbed.pages import ReportPage
 from wrenchbed.pages.document import provenance
-from wrenchbed.pages.numbers import minus, p_value, quantity
+from wrenchbed.pages.numbers import decimals, human, minus, p_value, with_unit
 from wrenchbed.physics.wrench import CHANNELS
 
 LEVEL = 0.01
@@ -27,10 +28,8 @@ LEVEL = 0.01
 MISFIT_GROWS = 3.0
 """Least ratio of both misfits that is a change: that of 24 healthy poses of a UR5 reaches 1.6."""
 _KINDS = {"a fit": "fits", "a recording": "recordings"}
-_UNEXPLAINED = (
-    "what these numbers do not explain went from {:.1f} to {:.1f} times the noise: a joint, the "
-    "base, a cable or a contact may have changed, see `wrenchbed diagnose`"
-)
+_UNEXPLAINED = "what these numbers do not explain went from {:.1f} to {:.1f} times the noise"
+_SUSPECTS = "a joint, the base, a cable or a contact may have changed, see `wrenchbed diagnose`"
 _SINGULAR = 1e-10
 """Relative eigenvalue below which a combination of numbers is not determined by both fits."""
 
@@ -62,11 +61,14 @@ class Change:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """Table cells: name, both values, difference ± its std, difference in σ."""
-        values = [{"value": x, "unit": self.unit} for x in (self.before, self.after)]
-        step = {"value": self.after - self.before, "std": self.std, "unit": self.unit}
-        texts = [*(quantity(self.name, v) for v in values), quantity(self.name, step, signed=True)]
-        return self.name, *texts, minus(f"{self.sigmas:+.1f}")
+        """Table cells: name, both values and difference ± its std, all in one unit with as many
+        decimals, difference in σ."""
+        step = self.after - self.before
+        factor, unit = human(self.name, step, self.unit)
+        form = f".{decimals(factor * self.std)}f"
+        before, after, std = (f"{factor * x:{form}}" for x in (self.before, self.after, self.std))
+        texts = before, after, f"{factor * step:+{form}} ± {std}"
+        return self.name, *(minus(with_unit(x, unit)) for x in texts), minus(f"{self.sigmas:+.1f}")
 
     @property
     def sentence(self) -> str:
@@ -134,7 +136,7 @@ def _read(path: Path) -> tuple[str, checked.Fields]:
     path = _file(path)
     if not path.is_file():
         raise ParameterError(f"{path}: there is no such file")
-    if path.suffix == ".parquet":
+    if path.suffix == ".parquet" or kind_of(path) == Kind.RECORDING:
         raw: Any = calibrate(Recording.read(path), CalibrationOptions()).to_json()
         return "a recording", checked.Fields(raw, f"{path}: ", ParameterError)
     raw = checked.load(path, ParameterError)
@@ -180,7 +182,7 @@ def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) 
         sentences.insert(0, f"both are of {recordings[0]}: {shared}")
     changed, left = any(c.changed for c in changes) or together["p"] < LEVEL, [*map(_misfit, fits)]
     if grown := max(left) >= MISFIT_GROWS * min(left):
-        sentences.insert(0, _UNEXPLAINED.format(*left))
+        sentences[:0] = [_UNEXPLAINED.format(*left), _SUSPECTS]
     if changed or not grown:
         sentences.insert(0, _headline(changes, together))
     changed |= grown
@@ -213,11 +215,9 @@ def changes_of(
     sigmas = np.divide(difference, std, out=np.zeros(len(std)), where=std > 0)
     sigmas[(std == 0) & (difference != 0)] = np.inf
     changed = holm(2.0 * stdtr(freedom, -np.abs(sigmas)), level)
-    each = zip(units.items(), before, after, std, sigmas, changed, strict=True)
-    return tuple(
-        Change(n, u, float(x), float(y), float(s), float(z), bool(c))
-        for (n, u), x, y, s, z, c in each
-    )
+    columns = (x.tolist() for x in (before, after, std, sigmas, changed))
+    each = zip(units.items(), *columns, strict=True)
+    return tuple(Change(*number, *values) for number, *values in each)
 
 
 def _covariance(fields: checked.Fields, names: Sequence[str]) -> np.ndarray:
@@ -254,12 +254,11 @@ def significant(changes: Sequence[Change]) -> list[str]:
 
 def _headline(changes: Sequence[Change], together: Mapping[str, float]) -> str:
     p = p_value(together["p"])
-    p = f"p {p}" if p.startswith("<") else f"p = {p}"
     if changed := significant(changes):
         return f"{len(changed)} of {len(changes)} numbers changed: {'; '.join(changed)}"
     if together["p"] < LEVEL:
-        return f"no number changed by itself, but all {len(changes)} together did ({p})"
-    return f"no change: {len(changes)} numbers agree ({p} of all together)"
+        return f"no number changed by itself, but all {len(changes)} together did (p {p})"
+    return f"no change: {len(changes)} numbers agree (p {p} of all together)"
 
 
 def _of_diagnoses(fields: Sequence[checked.Fields], names: tuple[str, str]) -> Comparison:

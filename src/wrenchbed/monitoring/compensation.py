@@ -69,7 +69,8 @@ class External:
 
 
 class Compensator:
-    """Computes the external wrench on the tool from each reading.
+    """Computes the external wrench on the tool from each reading; a `TwinError` if the robot has no
+    model, or no flange where ``frame`` is that.
 
     Args:
         twin: the calibrated robot, with effects of a diagnosis if there are any.
@@ -81,9 +82,6 @@ class Compensator:
     Attributes:
         not_undone: names of effects that depend on more than present pose and load; these stay.
         q: joint values of the last reading (J,); at first home.
-
-    Raises:
-        TwinError: the robot has no model, or no flange where ``frame`` is that.
     """
 
     def __init__(

@@ -69,13 +69,13 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
     factor, unit = human(name, value or 0.0, str(entry["unit"]))
     spread = None if std is None else factor * float(std)
     shown = measured(factor * float(value or 0.0), spread, signed=signed)
-    return _with(shown, unit)
+    return with_unit(shown, unit)
 
 
 def rough(name: str, value: float, unit: str, like: float | None = None) -> str:
     """Text of a size [``unit``] with two significant figures, in the unit that suits ``like``."""
     factor, shown = human(name, value if like is None else like, unit)
-    return minus(_with(f"{float(f'{factor * value:.2g}'):g}", shown))
+    return minus(with_unit(f"{float(f'{factor * value:.2g}'):g}", shown))
 
 
 def measured(value: float, std: float | None, *, signed: bool = False) -> str:
@@ -126,7 +126,7 @@ def human(name: str, value: float, unit: str) -> tuple[float, str]:
     return factor, shown
 
 
-def _with(number: str, unit: str) -> str:
+def with_unit(number: str, unit: str) -> str:
     """Join number and unit to a text; only the degree sign follows without a space."""
     return number + unit if unit == "°" else f"{number} {unit}".rstrip()
 

@@ -23,6 +23,7 @@ LEAST_NEAREST = 0.05
 """Least probability at which the nearest cause is named beside "unknown": below, it is a guess."""
 _DISTRUST = "do not trust the twin"
 """Text by which `Answer.distrusted` recognises the note on causes that leave much of the gap."""
+_NAMED = ("all ", "channel ", "link ")
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
 
@@ -30,6 +31,11 @@ _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something els
 TOO_MANY = "More than five effects explain the gap alike; these data cannot tell them apart."
 LOUD, MOST_LOUD = 2.0 / 3.0, 3
 """Channels are named that hold this share of the gap together, if they are at most so many."""
+
+
+def the(place: str) -> str:
+    """Name of a place with "the"; numbered places and channels have no article."""
+    return place if place[-1].isdigit() or place.startswith(_NAMED) else f"the {place}"
 
 
 class Answer(ABC):

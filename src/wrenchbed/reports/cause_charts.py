@@ -79,23 +79,22 @@ def _joint(e: HeldOutReadings, c: Cause, active: ActiveEffect) -> Chart | None:
     shift = np.asarray(moved)[scene.held]
     k, rows, error, std = _joint_error(e, c, shift)
     joint = scene.robot.joints[k]
-    across, factor = joint_axis(joint, k + 1)
-    x = factor * scene.joints[scene.held][:, k]
+    own, factor = joint_axis(joint, k + 1)
+    across, x = own, factor * scene.joints[scene.held][:, k]
     if active.effect.shown == "torque":
         x = scene.joint_torque[scene.held][:, k]
         unit = joint.own("N·m")
         across = Axis(f"{_OF_UNIT[unit]} of weight on joint {k + 1}", unit)
     order = np.argsort(x, kind="stable")
     series = [
-        Series("simulated effect", "line", x[order], 1e3 * shift[order, k], role="after"),
-        Series("measured", "points", x[rows], 1e3 * error, 1e3 * std, ids=e.ids[rows]),
+        Series("simulated effect", "line", x[order], factor * shift[order, k], role="after"),
+        Series("measured", "points", x[rows], factor * error, factor * std, ids=e.ids[rows]),
     ]
-    caption = (
-        "What each row's readings say of the joint's true value, less the reported one, by "
-        f"least squares. {len(x) - len(rows)} of {len(x)} rows give too little information and "
-        "are not drawn."
-    )
-    y = Axis(f"error of joint {k + 1}", f"m{joint.unit}")
+    caption = "What each row's readings say of the joint's true value, less the reported one, by "
+    caption += "least squares."
+    if few := len(x) - len(rows):
+        caption += f" {few} of {len(x)} rows give too little information and are not drawn."
+    y = Axis(f"error of joint {k + 1}", own.unit)
     return _over(f"{c.name}: {y.label} against {across.label}", across, y, series, caption)
 
 

@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
-from wrenchbed.reports.answer import TOO_MANY, Answer
+from wrenchbed.reports.answer import TOO_MANY, Answer, the
 from wrenchbed.reports.claim import Claim, claim
 
 _SHOWN_S = 15.0
@@ -107,14 +107,13 @@ class EffortAnswer(Answer):
 
     @property
     def place(self) -> str:
-        names = list(dict.fromkeys(str(w["detail"]) for w in self.d.where))
         if self.d.which:
             keys = (c.keys for c in self.findings.verdict.causes)
-            each = (" or ".join(dict.fromkeys(map(place_of, of_one))) for of_one in keys)
+            each = (dict.fromkeys(the(place_of(key)) for key in of_one) for of_one in keys)
             mostly = "Mostly not in" if self.d.verdict == "partial" else "In"
-            return f"{mostly} {', '.join(dict.fromkeys(each))}"
-        if names:
-            return f"Only a hint: {names[0]}"
+            return f"{mostly} {', '.join(dict.fromkeys(map(' or '.join, each)))}"
+        if self.d.where:
+            return f"Only a hint: {the(str(self.d.where[0]['detail']))}"
         return "No joint has more than noise and ordinary imperfections"
 
     @property
@@ -133,9 +132,8 @@ class EffortAnswer(Answer):
             return f"State tool and drives: what is fitted makes up a gap of {gap} and is no cause."
         if self.d.verdict == NONE:
             return "Nothing: with ordinary errors the stated robot predicts all but noise."
-        places = dict.fromkeys(str(w["detail"]) for w in self.d.where)
-        phrases = [p if p[-1].isdigit() else f"the {p}" for p in places]
-        return f"drives.json contains the corrected values; look at {' and '.join(phrases)}."
+        places = dict.fromkeys(the(str(w["detail"])) for w in self.d.where)
+        return f"drives.json contains the corrected values; look at {' and '.join(places)}."
 
 
 def effort_charts(findings: EffortFindings) -> list[Chart]:

@@ -43,11 +43,11 @@ def of_cause(e: HeldOutReadings, c: Cause, name: str) -> Chart:
     simulated values, with their residual beneath. What the other effects add is subtracted from
     both; the simulation is by fits that did not see the rows."""
     p, title, k = e.prepared, c.name, largest(c.effect / e.std)
-    channel, unit, sigma = e.names[k], e.units[k], float(e.std[k])
+    factor, unit = numbers.human(e.names[k], float(np.abs(c.effect[:, k]).max()), e.units[k])
+    channel, sigma = e.names[k], factor * float(e.std[k])
     x, axis, order = _across(e, title, c.effect[:, k])
-    y, ids = c.measured[order, k], e.ids[order]
-    std = np.full(len(order), sigma * np.sqrt(p.noise[k]))
-    added = c.effect[order, k]
+    y, added = (factor * values[order, k] for values in (c.measured, c.effect))
+    std, ids = np.full(len(order), sigma * np.sqrt(p.noise[k])), e.ids[order]
     top = [
         Series("simulated effect", "line", x, added, None, "after", ids=ids),
         Series("measured", "points", x, y, std, "measured", ids=ids),

@@ -10,7 +10,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.next.blind import unseen
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.pages import numbers
-from wrenchbed.reports.answer import MOST_HEADLINE, TOO_MANY, Answer
+from wrenchbed.reports.answer import MOST_HEADLINE, TOO_MANY, Answer, the
 from wrenchbed.reports.claim import Claim, capital, listed
 from wrenchbed.reports.claim import place as place_of
 
@@ -26,7 +26,6 @@ _KERNELS = {
 }
 _GAP = "the gap"
 _ROWS = "how rows scatter"
-_NAMED = ("all ", "channel ", "link ")
 _BLIND = ". These data cannot show "
 
 
@@ -101,7 +100,7 @@ class WrenchAnswer(Answer):
         phrases = []
         for w in self.d.which:
             places = dict.fromkeys(map(place_of, (w, *w["rivals"])))
-            phrases.append(" or ".join(f"in {_the(place)}" for place in places))
+            phrases.append(" or ".join(f"in {the(place)}" for place in places))
         known = listed(list(dict.fromkeys(phrases)))
         return f"Mostly not {known}" if self.d.verdict == "partial" else capital(known)
 
@@ -111,9 +110,9 @@ class WrenchAnswer(Answer):
             detail, part = str(self._most["detail"]), str(self._most["subsystem"])
             if detail in self.d.gap.per_channel:
                 part = f"channel {detail}"
-            return f"Only a hint: {_the(detail if detail[-1:].isdigit() else part)}"
+            return f"Only a hint: {the(detail if detail[-1:].isdigit() else part)}"
         if self.d.where:
-            subsystems = dict.fromkeys(_the(str(w["subsystem"])) for w in self.d.where)
+            subsystems = dict.fromkeys(the(str(w["subsystem"])) for w in self.d.where)
             return f"Only in single rows: {listed(list(subsystems))}"
         return "Too little for a cause" if self._seen else "No place differs from noise"
 
@@ -163,6 +162,9 @@ class WrenchAnswer(Answer):
             return figure, f"{text} close."
         if self.causes:
             return figure, f"{text}. Rows in which something touches the tool took no part."
+        if g.floor > LARGEST_NONE:
+            own = numbers.gap(min(g.floor, g.calibrated.value))
+            return figure, f"{text}. {own} of it is how single rows scatter; no cause is named."
         if g.calibrated.value - max(g.floor, 0.0) > LARGEST_NONE:
             ends = f"{numbers.gap(g.calibrated.low)} … {numbers.gap(g.calibrated.high)}"
             text += f". It is not significantly above 1: its 95 % interval is {ends}"
@@ -226,8 +228,3 @@ class WrenchAnswer(Answer):
             if self.findings.analysis.prepared.touch is not None:
                 return "what comes while something touches the tool"
         return _GAP
-
-
-def _the(place: str) -> str:
-    """Name of a place with "the"; numbered places and channels have no article."""
-    return place if place[-1].isdigit() or place.startswith(_NAMED) else f"the {place}"

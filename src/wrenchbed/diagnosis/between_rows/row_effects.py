@@ -137,7 +137,7 @@ def unexplained(s: Scatter | None, findings: Sequence[RowFinding]) -> str:
     if rise[k] < UNEXPLAINED:
         return ""
     text = (
-        f"rows of {CHANNELS[k]} scatter by {100 * rise[k]:.0f} % more in variance than noise and "
+        f"rows of {CHANNELS[k]} scatter by {100 * rise[k]:,.0f} % more in variance than noise and "
         "named effects make; the cause is unknown"
     )
     far = np.flatnonzero(groups[:, k] > BURST * np.median(groups[:, k]))
@@ -227,7 +227,7 @@ def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
     sentence = (
         f"The base shakes {where} with {shake.rms:.3g} m/s² rms along ({x:.2f}, {y:.2f}, {z:.2f}) "
         f"in base axes: forces and torques scatter together as the tool's mass and centre of "
-        f"gravity make them, and turn with the pose; {CHANNELS[k]} scatters {100 * rise[k]:.0f} % "
+        f"gravity make them, and turn with the pose; {CHANNELS[k]} scatters {100 * rise[k]:,.0f} % "
         "more in variance."
     )
     names = tuple(c for c, r in zip(CHANNELS, rise, strict=True) if r >= APART)

@@ -10,6 +10,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import polar
 
 from wrenchbed import registry
 from wrenchbed.channels.effort import TARED, ZERO
@@ -331,11 +332,12 @@ def _tilt(scene: EffortScene) -> Made:
     side = np.eye(3)[int(np.argmin(np.abs(down)))]
     axis = np.cross(down, scene.turned + _ANY_AXIS * side)
     axis /= np.linalg.norm(axis)
-    changes = [np.cross(axis, gravity), np.cross(np.cross(down, axis), gravity)]  # for 1 rad
+    about = np.array([axis, np.cross(down, axis)])
+    changes = np.cross(about, gravity)  # for 1 rad
     if scene.turned.any():  # a large tilt is about one axis: its column is exact at that size
         angle = np.arctan2(np.linalg.norm(np.cross(stated, down)), stated @ down)
         changes[0] = scene.turned / angle
-    columns = [
-        Column(f"base.tilt.{k}", scene.by_gravity(more), _TILT) for k, more in enumerate(changes)
-    ]
+    level = np.delete(np.arange(3), np.argmax(np.abs(down)))  # axes of the base to name
+    each = zip(level, polar(about[:, level])[0].T @ changes, strict=True)
+    columns = [Column(f"base.tilt.{'xyz'[k]}", scene.by_gravity(g), _TILT) for k, g in each]
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]

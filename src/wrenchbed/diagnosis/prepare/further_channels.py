@@ -22,14 +22,12 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.pages.numbers import rough
 
 
 def with_further_channels(prepared: Prepared, data: Observations) -> Prepared:
-    """Copy with every other channel that the recording holds.
-
-    Raises:
-        DiagnosisError: no channel can be compared.
-    """
+    """Copy with every other channel that the recording holds; a `DiagnosisError` if no channel can
+    be compared."""
     taken = {c.name for c in prepared.channels}
     for name in registry.names("channels"):
         channel: Channel = registry.load("channels", name)
@@ -74,9 +72,9 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         own *= np.sqrt(prepared.stride)
         noise, source = np.maximum(noise, own), "residual"
     unit = np.hypot(noise, ordinary)
-    worst, of_unit = float(noise.max()), next(iter(fitted.columns.values()))
+    worst = rough(fitted.name, float(noise.max()), next(iter(fitted.columns.values())))
     too, what = " too" if prepared.channels else "", "row" if scene.moving else "pose"
-    note = f"the {fitted.name} is compared{too}, with a noise of {worst:.2g} {of_unit} a {what}"
+    note = f"the {fitted.name} is compared{too}, with a noise of {worst} a {what}"
     row = None if prepared.row is None else block_diag(prepared.row, np.diag(unit**2))
     return replace(
         prepared,
