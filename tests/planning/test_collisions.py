@@ -52,12 +52,14 @@ def test_blocked_ways_go_around_and_each_leg_is_free_on_a_finer_grid(clearance):
 
 
 @pytest.mark.slow
-def test_where_there_is_no_way_the_pose_is_refused(clearance):
+def test_where_there_is_no_way_the_pose_or_the_place_of_the_robot_is_refused(clearance):
     under = UR5.home.copy()
     under[1] += 2 * np.pi  # the same pose, one turn on: the upper arm would go through the bench
     assert clearance.hit(under) == ""
-    with pytest.raises(PlanError, match=r"pose 7: .* no way around was found"):
+    with pytest.raises(PlanError, match=r"pose 7: .* no way around was found: leave this pose out"):
         clearance.path(UR5.home, under, "pose 7")
+    with pytest.raises(PlanError, match=r"no way around was found: move the robot.* by hand"):
+        clearance.path(INTO_BENCH + np.array([0, 0.2, 0, 0, 0, 0]), UR5.home, "row 0")
 
 
 def test_an_itinerary_is_refused_by_row():

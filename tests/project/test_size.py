@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
-    "data": 5525,
+    "data": 5524,
     "diagnosis": 13000,
     "drives": 1727,
     "effects": 4997,

@@ -53,7 +53,9 @@ class TimedFault:
 def read(path: str | Path) -> tuple[TimedFault, ...]:
     """Read the faults of a TOML script, sorted by time; a `FaultError` names file, entry, field."""
     try:
-        raw = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        if (script := Path(path)).exists() and not script.is_file():  # a pipe would be waited for
+            raise ValueError("it is no regular file")
+        raw = tomllib.loads(script.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         why = error.strerror if isinstance(error, OSError) else f"not valid TOML: {error}"
         raise FaultError(f"{path}: {why}") from error
@@ -122,9 +124,7 @@ class Faults:
 
     def check(self, faults: Iterable[TimedFault], where: str) -> None:
         """Check that each fault is registered for its link and that its values are allowed. A
-        `FaultError` begins with ``where`` (a file's name) and lists the known faults or names the
-        value.
-        """
+        `FaultError` begins with ``where`` (a file's name) and lists known faults or the value."""
         for fault in map(self._placed, faults):
             name = f"{fault.link} {fault.kind}"
             if (fault.link, fault.kind) not in self._kinds:

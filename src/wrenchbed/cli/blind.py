@@ -1,5 +1,6 @@
 """`wrenchbed blind`: make, run and score cases of the sealed benchmark."""
 
+import os
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -61,9 +62,8 @@ def make(
     """
     from wrenchbed.benchmark.sealed import make as making
 
-    if seed is None:
-        known = making.resumed(answers)
-        seed = secrets.randbits(63) if known is None else known  # that nobody can guess
+    if seed is None and (seed := making.resumed(answers)) is None:
+        seed = secrets.randbits(63)  # that nobody can guess
     family, cases = made_of.family(seed), made_of.cases
     for folder in (out, answers):
         console.check_folder(folder)
@@ -136,7 +136,7 @@ def score(
     from wrenchbed.benchmark.sealed import report
     from wrenchbed.benchmark.sealed import score as scoring
 
-    folder = Path(f"{claims.resolve()}.score") if out is None else out
+    folder = Path(f"{os.path.realpath(claims)}.score") if out is None else out
     console.check_folder(folder, {"score.html": Kind.PAGE})
     result = scoring.score(cases, claims, answers, method, commitments)
     page = report.page(result, console.command())

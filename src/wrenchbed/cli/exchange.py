@@ -62,8 +62,8 @@ def import_(
         raise ParameterError("give files, and either --map MAP or --guess")
     guessed: dict[str, list[str]] = {}
     inputs = (*files, map, stated.fit, stated.rest)
-    whole, map_file = out.with_suffix(".motion.parquet"), out.with_suffix(".map.toml")
     console.check_out(out, Kind.RECORDING, *inputs, force=force)
+    whole, map_file = out.with_suffix(".motion.parquet"), out.with_suffix(".map.toml")
     if map is None:
         console.check_out(map_file, Kind.MAP, *files)
         guesses = wb.guess_map(files, stated, rows_read.mode, rows_read.skip_incomplete)

@@ -1,6 +1,7 @@
 """What an output may replace: results of its own kind; recordings and logs only with --force."""
 
 import json
+import os
 import re
 import tomllib
 from collections.abc import Callable
@@ -96,7 +97,7 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
     """
     for source in filter(None, inputs):
         both = out.exists() and source.exists()
-        if out.samefile(source) if both else out.resolve() == source.resolve():
+        if out.samefile(source) if both else os.path.realpath(out) == os.path.realpath(source):
             raise ParameterError(f"{out}: is an input too; give another name")
     if out.is_dir() or not out.name:
         raise ParameterError(f"{str(out)!r} is a folder; give the name of a file")
@@ -106,8 +107,7 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
         raise ParameterError(f"{out}: is a device or a pipe; give the name of a file")
     if not out.exists() or out.stat().st_size == 0:
         return
-    there = kind_of(out)
-    if there != kind:
+    if (there := kind_of(out)) != kind:
         what = there or "a file that wrenchbed did not write"
         raise ParameterError(f"{out}: is {what}, not {kind}; give another name")
     if kind in MEASURED and not force:

@@ -64,7 +64,7 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
 def column_names(path: Path) -> tuple[str, ...] | None:
     """Names of a Parquet file's columns; None if the file cannot be read as Parquet."""
     try:
-        return tuple(pq.read_schema(_source(path)).names)
+        return tuple(pq.read_schema(_source(path)).names) if path.is_file() else None
     except (pa.ArrowException, OSError, UnicodeDecodeError) as cause:
         raise_shortage(cause, path)
         return None

@@ -207,10 +207,8 @@ def _from_journal(path: Path, recording: Path) -> pa.Table:
     try:
         with pa.ipc.open_stream(path.read_bytes()) as reader:
             schema = reader.schema
-            while True:
-                batches.append(reader.read_next_batch())
-    except StopIteration:
-        pass
+            for batch in reader:
+                batches.append(batch)
     except (pa.ArrowException, OSError) as cause:
         raise_shortage(cause, path)
         if not batches:
@@ -256,7 +254,7 @@ def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
             yield f"column {column!r} must hold whole numbers"
         if kind == "f":
             yield from _bad_rows(column, ~np.isfinite(array), array, "is not a finite number")
-            large = np.isfinite(array) & (np.abs(array) > _LARGEST)
+            large = np.isfinite(array) & (np.abs(array, dtype=float) > _LARGEST)
             yield from _bad_rows(column, large, array, "is larger than any reading")
         elif kind not in "iu" and column in numeric:
             yield f"column {column!r} holds {array.dtype}, not numbers"

@@ -121,9 +121,8 @@ class Columns:
         return values
 
     def _wrong(self, name: str, row: int, why: str, remedy: str = "") -> MapError:
-        line = ""
-        if self.skipped is not None:
-            line = f" (line {next(islice(_rows(Path(self.where), self.skipped), row, None))[0]})"
+        rows = () if self.skipped is None else _rows(Path(self.where), self.skipped)
+        line = "".join(f" (line {number})" for number, _ in islice(rows, row, row + 1))
         return MapError(f"{self.where}: column {name!r}, row {row}: {why}{line}{remedy}")
 
 
@@ -208,6 +207,8 @@ def _head(path: Path) -> tuple[str, str]:
     Raises:
         MapError: no such file, or no text.
     """
+    if path.is_fifo():  # it would be waited for
+        raise MapError(f"{path}: is no regular file: give a text file")
     try:
         with path.open("rb") as stream:
             raw = stream.read(_HEAD)

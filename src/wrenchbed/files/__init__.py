@@ -13,7 +13,7 @@ import shutil
 import stat
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -298,13 +298,16 @@ def _sync(folder: Path, named: Path) -> None:
 
 
 def _move(source: Path, folder: Path) -> None:
-    """Move all files of a folder into another, after checking that all names are free for them."""
-    files = sorted(p for p in source.rglob("*") if p.is_file())
-    places = [folder / file.relative_to(source) for file in files]
-    for file, place in zip(files, places, strict=True):
+    """Move all files of a folder into another; if one cannot be moved, free names stay free."""
+    pairs = [(p, folder / p.relative_to(source)) for p in sorted(source.rglob("*")) if p.is_file()]
+    for file, place in pairs:
         if (mode := _replaceable(place)) is not None:
             file.chmod(mode)
-    for file, place in zip(files, places, strict=True):
-        _make(place.parent)
-        file.replace(place)
+    with ExitStack() as undo:
+        for file, place in pairs:
+            undo.callback(_unmake, _make(place.parent))
+            if not os.path.lexists(place):
+                undo.callback(place.unlink, missing_ok=True)
+            file.replace(place)
+        undo.pop_all()
     _sync(folder, folder)

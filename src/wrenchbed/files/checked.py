@@ -33,6 +33,8 @@ def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> 
     """
     path = Path(path)
     kind = {".json": "JSON", ".toml": "TOML"}.get(path.suffix, other)
+    if path.is_fifo():  # it would be waited for
+        raise error(f"{path}: is no regular file: give a {kind} file")
     try:
         with path.open("rb") as file:
             return parsed(file.read(_LARGEST[kind] + 1), f"{path}:", error, kind)
@@ -62,10 +64,8 @@ def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSO
         text = raw.decode()
         dots = (line.count(".") for line in text.splitlines())
         if kind == "TOML" and max(dots, default=0) > _MOST_DOTS:
-            raise error(f"{where} more than {_MOST_DOTS} dots stand in one line: break it")
+            raise ValueError(f"more than {_MOST_DOTS} dots stand in one line: break it")
         content = tomllib.loads(text) if kind == "TOML" else json.loads(text)
-    except WrenchbedError:
-        raise
     except RecursionError as cause:
         raise error(f"{where} not valid {kind} here: nested more than {_DEEPEST} levels") from cause
     except ValueError as cause:
@@ -152,8 +152,7 @@ class Fields:
         ]
 
     def text(self, key: str, rule: str = "must be a name") -> str | None:
-        """Text of field ``key``, else an error with ``rule`` (as "must be a name"); None if
-        absent."""
+        """Text of field ``key``, else an error with ``rule``; None if the field is absent."""
         return None if self.raw.get(key) is None else self.stated_text(key, rule)
 
     def stated_text(self, key: str, rule: str = "must be a text that is not empty") -> str:
@@ -204,8 +203,7 @@ class Fields:
     def numbers(
         self, key: str, n: int, *, nonnegative: bool = False, rule: str = ""
     ) -> tuple[float, ...] | None:
-        """List of n finite numbers in field ``key``, else an error with ``rule``; None if
-        absent."""
+        """List of n finite numbers in field ``key``; None if absent; ``rule`` is for errors."""
         if self.raw.get(key) is None:
             return None
         values = self.stated_numbers(key, n, rule)
@@ -250,8 +248,7 @@ class Fields:
 
 
 def toml_fields(text: str, where: str, error: type[WrenchbedError]) -> Fields:
-    """Parse a TOML file's text and return its fields; ``error`` is the class raised if it is
-    invalid, ``where`` begins its message."""
+    """Parse TOML text to its fields; errors are of the class ``error`` and begin with ``where``."""
     return Fields(parsed(text.encode(), f"{where}:", error, "TOML"), f"{where}: ", error)
 
 

@@ -50,8 +50,7 @@ class Clearance:
         ``end`` (J,), and where on it; empty if the move is free."""
         n = max(1, int(np.ceil(np.abs(end - start).max() / STEP)))
         for share in np.arange(1, n + 1) / n:
-            what = self.hit(start + share * (end - start))
-            if what:
+            if what := self.hit(start + share * (end - start)):
                 return f"{what}, {100 * share:.0f} % along the way"
         return ""
 
@@ -62,8 +61,7 @@ class Clearance:
         and random poses. A `PlanError`, which says by what, if ``end`` (called ``where`` in it) or
         every such path is blocked.
         """
-        why = self.hit(end)
-        if why:
+        if why := self.hit(end):
             raise PlanError(f"{where}: {why}")
         why = self.blocked(start, end)
         if not why:
@@ -76,7 +74,9 @@ class Clearance:
         for way in sorted(legs, key=lambda way: sum(length[leg] for leg in way)):
             if all(free(*leg) for leg in (way[0], way[-1], *way[1:-1])):  # the ends are few
                 return [nodes[leg[1]] for leg in way]
-        raise PlanError(f"{where}: {why}, and no way around was found: leave this pose out")
+        stuck = "move the robot, which touches where it stands, away by hand"
+        remedy = stuck if self.hit(start) else "leave this pose out"
+        raise PlanError(f"{where}: {why}, and no way around was found: {remedy}")
 
     @cached_property
     def _built(self) -> set[tuple[int, int, int, int]]:

@@ -117,7 +117,7 @@ def describe(
 
     if not file.exists() and file.suffix == "" and file == Path(file.name):
         file = menagerie.model_of(file.name)
-    if out.resolve() == file.resolve():
+    if os.path.realpath(out) == os.path.realpath(file):
         raise ParameterError(f"--out {out} is the model file: nothing is written into it")
     arm, held, notes = read_arm(file, frame, hold_others)
     load = _load(arm, frame, file, tool_mass, tool_cog)
