@@ -55,7 +55,7 @@ REFUSED = [
     (["calibrate", "r.parquet", "--report", "r.parquet"], "r.parquet: is an input too"),
     (["report", "loop", "--out", "p.html"], "loop: there is no such file"),
     (["report", "r.parquet", "--out", "loop"], "loop: Too many levels"),
-    (["blind", "score", "made", "loop", "answers"], "made/commitments.json: there is no such file"),
+    (["blind", "score", "r.parquet", "loop", "answers"], "r.parquet/commitments.json: there is"),
     (["import", "mine.txt", "--guess", "--out="], "'.' is a folder; give the name of a file"),
     (["import", "pipe", "--guess", "--out", "i.parquet"], "pipe: is no regular file"),
     (["simulate", "pipe", "--like", "r.parquet", "--out", "s"], "pipe: is no regular file"),

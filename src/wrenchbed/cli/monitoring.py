@@ -97,7 +97,7 @@ def check(
         time, before = time or now, stored.read(history, arm, plan)
         stored.in_time(before, time, now)  # before the robot moves
         out = history / stored.file_of(time)
-        console.check_out(out, Kind.RECORDING)
+        console.check_out(out, Kind.RECORDING, force=True)  # of a check that was stopped: kept as ~
         recording = _record(plan, out, device, how, motion, len(before))
     judgement = wb.check(
         arm, history, recording, time=time, temperature=how.temperature, baseline=how.new_baseline

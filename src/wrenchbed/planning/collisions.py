@@ -74,8 +74,8 @@ class Clearance:
         for way in sorted(legs, key=lambda way: sum(length[leg] for leg in way)):
             if all(free(*leg) for leg in (way[0], way[-1], *way[1:-1])):  # the ends are few
                 return [nodes[leg[1]] for leg in way]
-        stuck = "move the robot, which touches where it stands, away by hand"
-        remedy = stuck if self.hit(start) else "leave this pose out"
+        remedy = "" if self.hit(start) else "leave this pose out, or "
+        remedy += "move the robot elsewhere by hand"
         raise PlanError(f"{where}: {why}, and no way around was found: {remedy}")
 
     @cached_property

@@ -109,7 +109,7 @@ def read(cases: Path) -> dict[str, Commitment]:
         strange = next((k for k in sealed if not _NAME.fullmatch(k)), None)
         if strange is not None:
             raise BenchmarkError(f"{path}: {strange!r} is no name of a case")
-    except FileNotFoundError as cause:
+    except (FileNotFoundError, NotADirectoryError) as cause:
         raise BenchmarkError(
             f"{path}: there is no such file; a folder of `wrenchbed blind make --out` has one"
         ) from cause
