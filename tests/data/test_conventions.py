@@ -174,7 +174,6 @@ def test_files_without_a_clock_are_laid_side_by_side(tmp_path):
         ({"orientation": {"constant": [1, 0, 0, 0]}}, "one orientation is needed, found qw"),
         ({"wrench": {"axes": "tool"}}, "must be 'sensor', 'flange' or 'base'"),
     ],
-    ids=str,
 )
 def test_a_key_that_does_not_exist_is_refused(tmp_path, sections, words):
     with pytest.raises(MapError, match=words):

@@ -127,19 +127,19 @@ def test_topics_with_rows_of_their_own_in_one_table_are_put_together_by_the_cloc
     assert main([*line[:-1], str(out), "--force", "--map", str(tmp_path / "rec.map.toml")]) == 0
 
 
-def test_torques_of_joints_are_never_a_wrench(tmp_path, log, capsys):
+@pytest.mark.parametrize("stems", [("q_", "tau_"), ("pos_ur5_joint", "eff_ur5_joint")], ids=str)
+def test_torques_of_joints_are_never_a_wrench(tmp_path, log, capsys, stems):
     _, values = log
-    names = [f"{stem}_{k}" for stem in ("q", "tau") for k in range(6)]
+    names = [f"{stem}{k}" for stem in stems for k in range(6)]
     rows = [",".join(map(repr, row)) for row in values.tolist()]
     (tmp_path / "log.csv").write_text("\n".join([",".join(names), *rows]) + "\n")
     line = ["import", str(tmp_path / "log.csv"), "--guess", "--out", str(tmp_path / "rec.parquet")]
     assert main(line) == 1
     assert "joint torques, and no wrench: --robot NAME" in capsys.readouterr().err
     assert main([*line, "--robot", "ur5"]) == 0
-    assert "no name states a unit" in capsys.readouterr().out
-    recording = Recording.read(tmp_path / "rec.parquet")
-    assert not recording.has_wrench
-    assert np.allclose(recording.columns["tau6"], values[:, 11])
+    out, recording = capsys.readouterr().out, Recording.read(tmp_path / "rec.parquet")
+    assert "no name states a unit" in out and "no clock: each row is a pose at rest" in out
+    assert not recording.has_wrench and np.allclose(recording.columns["tau6"], values[:, 11])
 
 
 @pytest.mark.parametrize("second", ["right_wrench_{}", "right_{}"])

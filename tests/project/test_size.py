@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5168,
+    "calibration": 5167,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79006,
-    "src/wrenchbed": 69517,
+    "src": 79004,
+    "src/wrenchbed": 69515,
     "src/robot_emulators": 9489,
     "tests": 38127,
     "scripts": 3492,

@@ -63,11 +63,8 @@ def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
 
 
 def orientations(read: np.ndarray, where: str) -> tuple[Rotation, str]:
-    """Orientations (G,) by `upright`, from mean readings (G, 3) [m/s²], and a sentence on them.
-
-    Raises:
-        MapError: the readings have not the length of gravity, so the sensor was not at rest.
-    """
+    """Orientations (G,) by `upright`, from mean readings (G, 3) [m/s²], and a sentence on them; a
+    `MapError` if the readings have not the length of gravity: the sensor was not at rest."""
     rotation, zero, length = upright(read)
     size, off = float(length.mean()), float(length.std() / length.mean())
     if off > _MOST_OFF or abs(size / _EARTH - 1.0) > _FAR:

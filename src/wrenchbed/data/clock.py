@@ -85,11 +85,7 @@ def _moment(text: str) -> datetime:
 
 def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.ndarray:
     """Convert clock values (N,) in units of ``size`` [s], counted from ``zero``, to times (N,)
-    [ns].
-
-    Raises:
-        MapError: the clock does not advance, or is not in this unit; begins with ``where``.
-    """
+    [ns]; a `MapError`, which begins with ``where``, if they do not advance or have another unit."""
     if values.dtype.kind in "iu":
         t = (values.astype(np.int64) - round(zero)) * round(size * PER_S)
     else:

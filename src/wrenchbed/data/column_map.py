@@ -342,11 +342,8 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
 
 
 def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
-    """Orientations (N,) from a file's orientation columns, angles in rad; None if it has none.
-
-    Raises:
-        MapError: a matrix or quaternion that is no rotation; names ``where`` and the row.
-    """
+    """Orientations (N,) from a file's orientation columns, angles in rad; None if it has none. A
+    `MapError` that names ``where`` and the row of a matrix or quaternion that is no rotation."""
     kind = next((kind for kind in _ORIENTATIONS if kind[0] in data), None)
     if kind is None:
         return None

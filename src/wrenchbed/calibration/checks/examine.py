@@ -20,6 +20,7 @@ from wrenchbed.calibration.checks.mistakes import (
 from wrenchbed.calibration.checks.rigid_load import Load, Observed
 from wrenchbed.calibration.checks.stretches import changed, touched
 from wrenchbed.data.recording import Recording
+from wrenchbed.pages.numbers import minus
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 REFUTED = 0.1
@@ -69,6 +70,8 @@ some mm; for a unit to be possible; and to explain forces, which sensors know to
 COUNTS, SUBTRACTED = 20.0, 0.5
 """Least ratio of forces to the stated weight that means counts, and largest that means a payload
 subtracted by a controller: nobody states a tool twice as heavy as it is."""
+_LARGEST_GAIN = 0.5
+"""Largest error of a sensor's gain beside which a unit is not the only answer; estimate."""
 _UNITS = {
     "kgf": 1.0 / 9.80665, "lbf": 1.0 / 4.4482216, "mN": 1e3, "kN": 1e-3, "gf": 101.97162,
 }  # fmt: skip
@@ -308,24 +311,20 @@ def _units(seen: Observed, load: Load) -> Finding | None:
     mass = float(load.phi[0])
     lever = np.abs(load.phi[1:4]) / max(abs(mass), 1e-300)
     if abs(mass) > LARGEST_KG:
-        return Finding(
-            "units",
-            f"the forces are those of {mass:.3g} kg: state fx fy fz in N (are they in mN, or "
-            "counts?)",
-        )
+        text = f"the forces are those of {mass:.3g} kg: state fx fy fz in N (are they in mN, "
+        return Finding("units", f"{text}or counts?)")
     longer = _longer(seen, load)
-    for (force, unit), factor in TORQUES.items() if longer is not None else ():
-        if longer is not None and force == "N" and abs(longer / factor - 1.0) < SAME_UNIT:
-            return Finding(
-                "units",
-                f"the torques are those of a load {factor:.3g} times as far from the sensor as is "
-                f"stated: are they in {unit}? State that unit with tx ty tz",
-            )
+    torques = {unit: factor for (force, unit), factor in TORQUES.items() if force == "N"}
+    for unit, factor in torques.items():
+        if longer is not None and abs(longer / factor - 1.0) < SAME_UNIT:
+            text = f"the torques are those of a load {longer:.3g} times as far from the sensor as "
+            text += f"is stated: are they in {unit}? State that unit with tx ty tz"
+            if abs(longer - 1.0) < _LARGEST_GAIN:
+                gain = minus(f"{100 * (longer - 1.0):+.0f}")
+                text += f", or per = {longer:.3g} if their gain is off by {gain} %"
+            return Finding("units", text)
     if lever.max() > LARGEST_M:
-        near = (
-            unit for (force, unit), factor in TORQUES.items()
-            if force == "N" and 1e-3 < lever.max() / factor < LONG
-        )  # fmt: skip
+        near = (u for u, factor in torques.items() if 1e-3 < lever.max() / factor < LONG)
         return Finding(
             "units",
             f"the torques are those of a load {lever.max():.3g} m from the sensor: state their "

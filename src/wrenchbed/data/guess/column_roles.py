@@ -42,11 +42,15 @@ NO_JOINT = re.compile(r"target|desired|command|vel|speed|current|torque|effort|q
 _OTHER = re.compile(r"target|desired|command|vel|speed|current|gyro|omega|acc|temp|volt|power")
 """Names of what is no joint value; and of what is neither an orientation nor a wrench."""
 _OF_JOINTS = {
-    "tau": re.compile(r"^(?:.*_)?(?:tau(?:_?j)?|torques?|efforts?|moments?)$"),
+    "tau": re.compile(r"^(?:.*_)?(?:tau(?:_?j)?|torques?|eff(?:orts?)?|moments?)$"),
     "i": re.compile(r"^(?:.*_)?currents?$"),
     "qd": re.compile(r"^(?:.*_)?(?:qd|dq|vel|velocit(?:y|ies)|speeds?)$"),
 }
 """Column of a recording → stem of numbered columns of joint torques, currents or speeds."""
+_OF_A_JOINT = re.compile(
+    r"^(eff|effort|tau|torque|current|vel|velocity)(?:_(?!ext)[a-z0-9]+)?_joint$"
+)
+"""Stem of a quantity before the joint's name, as in ``eff_panda_joint1``."""
 _PARTS = re.compile(r"_?n(?:ano)?_?sec(?:ond)?s?$")
 """End of the name of a column with the parts of a second, and of one with whole seconds."""
 _SECONDS = re.compile(r"_?sec(?:ond)?s?$")
@@ -284,6 +288,7 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
         if match:
             roles.setdefault(role.format(*match.groups()), name)
     for stem, names in _numbered(values, roles.values()).items():
+        stem = _OF_A_JOINT.sub(r"\1", stem)
         joints = _JOINT_STEM.match(stem) and not NO_JOINT.search(stem) and len(names) > 4
         if joints and "q1" not in roles:
             roles |= {f"q{k}": name for k, name in enumerate(names, start=1)}

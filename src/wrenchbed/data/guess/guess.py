@@ -219,7 +219,9 @@ def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str)
 def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
     """Error text when no convention fits: the reason, and the columns that were looked at."""
     names = ", ".join(n for s in tables for n in s.values)
-    if not any(True for s in tables for _ in wrenches(s)):
+    if not any(np.ptp(x) for s in tables for x in s.values.values()):
+        what = "no column changes: every row repeats the first one"
+    elif not any(True for s in tables for _ in wrenches(s)):
         what = "no six columns that might be a wrench"
     elif not any(True for s in tables for _ in orientations(s)):
         what = (

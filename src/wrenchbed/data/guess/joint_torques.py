@@ -54,4 +54,6 @@ def by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, 
         recording["tool"] = {"mass": stated.tool_mass}
     taken = "" if unit else ", as no name states a unit"
     sentence = f"{reading.kind}, {what} in {unit or _USUAL[kind]}{taken}, no wrench: by the names"
+    if clock is None and recording["mode"] == "static":
+        sentence += "; no clock: each row is a pose at rest, else state mode and rate_hz in the map"
     return {"recording": recording, "file": [{"match": "*", "columns": columns}]}, sentence
