@@ -92,7 +92,6 @@ def test_places_of_a_trackers_target_need_no_wrench(tmp_path):
         (basic(force={"column": "FX", "unit": "N"}), "'force' is no column of a recording"),
         (basic(r11={"column": "R11"}), "needs all of r11…r33, found 1"),
     ],
-    ids=str,
 )  # fmt: skip
 def test_a_wrong_map_names_the_entry(tmp_path, raw, words):
     with pytest.raises(MapError, match=words):

@@ -169,6 +169,7 @@ def test_a_claim_names_its_elements_and_no_other(springy):
         ("sensor.drift", ["fx"], course, "fx −1.80 ± 0.10 N over 412 s", "the sensor"),
         ("sensor.jump", ["fx"], jump, "step fz −0.90 ± 0.10 mN", "the sensor"),
         ("tool.mass", ["mass"], heavy, "(stated 2.24 kg, found 4.580 ± 0.020 kg).", "the tool"),
+        ("drive.constant", ["joint 2", "joint 3", "joint 4"], joint, three[1:], three),
         ("joint.compliance", ["joint 2", "joint 3", "joint 4"], joint, three[1:], three),
     ):
         sizes |= {"parameter": {"value": elements[0]}, "form": {"value": "free"}}

@@ -152,7 +152,7 @@ def _size(key: str, entry: Mapping[str, Any], *, signed: bool) -> Size:
 def place(entry: Mapping[str, Any]) -> str:
     """Text of where an entry of ``which`` in diagnosis.json acts: ``joint 2``, ``joint 2, 3 or 4``,
     ``joints 3 and 5``, ``all joints``, ``sensor``."""
-    part = str(entry["effect"]).split(".")[0]
+    part = str(entry["effect"]).split(".")[0].replace("drive", "joint")
     if joint := _one_of_joints(entry):
         return f"{part} {joint}"
     numbered = joints(entry) if part in ("joint", "link") else []
