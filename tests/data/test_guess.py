@@ -314,7 +314,7 @@ def test_a_load_is_found_among_46_columns_without_names_and_the_search_is_bounde
     monkeypatch.setattr(candidates, "_fitted", lambda *pair: tried.append(pair) or fitted(*pair))
     found = guess([tmp_path / "log.csv"])
     assert found.conventions[0].reading.names == ("6", "7", "8")
-    assert [*found.conventions[0].wrench.values()] == [str(k) for k in range(21, 27)]
+    assert [*found.conventions[0].pairing.wrench.values()] == [str(k) for k in range(21, 27)]
     assert found.conventions[0].mass == pytest.approx(12.0 / 9.80665, rel=0.01)
     assert len(tried) <= candidates.MOST_TRIED
     assert re.search(r"of 2\d,\d{3} pairs of .* the 40 that agree best", found.lines[-1])

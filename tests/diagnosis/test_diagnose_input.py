@@ -156,10 +156,10 @@ def test_a_level_in_both_directions_is_named(ur5):
 @pytest.mark.parametrize("side", ["lower", "upper"])
 def test_an_encoder_may_read_a_little_past_a_limit(ur5, side, monkeypatch):
     monkeypatch.setattr(parquet, "ROWS_AT_ONCE", 2)
-    limit = getattr(registry.load("robots", "ur5").joints[1], side)
-    way = 1.0 if side == "upper" else -1.0
-    at = {"q2": np.where(np.arange(len(ur5.t)) < 3, limit + way * 0.9e-3, ur5.q[:, 1])}
+    joint = registry.load("robots", "ur5").joints[1]
+    limit, way = getattr(joint, side), (joint.upper - joint.lower) * (1 if side == "upper" else -1)
+    at = {"q2": np.where(np.arange(len(ur5.t)) < 3, limit + way * 0.009, ur5.q[:, 1])}
     assert robot_of(with_columns(ur5, at)).name == "ur5"
-    at = {"q2": np.where(np.arange(len(ur5.t)) == 3, limit + way * 1.1e-3, ur5.q[:, 1])}
+    at = {"q2": np.where(np.arange(len(ur5.t)) == 3, limit + way * 0.011, ur5.q[:, 1])}
     with pytest.raises(RecordingError, match="row 3: q2 = .* outside its limits"):
         robot_of(with_columns(ur5, at))

@@ -149,6 +149,7 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason(arm, moved):
         wb.calibrate_servos(log, ["link"])
     below = [IdentifiedValue("servo.stiffness.1", -3.0, 1.0, "N·m/rad", 0.0, 2.0)]
     assert impossible(below).endswith("state the tool and --free servo")
+    assert impossible([IdentifiedValue("tool.inertia.xx", -3e-4, 1e-4, "kg·m²", 0.0, 2e-4)]) is None
 
 
 def test_a_load_that_is_stated_is_held(moved, fit):

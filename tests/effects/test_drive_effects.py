@@ -8,7 +8,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.effects.drives.base import DriveEffect, DriveResidual, DriveRows, StatedNumber
-from wrenchbed.effects.drives.operators import moving
+from wrenchbed.effects.drives.operators import late, moving
 from wrenchbed.simulation.drives.faults import Rows, active_fault
 
 NAMES = registry.names("drives")
@@ -89,3 +89,11 @@ def test_what_nobody_states_is_no_cause():
             assert effect.block(at, columns) is None
             assert columns[0].free == (name in at.free)
     assert registry.load("drives", "drive.temperature").columns(rows(warm=None)) == ()
+
+
+def test_a_signal_is_late_by_a_tenth_of_a_row_without_a_filter():
+    """Linear interpolation is late by half a row more: 12 % of this speed."""
+    t = np.arange(0.0, 4.0, 0.04)
+    change = late(np.sin(2.0 * np.pi * t), t, 0.002)
+    speed = 2.0 * np.pi * np.cos(2.0 * np.pi * t)
+    assert change[2:-2] == pytest.approx(-0.002 * speed[2:-2], abs=0.06 * 0.002 * 2.0 * np.pi)

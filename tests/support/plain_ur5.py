@@ -30,21 +30,23 @@ def turned(vector: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
 
 
-def flange(q: np.ndarray, wrong: np.ndarray | float = 0.0) -> np.ndarray:
+def flange(q: np.ndarray, wrong: np.ndarray | float = 0.0, lean: float = 0.0) -> np.ndarray:
     """Pose of the flange (4, 4) at joint values (6,) [rad], by Denavit and Hartenberg.
 
     Args:
         wrong: what is added to zeros, twists, lengths and rises (4, 6) [rad, rad, m, m].
+        lean: turn [rad] about its y of the axis of joint 3, which is parallel to that of joint 2.
     """
     pose = np.eye(4)
     table = np.array([q, ROLL, LENGTH, RISE]) + wrong
-    for angle, roll, length, rise in table.T:
+    for joint, (angle, roll, length, rise) in enumerate(table.T, start=1):
         c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(roll), np.sin(roll)
         link = [
             [c, -s * ca, s * sa, length * c], [s, c * ca, -c * sa, length * s],
             [0, sa, ca, rise], [0, 0, 0, 1],
         ]  # fmt: skip
         pose = pose @ np.array(link)
+        pose[:3, :3] = pose[:3, :3] @ turned(np.array([0.0, lean * (joint == 2), 0.0]))
     return pose
 
 

@@ -31,10 +31,12 @@ def weight_torque(q: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class TrackedUr5:
     """What is wrong with the arm, and how the tracker sees it: ``wrong`` is added to zeros, twists,
-    lengths and rises (4, 6) [rad, rad, m, m]; compliance of the joints [rad/(N·m)], a row's noise
-    [m], the target's place on the flange [m], rotation vector of the tracker [rad]."""
+    lengths and rises (4, 6) [rad, rad, m, m]; lean of the axis of joint 3 [rad]; compliance of the
+    joints [rad/(N·m)], a row's noise [m], the target's place on the flange [m], rotation vector of
+    the tracker [rad]."""
 
     wrong: np.ndarray = field(default_factory=lambda: np.zeros((4, 6)))
+    lean: float = 0.0
     give: tuple[float, ...] = (0.0,) * 6
     noise: float = 5e-5
     target: tuple[float, ...] = (0.06, -0.03, 0.08)
@@ -50,7 +52,7 @@ class TrackedUr5:
     def places(self, q: np.ndarray) -> np.ndarray:
         """True places of the target (N, 3) [m] in the tracker's axes."""
         bent = q + np.array(self.give) * weight_torque(q) if any(self.give) else q
-        pose = np.array([flange(x, self.wrong) for x in bent])
+        pose = np.array([flange(x, self.wrong, self.lean) for x in bent])
         return (pose[:, :3, :3] @ self.target + pose[:, :3, 3]) @ turned(
             np.array(self.turn)
         ) + STAND

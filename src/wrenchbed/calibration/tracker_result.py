@@ -16,7 +16,7 @@ MISFIT = 1.5
 FOLLOWS = 0.5
 """Largest held-out error of the stated geometry, over the extent of the measured positions: forces
 and torques in their columns leave 0.4 to 0.98, zeros that are 20° off 0.45."""
-_LOOSE = 0.1
+_LOOSE = 0.02
 """Standard uncertainty of the tracker's rotation [rad] from which its linear fit misleads."""
 
 

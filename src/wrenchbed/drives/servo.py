@@ -34,12 +34,12 @@ from wrenchbed.drives.signals import DriveSignals, encoder_noise, motion_signals
 from wrenchbed.errors import CalibrationError, ParameterError
 from wrenchbed.robots.base import Joint
 
-STIFFNESS, DELAY = "servo.stiffness", "servo.delay"
+STIFFNESS, DELAY, SETPOINT = "servo.stiffness", "servo.delay", "servo.setpoint"
+"""Parameters of a servo; `SETPOINT` is tracking error over v |v|, v the target's speed: setpoints
+of limited speed trail by the square of the speed, and friction falls with it; without it both pass
+for Coulomb friction and delay."""
 SERVO, TOOL = "servo", "tool"
 """Groups that may be free: the servos always are; of the load mass, centre and inertia."""
-_QUADRATIC = "quadratic"
-"""Column that nobody reads: setpoints of limited speed trail by the square of the speed, and
-friction falls with it; without it both pass for Coulomb friction and delay."""
 LATEST = 0.3
 """Longest delay that is sought [s]: that of a policy or a network."""
 _PER_ROW = 4.0
@@ -81,9 +81,13 @@ class Piece:
 
     def by_speed(self, delay: np.ndarray) -> np.ndarray:
         """Filtered columns (M, J, 2), M kept rows: speed v |v| of the delayed targets, then v."""
-        step = 0.5 / self.signals.rate
-        speed = (self.held(delay - step) - self.held(delay + step)) / (2.0 * step)
+        speed = self.speed(delay)
         return self.signals.filtered(np.stack([speed * np.abs(speed), speed], axis=2))
+
+    def speed(self, delay: np.ndarray) -> np.ndarray:
+        """Speed (N, J) of the targets, delayed by ``delay`` (J,) [s]."""
+        step = 0.5 / self.signals.rate
+        return (self.held(delay - step) - self.held(delay + step)) / (2.0 * step)
 
     def held(self, delay: np.ndarray) -> np.ndarray:
         """Targets (N, J), delayed by ``delay`` (J,) [s]: means of a spline over each row's time."""
@@ -200,7 +204,7 @@ def _linearised(problem: Problem, pieces: Sequence[Piece], delay: np.ndarray) ->
     y = np.concatenate([p.error(delay) for p in pieces])
     more = np.concatenate([p.by_speed(delay) for p in pieces])
     own = np.concatenate([problem.own, more], axis=2)
-    return replace(problem, y=y, own=own, kinds=(*problem.kinds, _QUADRATIC, DELAY))
+    return replace(problem, y=y, own=own, kinds=(*problem.kinds, SETPOINT, DELAY))
 
 
 def _first_delays(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
@@ -231,21 +235,27 @@ def _fit(
         np.delete(solution.x, more), np.delete(solution.folds, more, axis=1),
         np.delete(solution.determined, more), solution.weight,
     )  # fmt: skip
-    late = delay + parts(problem, solution.x)[2][:, -1]
+
+    def of_commands(x: np.ndarray) -> np.ndarray:
+        setpoint, later = parts(problem, x)[2][:, -2:].T
+        return np.concatenate([setpoint, delay + later])
 
     def all_published(x: np.ndarray) -> np.ndarray:
-        of_servos = published(drive, np.delete(x, more), starts)
-        return np.concatenate([of_servos, delay + parts(problem, x)[2][:, -1]])
+        return np.append(published(drive, np.delete(x, more), starts), of_commands(x))
 
     shift = all_published(solution.x + doubt) - all_published(solution.x)
     covariance = jackknife(np.array([all_published(x) for x in solution.folds]))
     covariance += np.outer(shift, shift)
-    values = values_of(drive, of_drive, starts, joints, covariance[: -len(joints), : -len(joints)])
-    std = np.sqrt(np.diagonal(covariance))[-len(joints) :]
-    delays_known = parts(problem, solution.determined)[2][:, -1]
+    last = 2 * len(joints)
+    values = values_of(drive, of_drive, starts, joints, covariance[:-last, :-last])
+    std = np.sqrt(np.diagonal(covariance))[-last:]
+    known = parts(problem, solution.determined)[2][:, -2:].T.ravel()
     identified = [_as_servo(p, joints) for p in values]
-    names = [(f"{DELAY}.{j}", "s") for j in range(1, len(joints) + 1)]
-    identified += identified_values(names, late, std, np.zeros(len(joints)), delays_known, WIDE)
+    names = [(f"{SETPOINT}.{j}", f"s²/{x.unit}") for j, x in enumerate(joints, start=1)]
+    names += [(f"{DELAY}.{j}", "s") for j in range(1, len(joints) + 1)]
+    identified += identified_values(
+        names, of_commands(solution.x), std, np.zeros(last), known, WIDE
+    )
     errors = errors_of(problem, solution, [joint.unit for joint in joints])
     signals = [p.signals for p in pieces]
     return DriveFit(

@@ -74,7 +74,8 @@ def public(name: str) -> str:
     """Public name of a robot's parameter: ``twist.3`` of alpha3, ``length.L11`` of L11."""
     if name.startswith("alpha"):
         return f"twist.{name[5:]}"
-    return f"twist.{name}" if ".rotation." in name else f"length.{name}"
+    turns = name.startswith("beta") or ".rotation." in name
+    return f"twist.{name}" if turns else f"length.{name}"
 
 
 def single(names: Sequence[str]) -> list[Variant]:

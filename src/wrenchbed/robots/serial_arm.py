@@ -2,9 +2,10 @@
 
 A new arm is one file with `ROBOT = SerialArm(ArmData(...))` and perhaps its MJCF: see `robots.ur5`.
 
-Kinematics: Denavit–Hartenberg, T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i). The world is the
-base frame of the arm's controller. Sensor axes and origin are those of the flange (the last DH
-frame) unless the mount parameters say otherwise.
+Kinematics: Denavit–Hartenberg, T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i) · Ry(β_i), with β
+only between parallel axes, which lean in two directions (Hayati & Mirmirani 1985, doi
+10.1002/rob.4620020406). The world is the base frame of the arm's controller. Sensor axes and origin
+are those of the flange (the last DH frame) unless the mount parameters say otherwise.
 
 In the MJCF, the body of link i is at (a, 0, d) of its parent, rotated by the parent's twist, and
 its joint ``q<i>`` turns about its z. Then follow the bodies ``flange``, ``tool`` and
@@ -19,7 +20,7 @@ import numpy as np
 
 from wrenchbed.physics.gravity_torques import BodyMass
 from wrenchbed.physics.model_parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import rot_x, rot_z
+from wrenchbed.physics.rotations import rot_x, rot_y, rot_z
 from wrenchbed.robots.arm_numbers import HINGE, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
@@ -103,7 +104,9 @@ class SerialArm(SerialChain):
     """A serial arm with a six-axis sensor between flange and tool."""
 
     free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
-    candidates = ("a?", "d?", "alpha?", "dq?", "base.tilt", "mount", "tool.mass", "tool.cog")
+    candidates = (
+        "a?", "d?", "alpha?", "beta?", "dq?", "base.tilt", "mount", "tool.mass", "tool.cog",
+    )  # fmt: skip
 
     def __init__(self, arm: ArmData) -> None:
         self.arm = arm
@@ -122,10 +125,14 @@ class SerialArm(SerialChain):
                 Parameter(f"alpha{i}", link.alpha, "rad", 1e-3, -3.2, 3.2, "DH twist"),
                 Parameter(f"dq{i}", 0.0, "rad", ANGLE, -6.3, 6.3, "joint zero offset"),
             ]
-        self.parameters = ParameterSet(tuple(table)) + mounted_parameters(arm.tool)
         names = [p.name for p in table]
+        parallel = [k for k, link in enumerate(arm.links[:-1]) if link.alpha == 0.0]
+        self._leans = {k: len(table) + n for n, k in enumerate(parallel)}
+        text = "lean about y of an axis that is parallel to the one before"
+        leans = [Parameter(f"beta{k + 1}", 0.0, "rad", 1e-3, -3.2, 3.2, text) for k in parallel]
+        self.parameters = ParameterSet((*table, *leans)) + mounted_parameters(arm.tool)
         self.lengths = (*names[0::4], *names[1::4])
-        self.twists, self.zero_names = tuple(names[2::4]), tuple(names[3::4])
+        self.twists, self.zero_names = (*names[2::4], *(p.name for p in leans)), tuple(names[3::4])
         self.bodies = (*(link.body for link in arm.links), arm.flange)
         self._dh = [slice(k, 4 * len(arm.links), 4) for k in range(4)]
         self._prepare()
@@ -145,6 +152,8 @@ class SerialArm(SerialChain):
         a, d, alpha, _ = (theta[..., columns] for columns in self._dh)  # (…, J) each
         twists, shift = rot_x(alpha), np.stack([a, 0.0 * a, d], axis=-1)
         turns = [twists[..., k, :, :] for k in range(len(self.joints))]
+        for k, column in self._leans.items():
+            turns[k] = turns[k] @ rot_y(theta[..., column])
         shifts = [shift[..., k, :] for k in range(len(self.joints))]
         return [self._leaning(np.eye(3), theta), *turns], [np.zeros(3), *shifts]
 
@@ -177,14 +186,13 @@ class SerialArm(SerialChain):
 
         spec = bare(self.mjcf) if self.mjcf.is_file() else self.drawn()
         place(spec, "base", [0, 0, 0], self._leaning(np.eye(3), theta))
-        frame, origin = np.eye(3), [0.0, 0.0, 0.0]
-        table = zip(*(theta[columns].tolist() for columns in self._dh), strict=True)
-        each = zip(self.arm.links, self.home, table, strict=True)
-        for i, (link, angle, (a, d, alpha, zero)) in enumerate(each, start=1):
-            place(spec, link.body.body, origin, frame @ rot_z(zero + angle))
+        turns, shifts = self.fixed(theta)
+        turns = [np.eye(3), *turns[1:]]  # the base leans already
+        each = zip(self.arm.links, self.home, self.zeros(theta), turns, shifts, strict=False)
+        for i, (link, angle, zero, turn, shift) in enumerate(each, start=1):
+            place(spec, link.body.body, shift.tolist(), turn @ rot_z(zero + angle))
             spec.joint(f"q{i}").ref = angle
-            frame, origin = rot_x(alpha), [a, 0.0, d]
-        place(spec, self.arm.flange.body, origin, frame)
+        place(spec, self.arm.flange.body, shifts[-1].tolist(), turns[-1])
         place(spec, "tool", theta[self._offset].tolist(), mount_turn(theta[self._turn]))
         write_load(spec, self.tool(theta))
         return spec

@@ -30,8 +30,8 @@ _AT_ONCE = 8000
 """Poses times parameters per evaluation of derivatives: what a processor's cache holds."""
 _LOAD = slice(3, 8)
 """Positions of mass, CoG and the sensor's own mass among the C constants, see `_statics.c`."""
-_PAST_LIMIT = 1e-3
-"""Most that an encoder may read beyond a joint's limit [rad; m], by its noise or by overshoot."""
+_PAST_LIMIT = 0.01
+"""Share of a joint's range that an encoder may read beyond a limit: a servo swings over."""
 
 
 def _sensor_parameters() -> ParameterSet:
@@ -273,5 +273,5 @@ def _within_limits(robot: Robot, q: np.ndarray) -> np.ndarray:
     given."""
     lower = np.array([joint.lower for joint in robot.joints])
     upper = np.array([joint.upper for joint in robot.joints])
-    near = (q >= lower - _PAST_LIMIT) & (q <= upper + _PAST_LIMIT)
-    return np.where(near, np.clip(q, lower, upper), q)
+    inside = np.clip(q, lower, upper)
+    return np.where(np.abs(q - inside) <= _PAST_LIMIT * (upper - lower), inside, q)

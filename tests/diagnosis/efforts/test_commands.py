@@ -77,6 +77,7 @@ def test_the_same_servos_on_another_day_are_none(arm, healthy, law):
         calibrate_servos(moved(arm, SERVOS, 100, law)).write(file)
     found = diagnose_efforts(moved(arm, SERVOS, 8, law), drives=file).diagnosis
     assert found.verdict == "none" and not found.which
+    assert found.gap.configured < 1.0  # what its fit left out counts as nothing
 
 
 def test_the_command_line_diagnoses_commands(arm, healthy, tmp_path, capsys):

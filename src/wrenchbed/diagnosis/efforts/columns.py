@@ -20,6 +20,7 @@ from wrenchbed.diagnosis.efforts.stated_drives import COMMANDED
 from wrenchbed.diagnosis.explain.verdict import Key
 from wrenchbed.diagnosis.prepare.bias_and_load_fit import COG_M, MASS_SHARE
 from wrenchbed.drives.identify import load_torques, of_mass, of_moment
+from wrenchbed.drives.servo import DELAY
 from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveRows, Size, StatedNumber
 from wrenchbed.effects.drives.operators import late, slow
 from wrenchbed.physics.rigid_load_regressor import INERTIAL
@@ -64,6 +65,9 @@ _LAST = -2.0
 """Log prior odds of a fault of the last link against one of the tool that hangs on it: tools change
 daily, links do not (1 : 7)."""
 _OFFSET, _ROTOR, _CONSTANT = "drive.offset", "drive.inertia", "drive.constant"
+_SERVO_DELAY = 5e-4
+"""Ordinary change of a fitted servo's delay from one day to another [s]: half a cycle of a bus at
+1 kHz; estimate."""
 _RANGE = "record the joint over its whole range, which tells a cable from a spring"
 _REACH = "record poses with the arm stretched and folded, at rest in both directions"
 Made = tuple[list[Column], list[Block]]
@@ -157,6 +161,8 @@ def rows_of(scene: EffortScene, j: int) -> DriveRows:
     free = frozenset(name for name, std in spread.items() if std is None)
     if spread[_CONSTANT] is None:
         spread[_CONSTANT] = 1.0
+    if scene.drives.known(DELAY)[j]:
+        spread["drive.delay"] = float(np.hypot(_SERVO_DELAY, scene.drives.std[DELAY][j]))
     warm = scene.recording.columns.get(f"joint_temperature{j + 1}")
     if warm is not None and not (np.isfinite(warm).all() and np.ptp(warm) > 0.0):
         warm = None
@@ -249,7 +255,7 @@ def of_sensor(scene: EffortScene, channel: int) -> Made:
 def of_arm(scene: EffortScene) -> Made:
     """Columns (N, C), change of C channels per unit, and causes of an arm's links, tool, base."""
     columns, blocks = _links(scene)
-    columns += _lag(scene)
+    columns += [] if scene.commanded else _lag(scene)  # rows hold what was told and reached
     unseen = np.zeros((len(scene.signals.t), len(scene.channels) - scene.joints))
     columns = [replace(c, data=np.hstack([c.data, unseen])) for c in columns]
     for more, causes in (_tool(scene), _tilt(scene)):

@@ -116,8 +116,7 @@ def diagnose_efforts(
     recording = with_tool(recording, known)
     given = recording
     if recording.only_commanded:
-        recording, known, counts = as_efforts(recording, known)
-        material = material or counts
+        recording, known = as_efforts(recording, known)
     recording = stretch(recording)
     scene = effort_scene(recording, known, wrench=wrench)
     progress("effects and noise")

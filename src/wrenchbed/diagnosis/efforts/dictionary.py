@@ -164,7 +164,8 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     each = [_made(scene, j, y[:, j], use[:, j], arm[:, j]) for j in many]
     every = [np.hstack([each[j][1], arm[:, j]]) for j in many]
     left = [remains(y[:, j], every[j], use[:, j]) for j in many]
-    noise = [_noise(y[:, j], left[j], use[:, j], every[j].shape[1]) for j in many]
+    least = np.zeros(len(many)) if scene.drives.counts is None else scene.drives.counts
+    noise = [_noise(y[:, j], left[j], use[:, j], every[j].shape[1], least[j]) for j in many]
     std_rows = np.array([std for std, *_ in noise])
     flat = [c for columns, _, _ in each for c in columns] + arm_columns
     joint = np.repeat([*many, -1], [*(len(columns) for columns, _, _ in each), len(arm_columns)])
@@ -172,7 +173,8 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     shared = np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0))
     size = np.concatenate([*sizes, shared])
     blocks = (*(b for _, _, some in each for b in some), *arm_blocks)
-    counts = (material or Material()).counts([unit for *_, unit in scene.channels], std_rows)
+    usual = std_rows if scene.drives.counts is None else scene.drives.counts
+    counts = (material or Material()).counts([unit for *_, unit in scene.channels], usual)
     channels = tuple(
         Channel(
             y[:, j], use[:, j], speeds[:, j] > REST * speeds[:, j].max(),
@@ -228,10 +230,11 @@ def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 
 def _noise(
-    y: np.ndarray, left: np.ndarray, use: np.ndarray, columns: int
+    y: np.ndarray, left: np.ndarray, use: np.ndarray, columns: int, least: float
 ) -> tuple[float, np.ndarray, float]:
     """Noise of a channel as `Channel` keeps it: ``std``, ``filter``, ``innovation``; ``columns``:
-    number of those whose fit to y (M,) leaves the residual ``left`` (M,) at the rows ``use``."""
+    number of those whose fit to y (M,) leaves the residual ``left`` (M,) at the rows ``use``;
+    ``least``: least ``std``, what a healthy fit left."""
     rows = int(use.sum())
     std = float(np.std(left[use])) * float(np.sqrt(rows / max(rows - columns, 1)))
     std = max(std, 1e-9 * max(float(np.std(y)), 1e-3))
@@ -240,4 +243,5 @@ def _noise(
     memory = solve_toeplitz(moments[:-1], moments[1:]) if moments[0] > 0.0 else moments[:0]
     kernel = np.concatenate([[1.0], -memory])
     innovation = float(np.std(scipy.signal.lfilter(kernel, [1.0], left)[use]))
-    return std, kernel, max(innovation, 1e-9 * std)
+    more = max(1.0, least / std)
+    return more * std, kernel, more * max(innovation, 1e-9 * std)

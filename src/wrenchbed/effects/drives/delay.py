@@ -25,7 +25,8 @@ class DriveDelay(Lag):
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        return (rows.column("late", late(rows.lagging, rows.t, LATE) / LATE, LATE),)
+        spread = rows.spread.get(self.name) or LATE
+        return (rows.column("late", late(rows.lagging, rows.t, LATE) / LATE, spread),)
 
     def change(self, rows: DriveRows, torque: np.ndarray, time: float) -> np.ndarray:
         return late(torque, rows.t, time)

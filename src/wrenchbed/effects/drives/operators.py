@@ -6,6 +6,7 @@
 from functools import lru_cache
 
 import numpy as np
+from scipy.interpolate import Akima1DInterpolator
 
 from wrenchbed.physics.noise import carried
 
@@ -98,7 +99,8 @@ def _path(x: np.ndarray, width: float) -> np.ndarray:
 
 def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
     """Change (N,) of a torque (N,) sampled at times t (N,) [s] when it is late by ``delay`` [s]."""
-    return np.asarray(np.interp(t - delay, t, torque) - torque)
+    course = Akima1DInterpolator(t, torque, method="makima")  # friction's steps do not ring
+    return np.asarray(course(np.maximum(t - delay, t[0])) - torque)
 
 
 def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
