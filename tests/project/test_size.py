@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2709,
     "data": 5523,
-    "diagnosis": 13024,
+    "diagnosis": 13032,
     "drives": 1741,
     "effects": 5001,
     "environments": 588,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79053,
-    "src/wrenchbed": 69564,
+    "src": 79061,
+    "src/wrenchbed": 69572,
     "src/robot_emulators": 9489,
     "tests": 38152,
     "scripts": 3492,

@@ -149,7 +149,9 @@ class Simulators:
                 each[label] = fit.each.copy()
                 each[label][:, d.at[k]] = 0.0
         every = {name: self._left(x) for name, x in each.items()}
-        here = {n: self._where(every[n] - every["with_effects"]) for n in labels.values()}
+        here = {
+            n: self._where(self._lesser(every, n) - every["with_effects"]) for n in labels.values()
+        }
         rows = {name: self._of_rows(x) for name, x in every.items() if name not in here}
         rows["floor"] = np.zeros(len(use))
         channels = {s: every[name].sum(axis=0) / use.sum(axis=0) for s, name in stages.items()}
@@ -169,6 +171,12 @@ class Simulators:
         """Gap (M, C) of readings, 0 if unused; amplitudes (B, P) are fitted without each block."""
         counts = self._use * np.square([c.std / c.counts for c in self.d.channels])
         return np.asarray((remaining(self.d, each) ** 2 - 1.0) * counts)
+
+    def _lesser(self, every: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+        """Gap (M, C) of the simulator ``name``, or as configured in channels where that is less: a
+        cause that only makes up for ordinary errors that were fitted beside it closes nothing."""
+        stated = every["configured"].sum(axis=0) < every[name].sum(axis=0)
+        return np.asarray(np.where(stated, every["configured"], every[name]))
 
     def _where(self, back: np.ndarray) -> np.ndarray:
         """Gap by row (M,) in the channel where most of a cause's gap ``back`` (M, C) lies."""
@@ -289,7 +297,7 @@ def facts_of(
         of = partial(closure, [s.judged(causes)], names, FOLDS, seed)
         gap = replace(of(stated=False), apart=True)
         stated = all(s.d.stated[s.d.at[b]].all() for b in causes)
-        shrinks = gap.closed is not None and gap.closed.high >= 0.0
+        shrinks = gap.closed is None or gap.closed.high >= 0.0  # None: nothing is left to shrink
         # the usual fit takes wrong stated numbers: they close the configured gap
         return replace(of(stated=True), apart=True) if shrinks and stated and small(gap) else gap
 
