@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 79061,
     "src/wrenchbed": 69572,
     "src/robot_emulators": 9489,
-    "tests": 38152,
+    "tests": 38163,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -80,6 +80,17 @@ def test_the_same_servos_on_another_day_are_none(arm, healthy, law):
     assert found.gap.configured < 1.0  # what its fit left out counts as nothing
 
 
+def test_a_load_is_named_although_ordinary_errors_of_the_servos_could_take_it(arm, tmp_path):
+    """Links, zeros and gains within their spread leave no gap beside another servo law."""
+    file = tmp_path / "own.json"
+    calibrate_servos(moved(arm, SERVOS, 100, own_servo)).write(file)
+    heavier = moved(arm, replace(SERVOS, load=0.08), 7, own_servo)
+    found = diagnose_efforts(heavier, drives=file).diagnosis
+    assert found.gap.calibrated.value < 0.5 < 5.0 < found.gap.configured
+    assert [w["effect"] for w in found.which] == ["tool.mass"]
+    assert found.which[0]["parameters"]["mass"]["value"] == approx(0.03, rel=0.3)
+
+
 def test_the_command_line_diagnoses_commands(arm, healthy, tmp_path, capsys):
     log, out = tmp_path / "rec.parquet", tmp_path / "found"
     moved(arm, CASES["stiffness"][0], 3).write(log)
