@@ -97,12 +97,14 @@ def test_motion_and_its_jacobian_are_those_of_the_pose(name):
     jets = Jet(q, 0.3 * RNG.standard_normal(q.shape), RNG.standard_normal(q.shape))
     theta = model.parameters.nominal + 0.01 * RNG.standard_normal(len(model.parameters))
 
-    def reading(x):
+    def reading(x, jets=jets):
         pose = robot.sensor_pose(jets, x[:own])
         motion = motion_of(*pose, np.asarray(model.gravity))
         return model.read(load(motion, robot.tool(x[:own]).inertial), x)
 
-    np.testing.assert_allclose(model.predict(jets, theta), reading(theta), atol=1e-12)
+    other, later = theta + 0.01, jets[::-1]  # the motion that a model keeps is that of these values
+    for moved, x in ((jets, theta), (jets, other), (later, other), (jets, theta)):
+        np.testing.assert_allclose(model.predict(moved, x), reading(x, moved), atol=1e-12)
     columns, step = range(len(theta)), 1e-6 * np.eye(len(theta))
     expected = np.stack([reading(theta + s) - reading(theta - s) for s in step], axis=-1) / 2e-6
     np.testing.assert_allclose(model.jacobian(jets, theta, columns), expected, atol=1e-6)

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7773,
-    "calibration": 5167,
+    "calibration": 5177,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
@@ -23,23 +23,23 @@ WRENCHBED = {
     "jobs": 555,
     "monitoring": 1385,
     "pages": 1255,
-    "physics": 1028,
+    "physics": 1043,
     "planning": 1037,
     "plant": 761,
     "reports": 2124,
-    "robots": 4360,
+    "robots": 4378,
     "sensors": 314,
-    "simulation": 1302,
+    "simulation": 1343,
     "studies": 1336,
     "twin": 1077,
     "viewer": 747,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79061,
-    "src/wrenchbed": 69572,
+    "src": 79145,
+    "src/wrenchbed": 69656,
     "src/robot_emulators": 9489,
-    "tests": 38163,
+    "tests": 38165,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -19,6 +19,8 @@ SAME = 1e-7
 """A step below this, in tolerances, changes no derivative that counts."""
 BLIND = 1e-5
 """A parameter with more than this share in the null space is not identified by itself."""
+_BLOCK = 1000
+"""Rows of a block that are factorised together: what a processor's cache holds."""
 HALVINGS = 30
 """Largest number of halvings of a step: it is then 1e-9 of itself and changes nothing."""
 
@@ -58,7 +60,7 @@ def solve(
     while steps < MAX_STEPS and not converged:
         steps += 1
         j = jacobian(x)
-        triangle = np.asarray(np.linalg.qr(np.column_stack([j, r]), mode="r"))[: len(x)]
+        triangle = triangular(np.column_stack([j, r]))[: len(x)]
         u, s, vt = np.linalg.svd(triangle[:, :-1] * scale, full_matrices=False)
         keep = s > RANK_TOLERANCE * s[0]
         step = vt[keep].T @ ((u[:, keep].T @ triangle[:, -1]) / s[keep])
@@ -68,12 +70,20 @@ def solve(
         fresh = not moved or size < SAME
     if not fresh:
         j = jacobian(x)
-        _, s, vt = np.linalg.svd(np.linalg.qr(j, mode="r") * scale, full_matrices=False)
+        _, s, vt = np.linalg.svd(triangular(j) * scale, full_matrices=False)
         keep = s > RANK_TOLERANCE * s[0]
     seen = vt[keep].T
     covariance = (seen / s[keep] ** 2) @ seen.T * np.outer(scale, scale)
     blind = np.sqrt(np.clip(1.0 - (seen**2).sum(axis=1), 0.0, 1.0))
     return Solution(x, r, j * scale, covariance, blind, int(keep.sum()), steps, converged)
+
+
+def triangular(rows: np.ndarray) -> np.ndarray:
+    """Factor R of the QR decomposition of rows (M, K), block by block where they are many."""
+    whole = len(rows) // _BLOCK * _BLOCK
+    parts = rows[:whole].reshape(-1, _BLOCK, rows.shape[1])
+    tops = np.asarray(np.linalg.qr(parts, mode="r")).reshape(-1, rows.shape[1])
+    return np.asarray(np.linalg.qr(np.concatenate([tops, rows[whole:]]), mode="r"))
 
 
 def _halve(

@@ -42,6 +42,21 @@ def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
     return Motion(np.moveaxis(origin, -1, 0), _vee(spin), _vee(turn))
 
 
+def carried_along(motion: Motion, turn: np.ndarray, shift: np.ndarray) -> Motion:
+    """Motion of a frame that a moving one carries: its axes ``turn`` (…, 3, 3) and its origin
+    ``shift`` (…, 3) [m] in axes of the moving one."""
+    lever = np.moveaxis(shift, -1, 0)
+    swing = _cross(motion.spin, _cross(motion.spin, lever))
+    pull = _cross(motion.turning, lever)
+    origin = [o + a + b for o, a, b in zip(motion.origin, pull, swing, strict=True)]
+
+    def turned(x: Vector) -> np.ndarray:
+        rows = [sum(turn[..., i, j] * x[i] for i in range(3)) for j in range(3)]
+        return np.stack(np.broadcast_arrays(*rows))
+
+    return Motion(turned(origin), turned(motion.spin), turned(motion.turning))
+
+
 def twist_of(rotation: Jet, position: Jet) -> np.ndarray:
     """Velocity of the sensor's origin [m/s] and angular velocity [rad/s] in sensor axes (N, 6)."""
     to_own = np.swapaxes(rotation.v, -1, -2)

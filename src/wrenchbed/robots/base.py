@@ -16,8 +16,9 @@ import numpy as np
 from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
 from wrenchbed.physics.gravity_torques import ArmBodies, BodyMass
 from wrenchbed.physics.model_parameters import Parameter, ParameterSet
+from wrenchbed.physics.rigid_load_regressor import Motion, carried_along, motion_of
 from wrenchbed.physics.rotations import apply, euler, exp
-from wrenchbed.physics.taylor_jets import STEP, Value, stack_jets
+from wrenchbed.physics.taylor_jets import STEP, Jet, Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.arm_numbers import Load
 from wrenchbed.robots.compiled.statics import Packed
@@ -96,6 +97,8 @@ class Robot(ArmBodies):
     """Patterns of the parameters whose identifiability `calibrate` reports."""
     load: frozenset[str]
     """Parameters that change the load on the sensor but not where the sensor is."""
+    mount: frozenset[str] = frozenset()
+    """Parameters of the sensor's place on what carries it, which only `at_sensor` reads."""
     large_gears: int = 0
     """Number of joints from the base on with gears about three times as stiff as the others'."""
     broadcasts: bool = False
@@ -122,6 +125,14 @@ class Robot(ArmBodies):
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         """Gravity in sensor axes (…, N, 3) [m/s²] at q (N, J), from gravity in world axes (3,)."""
         return np.asarray(np.swapaxes(self.sensor_pose(q, theta)[0], -1, -2) @ gravity)
+
+    def carrier_motion(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
+        """Motion (3, …, N) of what carries the sensor, in its axes; gravity (3,) in world axes."""
+        return motion_of(*self.sensor_pose(q, theta), gravity)
+
+    def at_sensor(self, motion: Motion, theta: np.ndarray) -> Motion:
+        """The sensor's motion, from the `carrier_motion`."""
+        return motion
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
         """Constants for `compiled.statics` at theta (P,), or (R, P) of R robots, and at gravity
@@ -300,6 +311,13 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
         groups = ("base.tilt", "mount.position", "mount.rotation")
         columns = [self.parameters.select([group]) for group in groups]
         self._tilt, self._offset, self._turn = (slice(c[0], c[-1] + 1) for c in columns)
+        self.mount = frozenset(self.parameters.names[c] for group in columns[1:] for c in group)
+
+    def carrier_motion(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
+        return motion_of(*self.flange_pose(q, theta), gravity)
+
+    def at_sensor(self, motion: Motion, theta: np.ndarray) -> Motion:
+        return carried_along(motion, mount_turn(theta[..., self._turn]), theta[..., self._offset])
 
     @abstractmethod
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:

@@ -5,6 +5,7 @@ Its counterpart is `mujoco_wrench`: the same robot in MuJoCo. Tests compare the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, PlanError, RecordingError
 from wrenchbed.physics.model_parameters import Parameter, ParameterSet
-from wrenchbed.physics.rigid_load_regressor import Motion, load, motion_of
+from wrenchbed.physics.rigid_load_regressor import Motion, load
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.taylor_jets import STEP, Jet, Value, value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
@@ -139,6 +140,10 @@ class Model:
     gravity: tuple[float, ...]
     parameters: ParameterSet = field(init=False)
     _compiled: CompiledForm = field(init=False, compare=False, repr=False)
+    _carrier: dict[bytes, tuple[Jet, Motion]] = field(
+        init=False, compare=False, repr=False, default_factory=dict
+    )
+    """The last joint values in motion, and what they gave, by the parameters that it depends on."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", self.robot.parameters + SENSOR)
@@ -184,8 +189,39 @@ class Model:
         """Gravity in sensor axes (…, N, 3) [m/s²]; if q is a `Jet`, the sensor's `Motion`."""
         place, gravity = theta[..., : len(self.robot.parameters)], np.asarray(self.gravity)
         if isinstance(q, Jet):
-            return motion_of(*self.robot.sensor_pose(q, place), gravity)
+            return self.robot.at_sensor(self._carried(q, place), place)
         return self.robot.gravity_seen(q, place, gravity)
+
+    def _carried(self, q: Jet, theta: np.ndarray) -> Motion:
+        """Motion of what carries the sensor; of one vector theta (P,) the last one is kept."""
+        place, gravity = theta[..., : len(self.robot.parameters)], np.asarray(self.gravity)
+        if theta.ndim > 1 or np.iscomplexobj(theta):
+            return self.robot.carrier_motion(q, place, gravity)
+        key = place[self._bearing].tobytes()
+        if key not in self._carrier or self._carrier[key][0] is not q:
+            rows = range(0, len(q.v), _AT_ONCE)
+            parts = [self.robot.carrier_motion(q[a : a + _AT_ONCE], place, gravity) for a in rows]
+            whole = Motion(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
+            self._carrier.clear()
+            self._carrier[key] = q, whole
+        return self._carrier[key][1]
+
+    @cached_property
+    def _bearing(self) -> np.ndarray:
+        """Indices of the parameters that move what carries the sensor."""
+        robot, names = self.robot, self.robot.parameters.names
+        still = robot.load | robot.mount
+        return np.array([k for k, name in enumerate(names) if name not in still], dtype=int)
+
+    def _stages(self, columns: Sequence[int], *, moving: bool) -> list[np.ndarray]:
+        """Positions in ``columns`` of the parameters that the sensor's pose depends on, of those
+        that the load depends on besides, and of the sensor's own. The mount needs no kinematics
+        where the sensor is ``moving``."""
+        names = self.parameters.names
+        after = self.robot.load | self.robot.mount if moving else self.robot.load
+        own = len(self.robot.parameters)
+        stage = [2 if c >= own else 1 if names[c] in after else 0 for c in columns]
+        return [np.flatnonzero(np.equal(stage, k)) for k in range(3)]
 
     def _load(self, seen: np.ndarray | Motion, theta: np.ndarray) -> np.ndarray:
         tool = self.robot.tool(theta[..., : len(self.robot.parameters)])
@@ -199,10 +235,12 @@ class Model:
         return np.asarray(self._seen(q, theta))
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Reading (…, N, 6) of a load (…, N, 6): gains and bias, in theta (…, P), applied."""
+        """Reading (…, N, 6) of a load (…, N, 6) by gains and bias in theta (P,) or (…, 1, P)."""
         bias, gain = np.split(theta[..., len(self.robot.parameters) :], [6], axis=-1)
-        force = load[..., None, :3] @ np.swapaxes(gain.reshape(*gain.shape[:-1], 3, 3), -1, -2)
-        return np.concatenate([force[..., 0, :], load[..., 3:]], axis=-1) + bias
+        turn = gain.reshape(*gain.shape[:-1], 3, 3)
+        force = load[..., :3] @ np.swapaxes(turn if theta.ndim == 1 else turn[..., 0, :, :], -1, -2)
+        torque = np.broadcast_to(load[..., 3:], force.shape)
+        return np.concatenate([force, torque], axis=-1) + bias
 
     def predict(self, q: Value, theta: np.ndarray) -> np.ndarray:
         """Reading (N, 6) [N, N·m] with parameters theta (P,), at rest or, for a `Jet`, in motion;
@@ -218,15 +256,18 @@ class Model:
         if compiled is not None:
             return compiled
         slopes = np.empty((len(columns), len(value(q)), 6))
-        names, load = self.parameters.names[: len(self.robot.parameters)], self.robot.load
-        # whether the sensor's pose depends on a parameter; the others cost no kinematics
-        moving = np.array([c < len(names) and names[c] not in load for c in columns], dtype=bool)
-        for moves, group in ((True, np.flatnonzero(moving)), (False, np.flatnonzero(~moving))):
+        carried = self._carried(q, theta) if isinstance(q, Jet) else None
+        for stage, group in enumerate(self._stages(columns, moving=carried is not None)):
             shifted = complex_steps(theta, [columns[k] for k in group.tolist()])
             step, end = max(1, _AT_ONCE // max(1, len(group))), slopes.shape[1] * (len(group) > 0)
             for part in (slice(a, a + step) for a in range(0, end, step)):
-                seen = self._seen(q[part], shifted if moves else theta)
-                slopes[group, part] = self.read(self._load(seen, shifted), shifted).imag / STEP
+                if stage == 0 or carried is None:
+                    seen = self._seen(q[part], shifted if stage == 0 else theta)
+                else:
+                    some = Motion(*(x[..., part] for x in carried))
+                    seen = self.robot.at_sensor(some, shifted if stage == 1 else theta)
+                load = self._load(seen, shifted if stage < 2 else theta)
+                slopes[group, part] = self.read(load, shifted).imag / STEP
         return np.moveaxis(slopes, 0, -1)
 
 
