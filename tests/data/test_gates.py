@@ -21,7 +21,7 @@ import wrenchbed as wb
 from json_logs import json_log
 from recorded import METADATA, columns
 from robot_logs import COUNT, bag1, bag2, fill
-from wrenchbed.data import parquet, rosbag_and_mcap, unpacking
+from wrenchbed.data import parquet, rosbag_and_mcap
 from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.data.rosbag_and_mcap import table
@@ -134,8 +134,8 @@ def test_a_bag_that_is_a_bomb_is_refused_before_it_fills_the_memory(
         kind, store = "geometry_msgs/msg/WrenchStamped", get_typestore(known)
         topic = writer.add_connection("/wrench", kind, typestore=store)
         writer.write(topic, 1, bytes(32 * MB))
-    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
-    monkeypatch.setattr(unpacking, "RATIO", 2)
+    monkeypatch.setattr(rosbag_and_mcap, "LARGEST", 4 * MB)
+    monkeypatch.setattr(rosbag_and_mcap, "RATIO", 2)
     refused_without_memory(tmp_path / name, "4,194,304")
     if make is compressed1:  # a chunk that states less than it holds
         path = tmp_path / name
@@ -168,7 +168,7 @@ def test_a_message_that_does_not_state_its_size_is_no_bomb_either(storage, tmp_p
     text = about.read_text()
     text = text.replace("compression_format: ''", "compression_format: zstd")
     about.write_text(text.replace("compression_mode: ''", "compression_mode: MESSAGE"))
-    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
+    monkeypatch.setattr(rosbag_and_mcap, "LARGEST", 4 * MB)
     refused_without_memory(tmp_path / "log", "unpack to more than 4,194,304")
 
 
@@ -179,7 +179,7 @@ def test_a_chunk_of_an_mcap_file_that_is_a_bomb_is_refused(stated, way, tmp_path
     whole = path.read_bytes()
     at = whole.index(b"\x06", 9 + 12) + 9 + 16
     path.write_bytes(whole[:at] + struct.pack("<Q", stated) + whole[at + 8 :])
-    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
+    monkeypatch.setattr(rosbag_and_mcap, "LARGEST", 4 * MB)
     refused_without_memory(path, "4,194,304" if stated > MB else "unpack to more than 1,000")
 
 

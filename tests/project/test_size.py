@@ -7,12 +7,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
-    "benchmark": 7773,
+    "benchmark": 7722,
     "calibration": 5177,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
-    "data": 5523,
+    "data": 5281,
     "diagnosis": 13032,
     "drives": 1741,
     "effects": 5001,
@@ -27,8 +27,8 @@ WRENCHBED = {
     "planning": 1037,
     "plant": 761,
     "reports": 2124,
-    "robots": 4378,
-    "sensors": 314,
+    "robots": 4367,
+    "sensors": 301,
     "simulation": 1343,
     "studies": 1336,
     "twin": 1077,
@@ -36,14 +36,14 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79145,
-    "src/wrenchbed": 69656,
+    "src": 78828,
+    "src/wrenchbed": 69339,
     "src/robot_emulators": 9489,
-    "tests": 38165,
+    "tests": 38089,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 470
+MOST_FILES = 462
 """Files of Python below src at most."""
 
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
+from numpy.polynomial import polynomial
 from scipy.spatial.transform import Rotation, Slerp
 
 from wrenchbed.data.recording import QUATERNION, joint_columns
@@ -298,9 +299,8 @@ def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
 def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Values (M, J) at times ``at`` (M,) of polynomials fitted to values q (N, J) at t (N,)."""
     middle, half = (t[0] + t[-1]) / 2.0, (t[-1] - t[0]) / 2.0
-    powers = np.polynomial.polynomial.polyvander((t - middle) / half, _DEGREE)
-    slopes = np.linalg.lstsq(powers, q, rcond=None)[0]
-    return np.polynomial.polynomial.polyvander((at - middle) / half, _DEGREE) @ slopes
+    slopes = polynomial.polyfit((t - middle) / half, q, _DEGREE)
+    return np.asarray(polynomial.polyval((at - middle) / half, slopes).T)
 
 
 def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -308,7 +308,7 @@ def along(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
     slope = np.gradient(q, old, axis=0, edge_order=2 if len(old) > 2 else 1)
     k = np.clip(np.searchsorted(old, t, side="right") - 1, 0, len(old) - 2)
     h = (old[k + 1] - old[k])[:, None]
-    x = np.clip((t - old[k])[:, None] / h, 0.0, 1.0)
+    x = np.clip((t - old[k])[:, None] / h, 0.0, 1.0)  # at a row its values come back bit for bit
     by_ends = q[k] + x**2 * (3.0 - 2.0 * x) * (q[k + 1] - q[k])
     return np.asarray(by_ends + x * (1.0 - x) * h * ((1.0 - x) * slope[k] - x * slope[k + 1]))
 

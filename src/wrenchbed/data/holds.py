@@ -252,13 +252,8 @@ class Split:
 
 
 def split(recording: Recording, slow: bool = False) -> Split:
-    """Find the holds and moves of a log.
-
-    With ``slow``, if hardly anything rests, stretches too slow to show inertia count as holds.
-
-    Raises:
-        RecordingError: there is no hold.
-    """
+    """Find the holds and moves of a log; a `RecordingError` if there is no hold. With ``slow``, if
+    hardly anything rests, stretches too slow to show inertia count as holds."""
     holds = _split(recording)
     turning = _slow(recording) if slow and recording.has_wrench else None
     rows = 0 if holds is None else np.count_nonzero(holds.hold >= 0)

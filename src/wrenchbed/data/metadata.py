@@ -86,11 +86,8 @@ def model_field(name: str | None, kind: str = "robots") -> dict[str, Any]:
 
 def known_name(raw: Mapping[str, Any], name: str, kind: str = "robots") -> str:
     """Registry name of the robot or sensor ``name`` (or a user's TOML) of a file with metadata
-    ``raw``, which may carry its model; ``kind`` is ``robots`` or ``sensors``.
-
-    Raises:
-        NotFoundError, ParameterError: the user's TOML cannot be read.
-    """
+    ``raw``, which may carry its model; ``kind`` is ``robots`` or ``sensors``. A `NotFoundError` or
+    `ParameterError` if the user's TOML cannot be read."""
     record = raw.get(_MODELS[kind])
     if isinstance(record, Mapping):
         registry.remember(kind, name, record)
@@ -102,12 +99,8 @@ def _stated(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parse(raw: Mapping[str, Any], where: str) -> Metadata:
-    """Check a recording's JSON metadata and make `Metadata` from it.
-
-    Raises:
-        RecordingError: names the field, what was found and what is allowed.
-        NotFoundError, ParameterError: a user's TOML of the robot or the sensor cannot be read.
-    """
+    """Check a recording's JSON metadata and make `Metadata` from it. A `RecordingError` names the
+    field, what was found and what is allowed; see also `known_name`."""
     fields = Fields(raw, f"{where}: metadata ", RecordingError)
     robot = fields.stated_text("robot", "must be a name")
     mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'")

@@ -87,13 +87,10 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> None:
-    """Refuse an output that would replace what it must not.
+    """Refuse an output that would replace what it must not; a `ParameterError` names the remedy.
 
     A name may be free, an empty file, or a result of the same kind. A recording is replaced only
     with ``force``. Devices, folders, files of other kinds and the inputs are never replaced.
-
-    Raises:
-        ParameterError: names the file, what it is, and the remedy.
     """
     for source in filter(None, inputs):
         both = out.exists() and source.exists()

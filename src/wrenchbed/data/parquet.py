@@ -76,13 +76,9 @@ def _source(path: Path) -> pa.NativeFile:
 
 
 def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
-    """Open a Parquet file and check its columns: few enough, of numbers or text, plausible size.
-
-    Text is kept as a dictionary, so that a long one that is repeated does not fill the memory.
-
-    Raises:
-        error: a column of another kind, or a size that the file's own does not explain.
-    """
+    """Open a Parquet file and check its columns: few enough, of numbers or text, plausible size;
+    else raise ``error``. Text is kept as a dictionary, so that a long one that is repeated does not
+    fill the memory."""
     with pq.ParquetFile(_source(path)) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
     _check_names(schema.names, path, error)
@@ -100,11 +96,8 @@ def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
 
 
 def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> dict[str, Any]:
-    """Read the JSON metadata under the key ``wrenchbed`` of a Parquet schema.
-
-    Raises:
-        error: no such key, not JSON, or a format that this version does not read.
-    """
+    """Read the JSON metadata under the key ``wrenchbed`` of a Parquet schema; raise ``error`` if
+    there is none, it is not JSON, or of a format that this version does not read."""
     text = (schema.metadata or {}).get(KEY)
     if text is None:
         raise error(
@@ -122,11 +115,8 @@ def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> d
 
 
 def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[str, np.ndarray]:
-    """Convert every column of a table to a read-only numpy array.
-
-    Raises:
-        error: a duplicated column, a name that is no text, a missing value or another kind.
-    """
+    """Convert every column of a table to a read-only numpy array; raise ``error`` for a duplicated
+    column, a name that is no text, a missing value or another kind."""
     try:
         names = table.column_names
     except UnicodeDecodeError as cause:

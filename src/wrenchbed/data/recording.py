@@ -130,11 +130,8 @@ class Recording:
 
     @classmethod
     def read(cls, path: str | Path) -> "Recording":
-        """Read and check a recording from its file, with rows in the journal of a killed writer.
-
-        Raises:
-            RecordingError: names the file, the field or column, and the row.
-        """
+        """Read and check a recording from its file, with rows in the journal of a killed writer; a
+        `RecordingError` names the file, the field or column, and the row."""
         path = Path(path)
         if path.is_dir():
             raise RecordingError(f"{path}: is a folder, not a recording")

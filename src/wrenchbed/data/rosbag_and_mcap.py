@@ -2,16 +2,20 @@
 
 Rosbags 1 and 2 are read by `rosbags`, MCAP files by `mcap`, which checks the CRC-32 of chunks and
 data. What these libraries do not check is checked here: the number of messages that a log states,
-the sizes to which chunks, messages and files unpack, and the checksum of a message's definition.
+the sizes to which chunks, messages and files unpack, and the checksum of a message's definition. An
+archive bomb is a few kilobytes that unpack to gigabytes, whatever size they state.
 """
 
 import json
+import sys
 import warnings
 from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,9 +24,7 @@ import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
-from wrenchbed.data import unpacking
 from wrenchbed.data.recording import Recording
-from wrenchbed.data.unpacking import check_file, unpack
 from wrenchbed.errors import MapError, WrenchbedError, WrenchbedWarning, raise_shortage
 from wrenchbed.files import atomic_write
 
@@ -38,9 +40,17 @@ _SUFFIXES = (".bag", ".mcap", ".db3")
 _LONGEST_DEFINITION = 2**18
 """Longest definition of a kind of messages that is parsed [characters]: 20 times the longest of
 ROS's own; the parser takes seconds for a longer one."""
-_TIME, _HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
-_WRENCH, _JOINTS = "geometry_msgs/msg/WrenchStamped", "sensor_msgs/msg/JointState"
-_TEMPERATURE = "sensor_msgs/msg/Temperature"
+LARGEST = 2**28
+"""Largest record, and largest unpacked chunk or message [bytes], which is held in memory: 64 times
+mcap's default chunk (4 MiB)."""
+RATIO = 200
+"""Largest unpacked over packed size of a whole file on the disk, if that is more than `LARGEST`:
+ten times that of a log whose readings hardly change."""
+_STEP = 2**18
+"""Bytes that are unpacked at once where only the size is asked for."""
+_ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+_LIBRARIES = {"bz2": "bz2", "lz4": "lz4.frame", "zstd": _ZSTD}
+"""Compression → module that opens it as a stream, which ends where its checksum is wrong."""
 _REMEDY = (
     "; a log that ends early is mended by `mcap recover`, `rosbag reindex` or `ros2 bag reindex`"
 )
@@ -260,7 +270,7 @@ def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
     counts: Counter[int] = Counter()
     with path.open("rb") as stream:
         for outer in library.StreamReader(
-            stream, emit_chunks=True, validate_crcs=True, record_size_limit=unpacking.LARGEST
+            stream, emit_chunks=True, validate_crcs=True, record_size_limit=LARGEST
         ).records:
             records = [outer]
             if isinstance(outer, kinds.Chunk):
@@ -323,6 +333,52 @@ def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
         _check_count(path, sum(c.msgcount for c in connections), count)
 
 
+def unpack(data: bytes, compression: str, stated: int | None = None) -> bytes:
+    """Decompress a chunk or message to the stated size, and never to more than `LARGEST` bytes.
+
+    Args:
+        data: the chunk or message as it is stored.
+        compression: ``bz2``, ``lz4`` or ``zstd``; empty or ``none`` for what is not compressed.
+        stated: size of the content as the file states it [bytes]; None where it does not.
+
+    Raises:
+        ValueError: another size, or an unknown compression.
+        EOFError: data cut short.
+    """
+    content, limit = data, LARGEST if stated is None else stated
+    if limit > LARGEST:
+        raise ValueError(
+            f"{len(data):,} bytes state {limit:,} bytes unpacked, more than {LARGEST:,}: "
+            "damaged, or a bomb"
+        )
+    if compression not in ("", "none"):
+        if compression not in _LIBRARIES:
+            raise ValueError(f"compression {compression!r}; {', '.join(_LIBRARIES)} can be read")
+        with registry.require(_LIBRARIES[compression], "logs").open(BytesIO(data)) as stream:
+            content = stream.read(limit + 1)
+    if len(content) > limit:
+        raise _too_large(len(data), limit)
+    if stated not in (None, len(content)):
+        raise ValueError(f"{len(data):,} bytes unpack to {len(content):,}, not {stated:,}: damaged")
+    return content
+
+
+def check_file(file: Path) -> None:
+    """Check the unpacked size of a rosbag 2 file compressed as a whole, which rosbags unpacks to
+    disk: a `ValueError` beyond `LARGEST` and `RATIO` times its size."""
+    zstd, packed, size = registry.require(_ZSTD, "logs"), file.stat().st_size, 0
+    limit = max(LARGEST, RATIO * packed)
+    with suppress(zstd.ZstdError, EOFError), zstd.open(file) as stream:  # others are read as is
+        while size <= limit and (part := stream.read(_STEP)):
+            size += len(part)
+    if size > limit:
+        raise _too_large(packed, limit, f"{file.name}: ")
+
+
+def _too_large(packed: int, limit: int, where: str = "") -> ValueError:
+    return ValueError(f"{where}{packed:,} bytes unpack to more than {limit:,}: damaged, or a bomb")
+
+
 def _left_to_mcap(path: Path) -> SimpleNamespace:
     """Stand-in for rosbags' MCAP reader, which unpacks without a limit: it reads nothing."""
     return SimpleNamespace(path=path, connections=(), open=lambda: None, close=lambda: None)
@@ -377,17 +433,14 @@ def _decoder(channel: Channel) -> Callable[[bytes], Any]:
 
 
 def write_mcap(recording: Recording, path: str | Path) -> None:
-    """Write a recording's wrench, joints and temperature to an MCAP file, as ROS 2 messages in CDR.
-
-    Topics are those that the ready maps read (`maps/ros-ur5.toml`): ``/wrench``, ``/joint_states``.
-
-    Raises:
-        MissingExtraError: mcap or rosbags is not installed.
-    """
+    """Write a recording's wrench, joints and temperature to an MCAP file, as ROS 2 messages in CDR;
+    a `MissingExtraError` if mcap or rosbags is not installed. Topics are those that the ready maps
+    read (`maps/ros-ur5.toml`): ``/wrench``, ``/joint_states``."""
     writer_of = registry.require("mcap.writer", "logs").Writer
     typesys = registry.require("rosbags.typesys", "logs")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    time, header = store.types[_TIME], store.types[_HEADER]
+    time = store.types["builtin_interfaces/msg/Time"]
+    header = store.types["std_msgs/msg/Header"]
     at = np.round(1e9 * recording.t.astype(float)).astype(np.int64)
     with atomic_write(path) as stream:
         writer = writer_of(stream)
@@ -421,14 +474,16 @@ def _topics(
         force, torque = (vector(*map(float, part)) for part in np.split(load[row], 2))
         return {"wrench": wrench(force=force, torque=torque)}
 
-    yield "/wrench", _WRENCH, of_load
+    yield "/wrench", "geometry_msgs/msg/WrenchStamped", of_load
     if recording.joints:
         robot, names = recording.metadata.robot, list(recording.joints)
         if registry.is_known("robots", robot):
             names = list(registry.load("robots", robot).joint_names)
         q, none = recording.q.astype(float), np.zeros(0)
         still: dict[str, Any] = {"name": names, "velocity": none, "effort": none}
-        yield "/joint_states", _JOINTS, lambda row: still | {"position": q[row]}
+        kind = "sensor_msgs/msg/JointState"
+        yield "/joint_states", kind, lambda row: still | {"position": q[row]}
     if "temperature" in recording.columns:
         warm = recording.columns["temperature"].astype(float).tolist()
-        yield "/temperature", _TEMPERATURE, lambda row: {"temperature": warm[row], "variance": 0.0}
+        kind = "sensor_msgs/msg/Temperature"
+        yield "/temperature", kind, lambda row: {"temperature": warm[row], "variance": 0.0}

@@ -97,11 +97,9 @@ class Columns:
         return nanoseconds_of(self.table.column(name)) if once else None
 
     def numbers(self, name: str, remedy: str = "") -> np.ndarray:
-        """Convert a column (N,) to floats; ``remedy`` ends the message about a missing value.
-
-        Raises:
-            MapError: no such column, or a cell that holds text or nothing; names row and line.
-        """
+        """Convert a column (N,) to floats; ``remedy`` ends the message about a missing value. A
+        `MapError`, with row and line, if there is no such column, or a cell holds text or
+        nothing."""
         names = self.table.column_names
         if names.count(name) != 1:
             times = "appears twice" if name in names else "is missing"
@@ -127,11 +125,9 @@ class Columns:
 
 
 def read_text(path: Path, separator: str | None = None) -> Columns:
-    """Read a table of numbers from a text file; without a ``separator`` it is detected.
-
-    Raises:
-        MapError: no such file, no table of numbers in it, or a row with another number of cells.
-    """
+    """Read a table of numbers from a text file; without a ``separator`` it is detected. A
+    `MapError` if there is no such file, no table of numbers, or a row of another number of
+    cells."""
     head, encoding = _head(path)
     lines = head.splitlines()
     long = next((k for k, line in enumerate(lines) if len(line) > _LONGEST), None)
@@ -202,11 +198,8 @@ def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
 
 
 def _head(path: Path) -> tuple[str, str]:
-    """Read a file's first lines; detect its encoding: UTF-8, UTF-16, else Windows-1252 (Excel).
-
-    Raises:
-        MapError: no such file, or no text.
-    """
+    """Read a file's first lines; detect its encoding: UTF-8, UTF-16, else Windows-1252 (Excel). A
+    `MapError` if there is no such file, or no text."""
     if path.is_fifo():  # it would be waited for
         raise MapError(f"{path}: is no regular file: give a text file")
     try:
@@ -233,11 +226,8 @@ def _head(path: Path) -> tuple[str, str]:
 
 
 def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) -> Layout:
-    """Detect the layout of a text file's table from the file's first lines.
-
-    Raises:
-        MapError: there is no table of numbers in it.
-    """
+    """Detect the layout of a text file's table from the file's first lines; a `MapError` if there
+    is no table of numbers in it."""
     some = [k for k, line in enumerate(lines[: 4 * _SAMPLE]) if line.strip()][:_SAMPLE]
     ends = accumulate(len(lines[k]) for k in some)
     some = [k for k, end in zip(some, ends, strict=True) if end <= _SAMPLE_SIZE]

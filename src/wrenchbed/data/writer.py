@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
 import numpy as np
@@ -64,11 +63,8 @@ class RecordingWriter:
         return self
 
     def append(self, block: Mapping[str, np.ndarray]) -> None:
-        """Add a block of rows, column → values (n,); every block has the same columns.
-
-        Raises:
-            OSError: the disk did not take these rows or earlier ones.
-        """
+        """Add a block of rows, column → values (n,); every block has the same columns. An `OSError`
+        if the disk did not take these rows or earlier ones."""
         self._check()
         rows = {name: np.atleast_1d(array) for name, array in block.items()}
         self._pending.append(rows)
@@ -157,12 +153,7 @@ class RecordingWriter:
         self._rewritten = time.monotonic()
         self._rewrite_cost = time.thread_time() - start
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with self._lock:
             try:
                 self.close()

@@ -140,11 +140,8 @@ class ClosedLoops:
 
     def _at_home(self, at: np.ndarray) -> np.ndarray:
         """Close the loops near values ``at`` (L,), choose which equations to keep; return all L
-        values.
-
-        Raises:
-            ParameterError: the loops do not close, leave a joint free, or couple driven joints.
-        """
+        values. A `ParameterError` if loops stay open, leave a joint free, or couple driven
+        joints."""
         for _ in range(3 * _STEPS):
             r = self.residual(_split(at), self.arm)
             step = np.linalg.pinv(self._slopes(at, self.arm)[:, self.passive], _RANK) @ r

@@ -73,13 +73,9 @@ def rotate_body(element: "mujoco.MjsBody | mujoco.MjsSite", rotation: np.ndarray
 
 
 def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:
-    """Write the load into the bodies ``tool`` (frame = the sensor's) and ``sensor_side`` of a spec.
-
-    ``sensor_side`` is the part of the sensor that loads its own gauges, a point at its origin.
-
-    Raises:
-        ParameterError: the inertia is not that of any body.
-    """
+    """Write the load into the bodies ``tool`` (frame = the sensor's) and ``sensor_side`` of a spec:
+    the part of the sensor that loads its own gauges, a point at its origin. A `ParameterError` if
+    the inertia is not that of any body."""
     six = six_of(np.asarray(tool.inertia, dtype=float))
     if not physical_inertia(six):
         raise ParameterError(f"tool.inertia xx yy zz xy xz yz = {six} kg·m² is that of no body")
@@ -112,13 +108,9 @@ class LinkInertias:
 
 
 def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
-    """Read the inertias of an arm's links and motors from its MJCF at parameters theta (P,).
-
-    What hangs on a link without a joint between (flange, sensor, tool) is part of the link.
-
-    Raises:
-        NotFoundError: the model of the robot has no frames of links.
-    """
+    """Read the inertias of an arm's links and motors from its MJCF at parameters theta (P,); a
+    `NotFoundError` if its model has no frames of links. What hangs on a link without a joint
+    between (flange, sensor, tool) is part of the link."""
     q = np.asarray(robot.home, dtype=float)[None]
     frames = [at_home(*frame) for frame in robot.link_frames(q, theta)]
     model = compiled(robot.spec(theta))

@@ -86,11 +86,8 @@ class Sensor:
             object.__setattr__(self, "accuracy", channels(self.accuracy, f"{self.name}.accuracy"))
 
     def calibration(self, name: str | None = None) -> SensorCalibration:
-        """Return the calibration with this name, the default one if None.
-
-        Raises:
-            NotFoundError: no such calibration; the message lists what exists.
-        """
+        """Return the calibration of this name, the default one if None; a `NotFoundError` lists
+        all."""
         wanted = self.default if name is None else name
         known = {c.name: c for c in self.calibrations}
         if wanted not in known:

@@ -36,30 +36,20 @@ _WRENCH = "must be six numbers fx fy fz tx ty tz in N and N·m, without units"
 
 
 def shipped(path: Path) -> Sensor:
-    """Read the TOML file of a sensor of this package; its name gets no hash.
-
-    Raises:
-        ParameterError: names the file, the field, its value and what is allowed.
-    """
+    """Read the TOML file of a sensor of this package; its name gets no hash. A `ParameterError`
+    names the file, the field, its value and what is allowed."""
     return _sensor(path.read_text(encoding="utf-8"), str(path))
 
 
 def read(path: Path) -> Sensor:
-    """Read the TOML file of a user's sensor.
-
-    Raises:
-        ParameterError: names the file, the field, its value and what is allowed.
-        NotFoundError: there is no such file.
-    """
+    """Read the TOML file of a user's sensor. Raises a `ParameterError` as `shipped`, and a
+    `NotFoundError` if there is no such file."""
     return _own(text_of(path, NotFoundError), str(path))
 
 
 def rebuilt(record: Mapping[str, Any]) -> Sensor:
-    """Make a user's sensor from the `Sensor.record` that a recording carries, with its TOML text.
-
-    Raises:
-        ParameterError: it is incomplete.
-    """
+    """Make a user's sensor from the `Sensor.record` that a recording carries, with its TOML text; a
+    `ParameterError` if that is incomplete."""
     text = record.get("toml")
     if not isinstance(text, str):
         raise ParameterError("sensor_model: incomplete: 'toml' must be the text of the sensor")

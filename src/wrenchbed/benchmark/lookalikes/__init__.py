@@ -4,7 +4,7 @@ The physics here is written a second time, from the catalogue's words, and share
 library of effects: a diagnosis that is calibrated on its own effects would only confirm itself.
 Turns are finite, hysteresis is Preisach's, loads come from finite differences of the pose, and
 constants and exponents are jittered. Every case has small imperfections and untidy noise.
-`robot_faults` and `sensor_faults` are of known effects, `faults_outside_library` of none.
+`faults` are of known effects, `faults_outside_library` of none.
 Free: code that draws nothing (tests/benchmark/test_lookalikes.py).
 Others rely on: names of draws: change `fault.EFFECTS` with them. Probabilities are learnt on these
 cases: after a change of any law, size or order run `scripts/learn_reliability` (hours).

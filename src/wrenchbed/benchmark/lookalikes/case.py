@@ -15,12 +15,7 @@ from scipy.signal import lfilter
 
 from wrenchbed.benchmark import fault as common
 from wrenchbed.benchmark.fault import STATED, Rng, between, log_uniform, possible
-from wrenchbed.benchmark.lookalikes import (
-    faults_outside_library,
-    imperfection,
-    robot_faults,
-    sensor_faults,
-)
+from wrenchbed.benchmark.lookalikes import faults, faults_outside_library, imperfection
 from wrenchbed.benchmark.lookalikes.experiment_design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, Scaled
 from wrenchbed.data.recording import QUATERNION, Recording
@@ -30,7 +25,7 @@ from wrenchbed.physics.wrench import CHANNELS
 Draw = Callable[..., Imperfection]
 """Draws an imperfection for a design with a generator; an effect's ``size`` is in multiples of the
 typical one."""
-DRAWS: dict[str, Draw] = common.draws(robot_faults, sensor_faults)
+DRAWS: dict[str, Draw] = common.draws(faults)
 """Draws of the library's effects by name."""
 FAMILIES: dict[str, Draw] = common.draws(faults_outside_library, mark="_")
 """Draws of families outside every library, by name."""
@@ -151,7 +146,7 @@ def _within_tolerance(design: ExperimentDesign, rng: Rng) -> list[Scaled]:
 def _between_rows(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Draw quantization and vibration far below the noise."""
     step = rng.uniform(0.0, 0.4) * design.noise_std
-    drawn = robot_faults.base_vibration(design, rng, rng.uniform(0.02, 0.2)).rows
+    drawn = faults.base_vibration(design, rng, rng.uniform(0.02, 0.2)).rows
     assert drawn is not None and drawn.shake is not None
     wrench, frequency = drawn.shake
     rise = float(np.max(np.mean((wrench / design.noise_std) ** 2, axis=0)))

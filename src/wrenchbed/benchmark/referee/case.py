@@ -13,7 +13,8 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.benchmark import fault as common
 from wrenchbed.benchmark.fault import Rng, by_channel
-from wrenchbed.benchmark.referee import faults_outside_library, machine_faults, sensor_faults
+from wrenchbed.benchmark.referee import faults as library_faults
+from wrenchbed.benchmark.referee import faults_outside_library
 from wrenchbed.benchmark.referee.lags_friction_and_noise import held, rows, shaken
 from wrenchbed.benchmark.referee.machine import (
     Mechanics,
@@ -38,7 +39,7 @@ from wrenchbed.robots.base import SimulatedRobot
 
 Draw = Callable[..., RefereeFault]
 """Draws a fault for a setting with a generator, of a size in multiples of the typical one."""
-DRAWS: dict[str, Draw] = common.draws(machine_faults, sensor_faults)
+DRAWS: dict[str, Draw] = common.draws(library_faults)
 """Draws of the library's effects by name."""
 FAMILIES: dict[str, Draw] = common.draws(faults_outside_library)
 """Faults outside every library, by name; probabilities were learnt on none of them."""
@@ -139,7 +140,7 @@ def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
     step = rng.uniform(0.0, 0.4) * setting.noise
     lever = np.sqrt(setting.cog @ setting.cog - setting.cog**2)
     most = max(1.0, (lever / setting.noise[3:]).max() * setting.noise[:3].min())
-    shake = machine_faults.base_vibration(
+    shake = library_faults.base_vibration(
         setting, _stream(rng), rng.uniform(0.02, 0.15) / most
     ).rows
     assert shake is not None

@@ -163,14 +163,9 @@ class Sheet:
 
 
 def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
-    """Read the tables of a text file: several if columns have values in rows of their own.
-
-    With ``skip_incomplete``, rows that lack a value of a column that nearly always has one are left
-    out.
-
-    Raises:
-        MapError: a file without a table of numbers.
-    """
+    """Read the tables of a text file: several if columns have values in rows of their own; a
+    `MapError` without a table of numbers. With ``skip_incomplete``, rows that lack a value of a
+    column that nearly always has one are left out."""
     text = read_text(path)
     if not skip_incomplete:
         return [sheet_of(text)]
@@ -191,11 +186,8 @@ def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
 
 def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
     """Make a table from a text's columns, with the roles that their names state; ``incomplete``:
-    whether rows were left out before.
-
-    Raises:
-        MapError: it holds no numbers, or a unit that is not known.
-    """
+    whether rows were left out before. A `MapError` if it holds no numbers, or a unit that is not
+    known."""
     path = Path(text.where)
     values: dict[str, np.ndarray] = {}
     unread = []

@@ -20,10 +20,9 @@ from wrenchbed import registry
 from wrenchbed.data.column_map import ACCELERATION, ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.candidates import candidates
-from wrenchbed.data.guess.column_readings import orientations, wrenches
+from wrenchbed.data.guess.column_readings import joints, orientations, wrenches
 from wrenchbed.data.guess.column_roles import Sheet, is_of_wrench, sheets_of
-from wrenchbed.data.guess.convention import Convention, Pairing
-from wrenchbed.data.guess.joint_torques import by_names
+from wrenchbed.data.guess.convention import Convention, Pairing, gather
 from wrenchbed.data.guess.user_facts import NOTHING, Stated
 from wrenchbed.data.rosbag_and_mcap import is_log
 from wrenchbed.errors import MapError, did_you_mean
@@ -52,6 +51,8 @@ _USUAL_LOAD = ((1.3, 1.2), (0.07, 1.0))
 """Usual mass [kg] and reach [m] of a tool, each with the standard deviation of its logarithm:
 estimate, which orders units that fit alike."""
 _MOST_SHOWN = 6
+_USUAL_EFFORT = {"tau": "N·m", "i": "A"}
+"""Unit of joint torques and of motor currents where no name states one."""
 _NEAR = 0.2
 """Relative difference up to which a fitted mass agrees with a known one."""
 _LEAST = 0.2
@@ -143,7 +144,7 @@ def guess(
     fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
     if not fitting and len(tables) == 1:
-        named = by_names(tables[0], stated, mode)
+        named = _by_names(tables[0], stated, mode)
         if named is not None:
             return Guess((), (named[0],), (), by_names=named[1])
     if not fitting:
@@ -191,6 +192,49 @@ def guess(
     unused = tuple(p for p in paths if not any(fnmatch(p.name, match) for match in patterns))
     notes = [*_notes(chosen[0], tables, stated, untried), *(f"not used: {p}" for p in unused)]
     return Guess(chosen, maps, tuple(others), tuple(notes), unused=unused)
+
+
+def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
+    """Map of a table with named joint torques or currents, and a sentence on it; else None. A
+    `MapError` if no robot is stated, or one with another number of joints. Names decide: a torque
+    of a joint is never read as a force of a sensor."""
+    kind = next((k for k in _USUAL_EFFORT if f"{k}1" in sheet.roles), None)
+    if kind is None or "q1" not in sheet.roles:
+        return None
+    efforts = {t: c for t, c in sheet.roles.items() if t.rstrip("0123456789") == kind}
+    what = f"joint {'torques' if kind == 'tau' else 'currents'}"
+    if stated.robot is None:
+        raise MapError(
+            f"{sheet.path}: {len(efforts)} joint values and {what}, and no wrench: --robot NAME "
+            "says whose they are"
+        )
+    robot = registry.load("robots", stated.robot)
+    reading = next(joints(sheet, robot.name, robot.joint_names), None)
+    if reading is None or len(efforts) != len(robot.joints):
+        raise MapError(
+            f"{sheet.path}: {len(efforts)} {what}; {stated.robot} has {len(robot.joints)} joints"
+        )
+    clock = sheet.clock
+    q = sheet.block(reading.names).astype(float)
+    rows = gather(None if clock is None else clock.t, q, np.zeros((len(sheet), 6)))
+    unit = next((u for c in efforts.values() if (u := sheet.units.get(c))), None)
+    columns: dict[str, Mapping[str, Any]] = {}
+    if clock is not None:
+        columns["t"] = {"column": clock.column, "unit": clock.unit}
+    for joint, (target, column) in zip(robot.joints, reading.targets.items(), strict=True):
+        size = reading.unit if joint.unit == "rad" else "m"
+        columns[target] = {"column": column, "unit": size}
+    columns |= {t: {"column": c, "unit": unit or _USUAL_EFFORT[kind]} for t, c in efforts.items()}
+    recording: dict[str, Any] = {"robot": stated.robot, "mode": mode or rows.mode}
+    if stated.tool_mass is not None:
+        recording["tool"] = {"mass": stated.tool_mass}
+    taken = "" if unit else ", as no name states a unit"
+    sentence = (
+        f"{reading.kind}, {what} in {unit or _USUAL_EFFORT[kind]}{taken}, no wrench: by the names"
+    )
+    if clock is None and recording["mode"] == "static":
+        sentence += "; no clock: each row is a pose at rest, else state mode and rate_hz in the map"
+    return {"recording": recording, "file": [{"match": "*", "columns": columns}]}, sentence
 
 
 def _unexplained(best: Convention) -> str:
@@ -302,7 +346,7 @@ def raw_map(
             columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
         if "segment" in sheet.roles and sheet is load:
             columns["segment"] = {"column": sheet.roles["segment"]}
-        if "ax" in sheet.roles and not c.in_base and not c.reading.is_tilt:
+        if "ax" in sheet.roles and not c.in_base:
             columns |= _accelerometer(c, sheet)
         if set(columns) - {"t"}:
             skip = {"skip_incomplete": True} if sheet.incomplete else {}

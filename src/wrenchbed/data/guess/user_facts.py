@@ -125,11 +125,8 @@ class KnownLoad:
 
     @classmethod
     def read(cls, path: Path) -> "KnownLoad":
-        """Read the load from the file ``fit.json`` of a calibration.
-
-        Raises:
-            MapError: it lacks the tool or the sensor's bias.
-        """
+        """Read the load from a calibration's ``fit.json``; a `MapError` without tool or sensor
+        bias."""
         raw = Fields(load(path, MapError), f"{path}: ", MapError)
         tool, values = raw.part("tool"), raw.part("parameters")
         mass, cog = tool.number("mass", "kg", positive=True), tool.numbers("cog", 3)
