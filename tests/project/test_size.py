@@ -7,19 +7,19 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
-    "benchmark": 7722,
+    "benchmark": 7712,
     "calibration": 5177,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
-    "data": 5281,
-    "diagnosis": 13032,
+    "data": 5269,
+    "diagnosis": 13025,
     "drives": 1741,
     "effects": 5001,
     "environments": 588,
     "exports": 828,
     "files": 576,
-    "hardware": 6696,
+    "hardware": 6654,
     "jobs": 555,
     "monitoring": 1385,
     "pages": 1255,
@@ -27,7 +27,7 @@ WRENCHBED = {
     "planning": 1037,
     "plant": 761,
     "reports": 2124,
-    "robots": 4367,
+    "robots": 4361,
     "sensors": 301,
     "simulation": 1343,
     "studies": 1336,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78828,
-    "src/wrenchbed": 69339,
+    "src": 78751,
+    "src/wrenchbed": 69262,
     "src/robot_emulators": 9489,
     "tests": 38089,
     "scripts": 3492,

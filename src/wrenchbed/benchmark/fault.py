@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.data.metadata import Metadata, SensorInfo
 from wrenchbed.physics.wrench import CHANNELS, Tool, six_of
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 
@@ -97,17 +97,8 @@ The weight of the sensor's own tool side is exactly a mass and a CoG: it is in e
 def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> Metadata:
     """Metadata of a tool, row ``rate`` [Hz], ``mode`` (as ``static``), ``source`` (as ``sim``)."""
     sensor = registry.load("sensors", robot.sensor)
-    numbers = sensor.noise.row_std, tool.cog, six_of(tool.inertia)
-    noise, cog, inertia = (tuple(values.tolist()) for values in numbers)
-    return Metadata(
-        robot=robot.name,
-        mode=mode,
-        source=source,
-        rate_hz=rate,
-        tool=ToolInfo(float(tool.mass), cog, inertia),
-        sensor=SensorInfo(sensor.name, noise, mass=float(tool.sensor_mass)),
-        gravity=tuple(float(g) for g in robot.gravity),
-    )
+    stated = SensorInfo(sensor.name, tuple(sensor.noise.row_std.tolist()))
+    return Metadata.of(robot.name, mode, source, rate, tool, stated, robot.gravity)
 
 
 def log_uniform(rng: Rng, low: float, high: float) -> float:

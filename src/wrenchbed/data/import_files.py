@@ -71,13 +71,9 @@ class Imported:
 
 
 def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported:
-    """Read files by a column map and make a recording of them.
-
-    Raises:
-        MapError: a file that the map does not know, a missing column, a value that is no number,
-            a clock that does not advance, or files whose times do not overlap.
-        RecordingError: the result is no valid recording.
-    """
+    """Read files by a column map and make a recording of them. A `MapError` for a file that the map
+    does not know, a missing column, a value that is no number, a clock that does not advance, or
+    files whose times do not overlap; a `RecordingError` if the result is no valid recording."""
     data, left_out, name, skipped = merged(files, column_map)
     metadata = column_map.metadata
     if column_map.mode == "static":

@@ -55,12 +55,9 @@ def is_lerobot(path: Path) -> bool:
 
 
 def import_lerobot(folder: Path, map_file: Path) -> Imported:
-    """Read a LeRobot data set, by a map with ``[recording]`` and ``[lerobot]``, as a recording.
-
-    Raises:
-        MapError: names the file, the entry and what it should say.
-        RecordingError: the result is no valid recording.
-    """
+    """Read a LeRobot data set, by a map with ``[recording]`` and ``[lerobot]``, as a recording. A
+    `MapError` names the file, the entry and what it should say; a `RecordingError`: the result is
+    none."""
     raw = checked.Fields(checked.load(map_file, MapError, "TOML"), f"{map_file}: ", MapError)
     raw.only({"recording", "lerobot"}, "a map of a LeRobot data set")
     _, metadata = stated_recording(raw.part("recording"), str(map_file), map_file.parent)

@@ -1,15 +1,15 @@
 """What a recording states about its robot, tool and sensor: the simulator is configured with it."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.errors import RecordingError
 from wrenchbed.files.checked import Fields
-from wrenchbed.physics.wrench import physical_inertia
+from wrenchbed.physics.wrench import Tool, physical_inertia, six_of
 
 MODES = ("static", "dynamic")
 ROBOT_MODEL, SENSOR_MODEL = "robot_model", "sensor_model"
@@ -56,6 +56,18 @@ class Metadata:
     tolerance: Mapping[str, Any] = field(default_factory=dict)
     gravity: tuple[float, ...] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, robot: str, mode: str, source: str, rate: float, tool: Tool, sensor: SensorInfo,
+        gravity: Sequence[float],
+    ) -> "Metadata":  # fmt: skip
+        """Metadata that state a whole ``tool``, with the part of the sensor's own mass that loads
+        its gauges, at a ``rate`` of rows [Hz]; the other arguments as above."""
+        cog, inertia = (tuple(x.tolist()) for x in (tool.cog, six_of(tool.inertia)))
+        load, sensor = float(tool.mass), replace(sensor, mass=float(tool.sensor_mass))
+        down = tuple(float(g) for g in gravity)
+        return cls(robot, mode, source, rate, ToolInfo(load, cog, inertia), sensor, gravity=down)
 
     def to_json(self) -> dict[str, Any]:
         """JSON object of the metadata, as docs/contracts.md defines it, without unstated fields."""

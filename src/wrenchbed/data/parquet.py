@@ -27,14 +27,10 @@ recordings with noise unpack to twice their size, those of constant columns to m
 
 
 def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Read a Parquet file: its columns as `columns` gives them, and its JSON metadata.
-
-    A large file is unpacked column by column, so that it is never in memory twice.
-
-    Raises:
-        error: missing, unreadable or truncated file, missing or broken metadata, unknown format,
-            and what `columns` raises.
-    """
+    """Read a Parquet file: its columns as `columns` gives them, and its JSON metadata. Raises
+    ``error`` for a missing, unreadable or truncated file, missing or broken metadata, an unknown
+    format, and as `columns` does. A large file is unpacked column by column, so that it is never in
+    memory twice."""
     if not path.is_file():
         raise error(f"{path}: there is no such file")
     result: dict[str, np.ndarray] = {}

@@ -64,11 +64,8 @@ class Plan:
 
     @classmethod
     def read(cls, path: str | Path) -> "Plan":
-        """Read and check a plan from its file.
-
-        Raises:
-            PlanError: names the file, the field or column, and the row.
-        """
+        """Read and check a plan from its file; a `PlanError` names the file, the field or column,
+        and the row."""
         path = Path(path)
         data, raw = parquet.read(path, PlanError)
         joints, points = joint_columns(data), [c for c in POINT if c in data]
@@ -127,11 +124,8 @@ def is_plan(path: Path) -> bool:
 
 
 def read(path: str | Path) -> np.ndarray:
-    """Read points to touch (K, 3) [m] from a text file with the columns x, y, z.
-
-    Raises:
-        PlanError: names the file, the column and the row.
-    """
+    """Read points to touch (K, 3) [m] from a text file with the columns x, y, z; a `PlanError`
+    names the file, the column and the row."""
     path = Path(path)
     try:
         table = read_text(path)

@@ -209,8 +209,7 @@ class ArmTree:
 
     def _joined(self) -> tuple[list[int], list[int]]:
         """Numbers of the joints that move the sensor, through loops too, in MuJoCo's order, and of
-        the equalities that close these loops; a `ParameterError` if one of these is no ``connect``.
-        """
+        the equalities that close these loops, each a ``connect``, or else a `ParameterError`."""
         joints, equalities = set(self._above[self._end]), set[int]()
         while True:
             reached = set()

@@ -140,12 +140,8 @@ def describe(
 
 
 def read(path: Path) -> FileArm | LoopArm:
-    """Make a robot from its TOML file, as `describe` writes it.
-
-    Raises:
-        ParameterError: names the file, the field, its value and what is allowed.
-        NotFoundError: there is no such file, or its model file is gone.
-    """
+    """Make a robot from its TOML file, as `describe` writes it. A `ParameterError` names the file,
+    the field, its value and what is allowed; a `NotFoundError`: it, or its model file, is gone."""
     from wrenchbed.robots.model_file import read_arm
 
     text = text_of(path, NotFoundError)

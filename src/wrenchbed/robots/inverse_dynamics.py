@@ -40,8 +40,7 @@ def rotor_torque(
     robot: SimulatedRobot, theta: np.ndarray, inertias: LinkInertias, q: Jet
 ) -> np.ndarray:
     """Joint torques (N, J) [N·m, N for slides] that accelerate the motors' inertia, at a jet q (N,
-    J). A user's MJCF may state such inertia of passive joints too; loops couple it to the motors.
-    """
+    J). A user's MJCF may give passive joints such inertia too; loops couple it to the motors."""
     torque = inertias.rotor * q.dd
     if not inertias.passive.any():
         return torque

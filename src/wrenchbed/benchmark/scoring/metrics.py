@@ -365,8 +365,7 @@ def _without_joint(name: str) -> str:
 
 def size_cells(rows: Sequence[CaseRow]) -> Cells:
     """Heading and rows of a table: of cases of one effect that changes means, by the gap that it
-    adds, the shares that are noticed (any answer but none) and isolated (a claimed class has it).
-    """
+    adds, the shares that are noticed (any answer but none) and isolated (a class has it)."""
     singles = [r for r in rows if r.truth.kind == "single" and not r.truth.causes[0].rows]
     lines = []
     for low, high in pairwise(EDGES):

@@ -128,12 +128,9 @@ def guess(
     mode: str | None = None,
     skip_incomplete: bool = False,
 ) -> Guess:
-    """Find the column map for the text files of one recording, and its mode if none is given.
-
-    Raises:
-        MapError: no wrench, no orientation and no known robot's joints, or nothing that looks like
-            the weight of a rigid load.
-    """
+    """Find the column map for the text files of one recording, and its mode if none is given; a
+    `MapError` if there is no wrench, no orientation and no known robot's joints, or nothing that
+    looks like the weight of a rigid load."""
     paths = [Path(f) for f in files]
     if logs := [path for path in paths if is_log(path)]:
         raise MapError(

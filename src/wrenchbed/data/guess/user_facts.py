@@ -78,11 +78,8 @@ class Stated:
     ) -> None:
         """Write these facts to a map's ``[recording]`` and to its entries ``wrench`` of the six
         channels; ``sheet`` has the wrench, whose largest values bound the zeros: of each channel,
-        or if it is ``in_base`` axes, of three.
-
-        Raises:
-            MapError: the fit or the rows at rest cannot be read.
-        """
+        or if it is ``in_base`` axes, of three. A `MapError` if the fit or the rows at rest cannot
+        be read."""
         sensor: dict[str, Any] = {} if self.sensor is None else {"model": self.sensor}
         if self.rest is not None:
             sensor["noise_std"] = _noise(self.rest, wrench)

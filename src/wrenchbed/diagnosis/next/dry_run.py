@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.data.metadata import Metadata, SensorInfo
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.evidence.dictionary import build
@@ -24,7 +24,7 @@ from wrenchbed.jobs.workers import one_thread
 from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.base import INERTIA_AXES, Robot
+from wrenchbed.robots.base import Robot
 from wrenchbed.robots.checked_moves import duration
 from wrenchbed.simulation.closed_form import Model
 
@@ -74,16 +74,9 @@ def of_plan(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> Prepared:
 
 def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
     """Metadata of a recording of the nominal robot, ``static`` or ``dynamic``, at ``rate`` [Hz]."""
-    nominal = robot.parameters.nominal
-    tool, values = robot.tool(nominal), robot.values(nominal)
-    sensor = registry.load("sensors", robot.sensor)
-    inertia = tuple(float(values[f"tool.inertia.{a}"]) for a in INERTIA_AXES)
-    std = tuple(float(s) for s in sensor.noise.row_std)
-    return Metadata(
-        robot=robot.name, mode=mode, source="plan", rate_hz=rate, gravity=robot.gravity,
-        tool=ToolInfo(float(tool.mass), tuple(float(c) for c in tool.cog), inertia),
-        sensor=SensorInfo(sensor.name, std, float(values["sensor.mass"])),
-    )  # fmt: skip
+    sensor, tool = registry.load("sensors", robot.sensor), robot.tool(robot.parameters.nominal)
+    stated = SensorInfo(sensor.name, tuple(sensor.noise.row_std.tolist()))
+    return Metadata.of(robot.name, mode, "plan", rate, tool, stated, robot.gravity)
 
 
 @dataclass(frozen=True)

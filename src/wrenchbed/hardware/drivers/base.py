@@ -11,11 +11,11 @@ from typing import ClassVar, Self
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.data.metadata import Metadata, SensorInfo
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device_base import Device
 from wrenchbed.hardware.transducers.base import WrenchSample
-from wrenchbed.robots.base import INERTIA_AXES, Robot
+from wrenchbed.robots.base import Robot
 from wrenchbed.robots.checked_moves import Limits, duration, entered, straight
 
 Block = Mapping[str, np.ndarray]
@@ -87,11 +87,8 @@ class Move(ABC):
         self._end: Reached | DriverError | None = None
 
     def poll(self) -> Reached | None:
-        """Return the move's result, or None while it is still running; never blocks.
-
-        Raises:
-            DriverError: the move failed or was cancelled; the robot was stopped.
-        """
+        """Return the move's result, or None while it is still running; never blocks. A
+        `DriverError` if the move failed or was cancelled; the robot was stopped."""
         if self._end is None:
             try:
                 self._end = self._advance()
@@ -167,9 +164,8 @@ class Driver(Device, ABC):
         self._active = False
 
     def activate(self) -> None:
-        """Make the robot ready to move, with its watchdog on; it does not move yet. Raises a
-        `DriverError`, which says what to do, if the robot is stopped, in fault or not powered.
-        """
+        """Make the robot ready to move, with its watchdog on; it does not move yet. A `DriverError`
+        says what to do if the robot is stopped, in fault or not powered."""
         self._check_connected()
         if not self._active:
             self._activate()
@@ -221,13 +217,9 @@ class Driver(Device, ABC):
 
     def recover(self, unlock: bool = False) -> None:
         """Clear what can be cleared after a stop or a fault, then `activate`; nothing moves.
-
         ``unlock`` also clears protective stops and drives' faults: a person must have looked first.
-
-        Raises:
-            SafetyStopError: the robot stopped to protect itself, and ``unlock`` is False.
-            DriverError: it cannot be cleared from here; says who must do what.
-        """
+        Raises a `SafetyStopError` if the robot stopped to protect itself and ``unlock`` is False, a
+        `DriverError`, which says who must do what, if it cannot be cleared from here."""
         self._check_connected()
         self._active = False
         self._recover(unlock)
@@ -248,8 +240,7 @@ class Driver(Device, ABC):
 
     def settle(self) -> float:
         """Wait until joints are at rest and the wrench is steady; return the time taken [s]. Raises
-        a `LateError` if they are not by the deadline.
-        """
+        a `LateError` if they are not by then."""
         self._check_connected()
         return self._settle()
 
@@ -354,24 +345,8 @@ def as_designed(
         sensor: registry name of the sensor.
         noise_std: (6,) standard deviation of one row at rest [N, N·m].
     """
-    nominal = robot.parameters.nominal
-    tool, values = robot.tool(nominal), robot.values(nominal)
     on_flange = "mount.position.x" in robot.parameters.names
-    return Metadata(
-        robot=robot.name,
-        mode=mode,
-        source=source,
-        rate_hz=rate,
-        tool=ToolInfo(
-            mass=float(tool.mass),
-            cog=tuple(float(c) for c in tool.cog),
-            inertia=tuple(float(values[f"tool.inertia.{a}"]) for a in INERTIA_AXES),
-        ),
-        sensor=SensorInfo(
-            model=sensor,
-            noise_std=tuple(float(s) for s in noise_std),
-            mass=float(values["sensor.mass"]),
-            pose_flange=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0) if on_flange else None,
-        ),
-        gravity=tuple(gravity),
-    )
+    pose = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0) if on_flange else None
+    stated = SensorInfo(sensor, tuple(noise_std.tolist()), pose_flange=pose)
+    tool = robot.tool(robot.parameters.nominal)
+    return Metadata.of(robot.name, mode, source, rate, tool, stated, gravity)

@@ -174,12 +174,9 @@ class Beside:
 
 
 class SimDriver(Driver):
-    """Driver of a simulated robot: MuJoCo moves it, its sensor has data-sheet noise.
-
-    Raises:
-        NotFoundError: the robot has no MuJoCo model.
-        ParameterError: a parameter is unknown, or a value or the kind of noise is impossible.
-    """
+    """Driver of a simulated robot: MuJoCo moves it, its sensor has data-sheet noise. A
+    `NotFoundError` if the robot has no MuJoCo model, a `ParameterError` for an unknown parameter,
+    or an impossible value or kind of noise."""
 
     name = "sim"
     title = "the robot in MuJoCo, in simulated time, with realistic noise"

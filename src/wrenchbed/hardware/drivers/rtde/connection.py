@@ -135,9 +135,8 @@ class ControlProcess:
 
     def wait_ready(self, seconds: float) -> None:
         """Wait until the process controls the robot; kill it if that takes over ``seconds``. Raises
-        a `LinkError` if it is late or the robot cannot be reached, a `DriverError` if the robot
-        refuses.
-        """
+        a `LinkError` if it is late or cannot reach the robot, a `DriverError` if the robot
+        refuses."""
         if not wait_until(
             lambda: bool(self.gone()) or self.ready or bool(self._last_words), seconds, _POLL_S
         ):
@@ -156,9 +155,8 @@ class ControlProcess:
 
     def ask(self, do: str, timeout: float, **more: Any) -> str:
         """Send command ``do`` with its values ``more``; return its answer: empty on success, else
-        the reason for refusal. Raises a `LinkError` if the process is gone or silent for
-        ``timeout`` [s].
-        """
+        the reason for refusal. A `LinkError` if the process is gone, or silent for ``timeout``
+        [s]."""
         number = next(self._numbers)
         if not self.send(do, id=number, **more):
             raise LinkError(self.gone() or "the control process takes no orders")
@@ -257,8 +255,7 @@ class Links:
 
     def open_state(self) -> None:
         """Connect to the robot and start receiving its states. Raises a `LinkError` if it cannot be
-        reached within the deadline, a `DriverError` if its answer cannot be used.
-        """
+        reached by the deadline, a `DriverError` if its answer cannot be used."""
         before = self._receiver.newest if self._receiver else Snapshot()
 
         def attempt(_: float) -> None:
@@ -284,10 +281,9 @@ class Links:
             self.open_state()
 
     def open_control(self) -> ControlProcess:
-        """Start and return a process that controls the robot, with the robot's watchdog on. Raises
-        a `StoppedError` if the robot does not accept a program, a `DriverError` if another client
-        controls it, a `LinkError` if it cannot be reached within the deadline.
-        """
+        """Start and return a process that controls the robot, with the robot's watchdog on. A
+        `StoppedError` if the robot accepts no program, a `DriverError` if another client controls
+        it, a `LinkError` if it cannot be reached by the deadline."""
         options, state = self._options, self.state
         native = NATIVE_HZ[state is not None and state.major > 3]
         setting = {

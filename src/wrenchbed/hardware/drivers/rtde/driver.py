@@ -144,12 +144,9 @@ class RtdeDriver(LiveDriver):
         return np.repeat(own_wrench.CB3_END if cb3 else own_wrench.E_END, 3)
 
     def stop(self, kind: str = "soft") -> None:
-        """Brake (``kind``: soft or hard) and wait until the robot is at rest.
-
-        Raises:
-            LinkError: the stop was not delivered; the robot's watchdog ends its program.
-            LateError: the robot does not rest in time.
-        """
+        """Brake (``kind``: soft or hard) and wait until the robot is at rest. Raises a `LinkError`
+        if the stop was not delivered (the robot's watchdog ends its program), a `LateError` if the
+        robot does not rest in time."""
         super().stop(kind)
         if self._undelivered:
             raise LinkError(f"the stop was not delivered: {self._undelivered}")

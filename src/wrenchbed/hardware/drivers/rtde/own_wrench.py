@@ -70,8 +70,7 @@ class OwnWrench(Transducer):
 
 def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
     """Make the transducer that option ``sensor`` names: ``own`` for the robot's own wrench, else a
-    Net F/T box, by default at ``host``. Raises a `ParameterError` if the option names no sensor.
-    """
+    Net F/T box, by default at ``host``; a `ParameterError` if the option names no sensor."""
     if sensor in OWN:
         return own
     if sensor in ("", "netft"):

@@ -130,11 +130,8 @@ class Outputs:
 
     def next(self, end: float = math.inf) -> tuple[float, dict[str, Values] | None]:
         """Receive the next data packet: arrival [s], and name → value, None if its length is wrong.
-
-        Raises:
-            LinkError: no packet comes by ``end`` (`time.monotonic`, [s]).
-            DriverError: a packet is not RTDE.
-        """
+        A `LinkError` if none comes by ``end`` (`time.monotonic`, [s]), a `DriverError` if one is
+        not RTDE."""
         kind, content = self._packet(end)
         while kind != _DATA:
             kind, content = self._packet(end)

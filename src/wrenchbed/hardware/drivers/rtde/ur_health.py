@@ -151,8 +151,7 @@ def judge(
 
 def request(host: str, command: str, timeout: float = 1.0) -> str:
     """Send one command to the robot's dashboard server and return its answer; a `LinkError` if none
-    came within ``timeout`` [s].
-    """
+    comes within ``timeout`` [s]."""
     try:
         with connected(host, PORT, timeout) as link:
             _line(link, time.monotonic() + timeout)  # its welcome

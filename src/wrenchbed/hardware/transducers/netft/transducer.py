@@ -134,9 +134,8 @@ class Configuration:
 
 
 def parse(page: bytes) -> Configuration:
-    """Parse the bytes of a box's page netftapi2.xml into its settings. A `DriverError` says that
-    the page is too long or malformed, or names a field that is missing or impossible.
-    """
+    """Parse the bytes of a box's page netftapi2.xml into its settings; a `DriverError` if the page
+    is too long or malformed, or for a field that is missing or impossible."""
     fields = _fields(page)
     counts = (_positive(fields, "cfgcpf"), _positive(fields, "cfgcpt"))
     newton, metre = _unit(fields, "scfgfu", _NEWTON), _unit(fields, "scfgtu", _NEWTON_METRE)
@@ -371,8 +370,7 @@ class NetftTransducer(Transducer):
 
 def at_address(address: str) -> NetftTransducer:
     """Make a transducer, not yet connected, for the box at an address of the form `FORM`; a
-    `ParameterError` for another form.
-    """
+    `ParameterError` for another."""
     why = ""
     try:
         parts = urlsplit(address)
