@@ -13,6 +13,7 @@ from canopen.profiles.p402 import BaseNode402
 from can_drives import NODE, RATINGS, SimulatedBus
 from robot_emulators.can_bus import Frame
 from robot_emulators.medrue.cia402_node import DriveEmulator
+from wrenchbed.hardware.device_base import wait_until
 
 EDS = resources.files("robot_emulators.medrue") / "cia402.eds"
 
@@ -83,13 +84,6 @@ def node():
         yield node
 
 
-def wait(holds, seconds=5.0):
-    end = time.monotonic() + seconds
-    while not holds() and time.monotonic() < end:
-        time.sleep(0.005)
-    assert holds()
-
-
 def mapped(node, received, sent, kind, timer):
     """With an RPDO and a TPDO of objects, of a transmission type; the TPDO also by its timer."""
     node.nmt.state = "PRE-OPERATIONAL"
@@ -125,7 +119,7 @@ def test_a_fault_is_reset(node):
     wire = node.network
     with wire.drive.lock:
         wire.drive.axis.fault(0x2310)
-    wait(lambda: node.state == "FAULT")
+    assert wait_until(lambda: node.state == "FAULT", 5.0)
     assert [e.code for e in node.emcy.active] == [0x2310]
     node.reset_from_fault()
     assert node.state == "OPERATION ENABLED" and node.emcy.active == []
@@ -144,9 +138,9 @@ def test_it_moves_in_profile_position_mode(node):
     powered(node)
     node.sdo[0x607A].raw = 30_000
     node.controlword = 0x1F
-    wait(lambda: node.statusword & 0x1000)
+    assert wait_until(lambda: node.statusword & 0x1000, 5.0)
     node.controlword = 0x0F
-    wait(lambda: node.statusword & 0x0400)
+    assert wait_until(lambda: node.statusword & 0x0400, 5.0)
     assert abs(node.sdo[0x6064].raw - 30_000) < 1100
 
 
@@ -160,7 +154,7 @@ def test_it_moves_as_it_comes(node):
     time.sleep(0.2)  # nothing asks a master to repeat itself
     node.rpdo[1][0x607A].raw = 30_000
     node.controlword = 0x1F
-    wait(lambda: abs(node.sdo[0x6064].raw - 30_000) < 1100)
+    assert wait_until(lambda: abs(node.sdo[0x6064].raw - 30_000) < 1100, 5.0)
     assert node.state == "OPERATION ENABLED"
 
 

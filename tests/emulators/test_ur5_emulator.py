@@ -10,6 +10,7 @@ import emulator_process
 from ur5_alone import alone
 from ur5_socket import Client
 from wrenchbed import registry
+from wrenchbed.hardware.device_base import wait_until as until
 
 pytestmark = pytest.mark.wire
 
@@ -45,16 +46,6 @@ def dashboard(host):
     return nullcontext(client)
 
 
-def within(seconds, condition):
-    """Wait for a condition; whether it came true."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.005)
-    return False
-
-
 def expected_pose(q):
     rotation, position = ROBOT.flange_pose(np.array(q)[None], ROBOT.parameters.nominal)
     return rotation[0], position[0]
@@ -85,12 +76,12 @@ def test_the_receive_interface_reads_every_default_field(cb3):
 def moves_and_answers(arm, robot):
     goal = HOME + 0.15
     assert arm.moveJ(goal.tolist(), 3.0, 10.0)
-    assert within(0.5, lambda: np.abs(np.array(robot.getActualQ()) - goal).max() < 1e-4)
+    assert until(lambda: np.abs(np.array(robot.getActualQ()) - goal).max() < 1e-4, 0.5)
     pose = np.array(arm.getForwardKinematics())
     assert pose == pytest.approx(robot.getActualTCPPose(), abs=1e-4)
     pose[2] += 0.05
     assert arm.moveL(pose.tolist(), 0.5, 5.0)
-    assert within(0.5, lambda: np.allclose(robot.getActualTCPPose(), pose, atol=1e-4))
+    assert until(lambda: np.allclose(robot.getActualTCPPose(), pose, atol=1e-4), 0.5)
     solved = arm.getInverseKinematics(pose.tolist())
     assert solved == pytest.approx(robot.getActualQ(), abs=1e-3)
     both = arm.poseTrans([1, 0, 0, 0, 0, 0], [0, 2, 0, 0, 0, 0])
@@ -101,20 +92,20 @@ def moves_and_answers(arm, robot):
     assert arm.getTCPOffset() == pytest.approx([0, 0, 0.1, 0, 0, 0])
     rotation, position = expected_pose(robot.getActualQ())
     tip = position + 0.1 * rotation[:, 2]
-    assert within(0.5, lambda: np.allclose(robot.getActualTCPPose()[:3], tip, atol=1e-4))
+    assert until(lambda: np.allclose(robot.getActualTCPPose()[:3], tip, atol=1e-4), 0.5)
     assert arm.setTcp([0] * 6)
-    assert within(1.0, arm.isSteady)
+    assert until(arm.isSteady, 1.0)
 
 
 def moves_beside_and_along_paths(arm, robot):
     assert arm.moveJ((HOME + 0.3).tolist(), 0.5, 2.0, True)
-    assert within(0.5, lambda: arm.getAsyncOperationProgress() == 0)
+    assert until(lambda: arm.getAsyncOperationProgress() == 0, 0.5)
     arm.stopJ(4.0)
-    assert within(1.0, lambda: np.abs(robot.getActualQd()).max() < 1e-3)
+    assert until(lambda: np.abs(robot.getActualQd()).max() < 1e-3, 1.0)
     assert arm.getAsyncOperationProgress() < 0
     path = [[*(HOME + a).tolist(), 3.0, 10.0, 0.0] for a in (0.1, 0.0)]
     assert arm.moveJ(path)
-    assert within(0.5, lambda: np.abs(np.array(robot.getActualQ()) - HOME).max() < 1e-3)
+    assert until(lambda: np.abs(np.array(robot.getActualQ()) - HOME).max() < 1e-3, 0.5)
 
 
 def streams(arm, robot):
@@ -123,14 +114,14 @@ def streams(arm, robot):
         goal = HOME + 0.002 * k
         assert arm.servoJ(goal.tolist(), 0, 0, 0.008, 0.05, 300)
         time.sleep(0.008)
-    assert within(0.5, lambda: np.abs(np.array(robot.getTargetQ()) - goal).max() < 1e-3)
+    assert until(lambda: np.abs(np.array(robot.getTargetQ()) - goal).max() < 1e-3, 0.5)
     assert arm.servoStop()
     assert arm.speedJ([0.1] * 6, 1.0, 0.1)
-    assert within(1.0, lambda: np.abs(np.array(robot.getTargetQd()) - 0.1).max() < 1e-6)
+    assert until(lambda: np.abs(np.array(robot.getTargetQd()) - 0.1).max() < 1e-6, 1.0)
     assert arm.speedStop()
-    assert within(1.0, lambda: np.abs(robot.getTargetQd()).max() < 1e-6)
+    assert until(lambda: np.abs(robot.getTargetQd()).max() < 1e-6, 1.0)
     assert arm.speedL([0, 0, 0.02, 0, 0, 0], 1.0, 0.1)
-    assert within(1.0, lambda: abs(robot.getTargetTCPSpeed()[2] - 0.02) < 1e-4)
+    assert until(lambda: abs(robot.getTargetTCPSpeed()[2] - 0.02) < 1e-4, 1.0)
     assert arm.speedStop()
 
 
@@ -152,10 +143,10 @@ def test_the_watchdog_and_a_new_upload(cb3):
             time.sleep(0.05)
             assert arm.kickWatchdog()
         assert arm.isProgramRunning()
-        assert within(0.5, lambda: not arm.isProgramRunning())
+        assert until(lambda: not arm.isProgramRunning(), 0.5)
         assert not arm.moveJ(HOME.tolist())
         assert arm.reuploadScript()
-        assert within(0.5, arm.isProgramRunning)
+        assert until(arm.isProgramRunning, 0.5)
         assert arm.moveJ(HOME.tolist())
         assert arm.sendCustomScriptFunction("words", 'textmsg("hello")')
         assert arm.isProgramRunning()
@@ -169,7 +160,7 @@ def test_upper_registers_and_lower_ones_side_by_side(cb3):
     with controlling(CB3, 125.0, upper) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
         assert arm.moveJ((HOME + 0.1).tolist(), 3.0, 10.0)
         goal = pytest.approx(HOME + 0.1, abs=1e-2)
-        assert within(0.5, lambda: robot.getActualQ() == goal)
+        assert until(lambda: robot.getActualQ() == goal, 0.5)
         desk.stop()
 
 
@@ -182,12 +173,12 @@ def test_inputs_and_outputs(cb3):
         assert terminals.setSpeedSlider(0.5)
         assert terminals.setAnalogOutputVoltage(0, 0.25)
         assert terminals.setAnalogOutputCurrent(1, 0.5)
-        assert within(0.5, lambda: robot.getActualDigitalOutputBits() == 1 << 3 | 1 << 17)
-        assert within(0.5, lambda: robot.getTargetSpeedFraction() == 0.5)
-        assert within(0.5, lambda: robot.getStandardAnalogOutput1() == pytest.approx(0.012))  # A
+        assert until(lambda: robot.getActualDigitalOutputBits() == 1 << 3 | 1 << 17, 0.5)
+        assert until(lambda: robot.getTargetSpeedFraction() == 0.5, 0.5)
+        assert until(lambda: robot.getStandardAnalogOutput1() == pytest.approx(0.012), 0.5)  # A
         assert robot.getStandardAnalogOutput0() == pytest.approx(2.5)  # V
         assert terminals.setStandardDigitalOut(3, False) and terminals.setSpeedSlider(1.0)
-        assert within(0.5, lambda: robot.getActualDigitalOutputBits() == 1 << 17)
+        assert until(lambda: robot.getActualDigitalOutputBits() == 1 << 17, 0.5)
 
 
 def test_the_stream_keeps_its_rate(cb3):
@@ -204,11 +195,11 @@ def test_the_stream_keeps_its_rate(cb3):
 def test_power_off_and_on_by_dashboard(cb3):
     with receiving(CB3) as robot, dashboard(CB3) as desk:
         desk.powerOff()
-        assert within(0.5, lambda: robot.getRobotMode() == 3)
+        assert until(lambda: robot.getRobotMode() == 3, 0.5)
         desk.powerOn()
-        assert within(2.0, lambda: desk.robotmode() == "Robotmode: IDLE")
+        assert until(lambda: desk.robotmode() == "Robotmode: IDLE", 2.0)
         desk.brakeRelease()
-        assert within(2.0, lambda: robot.getRobotMode() == 7)
+        assert until(lambda: robot.getRobotMode() == 7, 2.0)
         assert desk.getRobotModel() == "UR5"
 
 
@@ -217,7 +208,7 @@ def test_power_off_and_on_by_dashboard(cb3):
 def test_a_protective_stop_cannot_be_unlocked_at_once(cb3):
     with controlling(CB3) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
         cb3.fault("robot", "protective_stop")
-        assert within(0.5, lambda: robot.getSafetyMode() == 3)
+        assert until(lambda: robot.getSafetyMode() == 3, 0.5)
         assert not arm.moveJ(HOME.tolist())
         assert desk.safetymode() == "Safetymode: PROTECTIVE_STOP"
         assert not desk.running() and desk.programState().startswith("PAUSED")

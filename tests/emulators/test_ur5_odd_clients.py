@@ -124,13 +124,17 @@ def test_whether_it_is_in_remote_control_is_a_setting(remote):
 
 
 @pytest.fixture
-def broken(monkeypatch, capfd):
+def emulator():
+    return emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+
+
+@pytest.fixture
+def broken(emulator, monkeypatch, capfd):
     """An emulator whose loop breaks down at once."""
 
     def cycle(now):
         raise ZeroDivisionError("a cycle that cannot be")
 
-    emulator = emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     monkeypatch.setattr(emulator.controller, "cycle", cycle)
     with emulator:
         assert emulator.failed.wait(3.0)
@@ -146,9 +150,8 @@ def test_a_loop_that_breaks_down_says_so_and_refuses_faults(broken):
     assert time.monotonic() - begun < 1.0
 
 
-def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
+def test_a_loop_that_hangs_refuses_faults_and_never_does_them(emulator, monkeypatch):
     monkeypatch.setattr("robot_emulators.ur.server._INJECT_S", 0.1)
-    emulator = emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
     done = []
     with pytest.raises(EmulatorError, match=r"has stopped.*0\.1 s"):
         emulator.soon(lambda: done.append(1))
@@ -157,9 +160,7 @@ def test_a_loop_that_hangs_refuses_faults_and_never_does_them(monkeypatch):
         assert not done
 
 
-def test_a_fault_that_fails_raises_where_it_was_injected():
-    emulator = emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
-
+def test_a_fault_that_fails_raises_where_it_was_injected(emulator):
     def fail():
         raise KeyError("no such thing")
 
@@ -169,8 +170,7 @@ def test_a_fault_that_fails_raises_where_it_was_injected():
         assert not emulator.failed.is_set()
 
 
-def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(monkeypatch):
-    emulator = emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(emulator, monkeypatch):
     monkeypatch.setattr(emulator, "_wait", lambda: None)
     with emulator:
         emulator.controller.protective_stop()
@@ -230,11 +230,6 @@ def test_a_clock_that_is_very_late_gives_the_rest_up_and_says_how_much(hands, la
     assert clock.remaining == pytest.approx(PERIOD)
     hands.now += PERIOD
     assert clock.advance() == 0 and clock.lost == pytest.approx(late)
-
-
-@pytest.fixture
-def emulator():
-    return emulated("ur5", EmulatorOptions("127.0.1.35", noise="off", setting={"box": "off"}))
 
 
 def test_the_time_stamp_counts_the_time_in_which_the_loop_stood_still(hands, emulator, monkeypatch):

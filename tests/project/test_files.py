@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import wrenchbed
+from commanded import names
 from wrenchbed.files import (
     TEMPORARY,
     atomic_folder,
@@ -25,21 +26,17 @@ from wrenchbed.files import (
 SOURCE = Path(wrenchbed.__file__).parent
 
 
-def names_in(folder):
-    return [p.name for p in folder.iterdir()]
-
-
 def test_a_file_and_its_folder_appear(tmp_path):
     path = tmp_path / "new" / "a.json"
     write_json(path, {"ä": 1.0})
     assert path.read_text(encoding="utf-8") == '{\n "ä": 1.0\n}\n'
-    assert names_in(path.parent) == ["a.json"]
+    assert names(path.parent) == ["a.json"]
 
 
 def test_a_number_that_is_not_finite_is_not_written(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "a.json", [float("nan")])
-    assert names_in(tmp_path) == []
+    assert names(tmp_path) == []
 
 
 def test_a_link_is_replaced_and_not_what_it_points_to(tmp_path):
@@ -93,7 +90,7 @@ def test_what_a_killed_writer_left_goes_and_what_one_holds_stays(tmp_path):
         code = f"from wrenchbed.files import *; write_bytes({str(tmp_path / 'new')!r}, b'')"
         subprocess.run([sys.executable, "-c", code], check=True)
         file.write(b"x")
-    assert set(names_in(tmp_path)) == {"held", "new", fresh.name}
+    assert set(names(tmp_path)) == {"held", "new", fresh.name}
 
 
 def test_a_full_disk_names_the_file(tmp_path, monkeypatch):
@@ -107,14 +104,14 @@ def test_a_full_disk_names_the_file(tmp_path, monkeypatch):
         with pytest.raises(OSError) as error, atomic_write(tmp_path / "a") as temporary:
             raise OSError(errno.ENOSPC, "No space left on device", *[temporary.name] * named)
         assert (error.value.errno, error.value.filename) == (errno.ENOSPC, str(tmp_path / "a"))
-    assert names_in(tmp_path) == []
+    assert names(tmp_path) == []
 
 
 def test_a_long_name_is_written(tmp_path):
     name = 250 * "n"
     with locked(tmp_path / name):
         write_bytes(tmp_path / name, b"x")
-    assert names_in(tmp_path) == [name]
+    assert names(tmp_path) == [name]
 
 
 def test_files_of_a_folder_appear_together(tmp_path):
@@ -125,7 +122,7 @@ def test_files_of_a_folder_appear_together(tmp_path):
         for name in "abc":
             write_text(folder / name, "new")
     assert error.value.filename == str(tmp_path / "c")
-    assert sorted(names_in(tmp_path)) == ["b", "c", "notes"]
+    assert sorted(names(tmp_path)) == ["b", "c", "notes"]
     assert (tmp_path / "b").read_text() == "old"
     (tmp_path / "c").rmdir()
     with atomic_folder(tmp_path) as folder:
@@ -173,7 +170,7 @@ def test_two_processes_do_not_write_to_one_output(kind, tmp_path):
         other.kill()
     with locked(path, folder=kind == "folder"), locked(path, folder=kind == "folder"):
         pass
-    assert names_in(tmp_path) == (["out"] if kind == "folder" else [])
+    assert names(tmp_path) == (["out"] if kind == "folder" else [])
 
 
 ALLOWED = {

@@ -22,6 +22,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from recorded import METADATA, columns
 from robot_logs import fill, messages, plain
 from wrenchbed.data import parquet
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
@@ -270,27 +271,10 @@ def csv_table() -> FileTarget:
     return FileTarget(read, seeds, "log.csv")
 
 
-TOLD: dict[str, Any] = {
-    "format": 1, "robot": "ur5", "mode": "static", "rate_hz": 100.0, "source": "sim",
-    "gravity": [0.0, 0.0, -9.81],
-    "tool": {"mass": 1.4, "cog": [0.0, 0.0, 0.1], "inertia": [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]},
-    "sensor": {"model": "ati-gamma", "noise_std": [0.1] * 6, "mass": 0.1,
-               "pose_flange": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]},
-    "tolerance": {"tool.mass": 0.01}, "operator": "Ada",
-}  # fmt: skip
-
-
-def _numbers(rows: int = 30) -> dict[str, np.ndarray]:
-    rng = np.random.default_rng(6)
-    data = {"t": np.arange(rows) / 10.0} | {f"q{k + 1}": rng.normal(size=rows) for k in range(6)}
-    data |= {c: rng.normal(size=rows) for c in CHANNELS}
-    return data | {"segment": np.arange(rows) // 3}
-
-
-def _parquet(columns: dict[str, Any]) -> bytes:
+def _parquet(data: dict[str, Any]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "a.parquet")
-        parquet.write(path, parquet.table_of(columns, TOLD))
+        parquet.write(path, parquet.table_of(data, METADATA.to_json()))
         return path.read_bytes()
 
 
@@ -303,25 +287,25 @@ def recording() -> FileTarget:
     from wrenchbed.data.recording import Recording
 
     read = lambda path: dict(Recording.read(path).columns)  # noqa: E731
-    return FileTarget(read, [_parquet(_numbers())], "rec.parquet")
+    return FileTarget(read, [_parquet(columns(30))], "rec.parquet")
 
 
 def recording_metadata() -> FileTarget:
     from wrenchbed.data.recording import Recording
 
     def read(path: Path) -> None:
-        table = parquet.table_of(_numbers(), {})
+        table = parquet.table_of(columns(30), {})
         beside = path.with_name("rec.parquet")
         parquet.write(beside, table.replace_schema_metadata({parquet.KEY: path.read_bytes()}))
         json.dumps(Recording.read(beside).metadata.to_json())
 
-    return _json(read, TOLD)
+    return _json(read, METADATA.to_json())
 
 
 def plan() -> FileTarget:
     from wrenchbed.data.plan import Plan, is_plan
 
-    poses = {k: v for k, v in _numbers().items() if k[0] in "qs"}
+    poses = {k: v for k, v in columns(30).items() if k[0] == "q" or k == "segment"}
     touches = poses | {c: np.full(30, 0.5) for c in ("px", "py", "pz")}
     seeds = [_parquet(p) for p in (poses, touches)]
     return FileTarget(lambda p: (is_plan(p), Plan.read(p)) is None, seeds, "plan.parquet")
@@ -331,7 +315,7 @@ def journal() -> FileTarget:
     """The journal of a recording that was not finished."""
     from wrenchbed.data.recording import Recording
 
-    table, stream = parquet.table_of(_numbers(), TOLD), io.BytesIO()
+    table, stream = parquet.table_of(columns(30), METADATA.to_json()), io.BytesIO()
     with pa.ipc.new_stream(stream, table.schema) as writer:
         for batch in table.to_batches(max_chunksize=10):
             writer.write_batch(batch)
