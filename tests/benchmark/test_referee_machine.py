@@ -25,6 +25,13 @@ def scene(name, n=6):
     return robot, poses, path, truth
 
 
+def weight(robot, poses, truth):
+    """Force of the tool's weight in sensor axes (N, 3) [N]."""
+    rotation, _ = robot.sensor_pose(poses, truth.theta)
+    mass = float(robot.tool(truth.theta).mass)
+    return mass * np.einsum("nij,i->nj", rotation, truth.gravity)
+
+
 def held(path, x):
     return x[path.rows].reshape(-1, 5, *x.shape[1:]).mean(axis=1)
 
@@ -33,10 +40,8 @@ def held(path, x):
 def test_a_rigid_machine_at_rest_weighs_what_statics_say(name):
     robot, poses, path, truth = scene(name)
     found = held(path, ride(robot, truth, path).load)
-    rotation, _ = robot.sensor_pose(poses, truth.theta)
-    tool = robot.tool(truth.theta)
-    force = float(tool.mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
-    torque = np.cross(tool.cog, force)
+    force = weight(robot, poses, truth)
+    torque = np.cross(robot.tool(truth.theta).cog, force)
     assert np.abs(found[:, :3] - force).max() < 2e-4
     assert np.abs(found[:, 3:] - torque).max() < 2e-5
 
@@ -50,10 +55,8 @@ def test_a_soft_joint_turns_by_its_torque_over_its_stiffness():
     bent = poses.copy()
     for _ in range(5):  # the torque is that of the bent arm
         bent[:, 2] = poses[:, 2] + robot.gravity_torque(bent, truth.theta, truth.gravity)[:, 2] / k
-    rotation, _ = robot.sensor_pose(bent, truth.theta)
-    force = float(robot.tool(truth.theta).mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
     assert np.abs(torque[:, 2] / k).max() > 1e-3
-    assert np.abs(found[:, :3] - force).max() < 1e-3
+    assert np.abs(found[:, :3] - weight(robot, bent, truth)).max() < 1e-3
 
 
 def test_a_gear_with_play_rests_where_the_weight_pulls():
@@ -64,9 +67,7 @@ def test_a_gear_with_play_rests_where_the_weight_pulls():
     side = np.sign(robot.gravity_torque(poses, truth.theta, truth.gravity)[:, 1])
     turned = poses.copy()
     turned[:, 1] += 0.5 * width * side
-    rotation, _ = robot.sensor_pose(turned, truth.theta)
-    force = float(robot.tool(truth.theta).mass) * np.einsum("nij,i->nj", rotation, truth.gravity)
-    assert np.abs(found[:, :3] - force).max() < 5e-3
+    assert np.abs(found[:, :3] - weight(robot, turned, truth)).max() < 5e-3
 
 
 def test_hoses_and_pads_push_and_pull_with_their_stiffness():
@@ -103,13 +104,11 @@ def test_a_loose_part_lies_at_the_stop_that_is_below():
     axis, share, stop = np.array([1.0, 0.0, 0.0]), 0.1, 5e-3
     part = replace(truth, devices=(machine.LoosePart(share, axis, stop, 0.05),))
     difference = held(path, ride(robot, part, path).load - ride(robot, truth, path).load)
-    rotation, _ = robot.sensor_pose(poses, truth.theta)
-    felt = np.einsum("nij,i->nj", rotation, truth.gravity)
-    mass = float(robot.tool(truth.theta).mass)
-    shift = share * stop * np.sign(felt @ axis)[:, None] * axis
-    clear = np.abs(felt @ axis) > 1.0
+    force = weight(robot, poses, truth)
+    shift = share * stop * np.sign(force @ axis)[:, None] * axis
+    clear = np.abs(force @ axis) > 1.35  # 1 m/s² of gravity
     assert clear.sum() > 2
-    wanted = np.cross(shift, mass * felt)
+    wanted = np.cross(shift, force)
     assert np.abs(difference[clear, 3:] - wanted[clear]).max() < 2e-4
 
 

@@ -115,25 +115,20 @@ def test_a_motion_that_is_left_or_interrupted_stops_the_arm():
         assert arm.stops == ["soft"]
 
 
-def test_a_gap_stops_the_arm():
-    def gap(t):
-        raise LinkError("the sensor's readings have a gap")
+def fails(_):
+    raise LinkError("no answer")
 
+
+def test_a_gap_stops_the_arm_and_a_stop_that_fails_stands_beside_its_cause():
     with Arm() as arm:
         rows = arm.track(STANDING, 125.0)
         next(rows)
-        arm.transducer._at = gap
-        with pytest.raises(LinkError, match="have a gap"):
+        arm.transducer._at = fails
+        with pytest.raises(LinkError, match="no answer"):
             list(rows)
         assert arm.stops == ["hard"]
-
-
-def test_a_stop_that_fails_stands_beside_its_cause():
-    def mute(kind):
-        raise LinkError("no answer")
-
     with Arm() as arm:
-        arm._stop = mute
+        arm._stop = fails
         rows = arm.track(STANDING, 125.0)
         next(rows)
         arm.state = Health("stopped", "the program ended")

@@ -160,27 +160,23 @@ def test_a_clock_that_runs_wrong_is_named(scene, transducer, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("kind", "error", "words"),
-    [("unlisten", LinkError, "refused"), ("stall", LinkError, "no answer within 0.4 s"),
-     ("garbage", DriverError, "malformed"), ("missing_field", DriverError, "has no <cfgcpf>")],
+    ("link", "kind", "error", "words"),
+    [("http", "unlisten", LinkError, "refused"),
+     ("http", "stall", LinkError, "no answer within 0.4 s"),
+     ("http", "garbage", DriverError, "malformed"),
+     ("http", "missing_field", DriverError, "has no <cfgcpf>"),
+     ("rdt", "stall", LinkError, "sends no RDT")],
 )  # fmt: skip
-def test_a_page_that_fails_is_named(monkeypatch, kind, error, words):
+def test_a_page_that_fails_or_has_no_stream_is_named(monkeypatch, link, kind, error, words):
     monkeypatch.setattr(reading, "PAGE_S", 0.4)
+    monkeypatch.setattr(reading, "_FIRST_S", 0.4)
     with boxed("127.0.3.43") as scene:
-        scene.fault("http", kind, 3.0)
+        scene.fault(link, kind, 3.0)
         time.sleep(0.1)
         begun = time.monotonic()
         with pytest.raises(error, match=words), client(scene):
             pass
         assert time.monotonic() - begun < 3.0
-
-
-def test_a_page_without_a_stream_is_named(monkeypatch):
-    monkeypatch.setattr(reading, "_FIRST_S", 0.4)
-    with boxed("127.0.3.43") as scene:
-        scene.fault("rdt", "stall", 5.0)
-        with pytest.raises(LinkError, match="sends no RDT"), client(scene):
-            pass
 
 
 def test_a_box_with_rdt_off_is_named(scene):
