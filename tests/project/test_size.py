@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78751,
     "src/wrenchbed": 69262,
     "src/robot_emulators": 9489,
-    "tests": 38089,
+    "tests": 37983,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""
