@@ -163,11 +163,8 @@ def _stays_away(
     values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
     """Booleans (K,): whether values (N,) stay changed after ``jumps`` (K,), indices of rows before
-    a step above ``limit``, and do not just return from an outlier of ``noise`` [standard
-    deviation].
-
-    Means of rows of one segment are compared; ``begin`` (S + 1,): first row of each segment, and N.
-    """
+    a step above ``limit``, and do not just return from an outlier of ``noise`` (a std). Means of
+    rows of one segment are compared; ``begin`` (S + 1,): first row of each segment, and N."""
     here = jumps + 1  # the first row behind the jump
     segment = np.searchsorted(begin, jumps, side="right") - 1
     low = np.maximum(here - NEAR_ROWS, begin[segment])
@@ -308,13 +305,8 @@ def with_noise(recording: Recording) -> Recording:
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """Joint values or a quaternion's components (N, J) over time, in which rests are sought.
-
-    Attributes:
-        q: values (N, J) [rad or m].
-        t: time (N,) [s].
-        noise: standard deviation of one reading of each joint (J,).
-    """
+    """Joint values or a quaternion's components q (N, J) [rad or m] at times t (N,) [s], in which
+    rests are sought; ``noise`` (J,) is the standard deviation of one reading."""
 
     q: np.ndarray
     t: np.ndarray

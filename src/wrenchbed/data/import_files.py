@@ -53,15 +53,10 @@ _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """An imported recording, and what became of the files' rows.
-
-    Attributes:
-        recording: poses at rest, or a motion.
-        left_out: number of rows outside the other files' times.
-        notes: sentences on what was done to the clock and to the rows.
-        motion: whole log, moves included, where holds are split from moves (mode auto); else None.
-        split: holds and moves of a log of mode auto; else None.
-    """
+    """An imported recording (poses at rest, or a motion), how many rows were ``left_out`` as
+    outside the other files' times, and ``notes`` on what was done to clock and rows. In mode auto
+    ``motion`` is the whole log, moves included, and ``split`` its holds and moves; else both are
+    None."""
 
     recording: Recording
     left_out: int

@@ -177,8 +177,8 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
 
 
 def _check_cut(path: Path, layout: Layout, cells: int) -> None:
-    """Raise `MapError` for a row with more or fewer cells than ``cells``, except a cut-off last
-    one."""
+    """Raise `MapError` for a row with more or fewer cells than ``cells``, but the last if cut
+    off."""
     rows = enumerate(_rows(path, layout.skipped))
     for row, (line, text) in rows:
         count = len(split(text, layout.separator))
@@ -290,11 +290,9 @@ def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -
 def _header(
     lines: Sequence[str], some: Sequence[int], first: int, separator: str, decimal: str, width: int
 ) -> tuple[list[str], list[str]]:
-    """Names of ``width`` columns, and their units if a line below has them, from lines (perhaps
-    comments) before line ``first``, at indices ``some``; numbers from 1 if there are no names.
-
-    A line in which a word stands twice, below one of different words, is of units.
-    """
+    """Names of ``width`` columns, and their units if a line below has them (one in which a word
+    stands twice, below one of different words), from lines (perhaps comments) before line
+    ``first``, at indices ``some``; numbers from 1 if there are no names."""
     before = [k for k in some if k < first]
     names = _words(lines[before[-1]], separator, decimal, width) if before else None
     if names is not None and len(set(names)) < len(names) and len(before) > 1:

@@ -336,7 +336,7 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
 
     def _leaning(self, base: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """R_world_base (…, 3, 3) of a base whose nominal rotation is ``base`` (3, 3). The
-        parameters ``base.tilt`` turn gravity in the base's axes: the base itself turns the opposite
+        parameters ``base.tilt`` turn gravity in the base's axes: the base turns the opposite
         way."""
         tilt = theta[..., self._tilt]
         if not tilt.any():

@@ -140,8 +140,7 @@ class ClosedLoops:
 
     def _at_home(self, at: np.ndarray) -> np.ndarray:
         """Close the loops near values ``at`` (L,), choose which equations to keep; return all L
-        values. A `ParameterError` if loops stay open, leave a joint free, or couple driven
-        joints."""
+        values. A `ParameterError` if loops stay open, leave a joint free, or couple driven ones."""
         for _ in range(3 * _STEPS):
             r = self.residual(_split(at), self.arm)
             step = np.linalg.pinv(self._slopes(at, self.arm)[:, self.passive], _RANK) @ r
@@ -272,7 +271,7 @@ class ClosedLoops:
 
     def _follow(self, start: np.ndarray, goal: np.ndarray, stride: float) -> np.ndarray:
         """Joint values (N, L) at the end of a straight way from solutions (N, L) to driven values
-        (N, J), in steps of ``stride`` [rad, m over the arm's reach]; NaN where a loop opens on the
+        (N, J), in steps of ``stride`` [rad, m over the reach]; NaN where a loop opens on the
         way."""
         at, begin = start.copy(), start[:, self.driven]
         longest = (np.abs(goal - begin) / self._unit[self.driven]).max(axis=1)

@@ -96,8 +96,8 @@ def _with_options(source: ModelSource) -> str:
 
 
 def _refused(source: ModelSource, cause: Exception) -> ParameterError:
-    """Make the error for a file that MuJoCo refuses with ``cause``: its text, or a clearer one, in
-    a line."""
+    """Make the error for a file that MuJoCo refuses: ``cause``'s text in a line, or a clearer
+    one."""
     words = FLOATS if "free joint" in str(cause) else " ".join(str(cause).split())[:_LONGEST]
     return ParameterError(f"{source.path}: {words}")
 

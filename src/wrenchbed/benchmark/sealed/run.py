@@ -294,8 +294,8 @@ def run(
 
 
 def _answered(path: Path, sealed: commitments.Commitment) -> bool:
-    """Whether an entrant's answer to a case is there; a `BenchmarkError` if it is about another
-    recording."""
+    """Whether an entrant's answer to a case is there; a `BenchmarkError` if it is of another
+    case."""
     if not path.is_file():
         return False
     try:

@@ -245,8 +245,8 @@ def _unexplained(best: Convention) -> str:
 
 
 def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
-    """Sentences on what a convention assumed, on columns not used, and ``untried``, that on
-    conventions not tried."""
+    """Sentences on what was assumed, columns not used, and ``untried``, that on what was not
+    tried."""
     notes = [untried] if untried else []
     if c.reading.robot is not None and stated.robot is None:
         notes.append(f"no --robot is stated: {c.reading.robot}'s joints explain it")

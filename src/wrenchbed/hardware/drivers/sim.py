@@ -384,8 +384,7 @@ class SimDriver(Driver):
 
 def _moving(t: np.ndarray, q: np.ndarray) -> Jet:
     """Joint values, or a place, with speeds and accelerations (n, J) of a complete motion q (n, J)
-    at times t (n,) [s], by a spline: MuJoCo's own are those of half a step before (semi-implicit
-    Euler)."""
+    at times t (n,) [s], by a spline: MuJoCo's own are those of half a step before."""
     if len(t) < _LEAST_ROWS:
         raise ParameterError(f"{len(t)} rows of motion are too few for speeds: give {_LEAST_ROWS}")
     from scipy.interpolate import make_interp_spline  # slow to load: only when it is used

@@ -341,8 +341,8 @@ class Cycle:
         self.cycles += 1
 
     def _targets(self, want: Want) -> list[int]:
-        """Target of each drive [count]: its present position, unless ``want`` is ENABLE and every
-        drive is enabled."""
+        """Target of each drive [count]: its place, unless ``want`` is ENABLE and all are
+        enabled."""
         if want is not Want.ENABLE:
             self.following = False
         elif not self.following and self.all_in(DriveStatus.ENABLED):

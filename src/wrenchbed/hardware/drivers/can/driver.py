@@ -118,8 +118,7 @@ class CanDriver(LiveDriver):
             raise DriverError(f"cannot enable the drives: {cycle.latched[1]}")
 
     def _check_start(self) -> None:
-        """Raise `DriverError` for drives that move, lack a watchdog or report impossible
-        positions."""
+        """Raise `DriverError` for drives that move, lack a watchdog or report impossible places."""
         cycle, network, q = self._running(), self._network, self._read().q
         if not self._at_rest(cycle, self._rest.longest):
             raise DriverError("cannot enable the drives: the robot moves; call recover()")

@@ -151,8 +151,8 @@ def _stream(
     times: Sequence[tuple[float, float]], least: float, what: str, *, clocked: bool
 ) -> Iterator[Line]:
     """Yield findings on the rate, gaps and clock of the stream called ``what``. ``times`` are
-    (arrival, device clock or NaN) [s]; ``least``: required rate [Hz]; ``clocked``: a device clock
-    is required."""
+    (arrival, device clock or NaN) [s]; ``least``: required rate [Hz]; ``clocked``: it needs a
+    clock."""
     at, clock = np.transpose(times) if len(times) > 2 else (np.zeros(2), np.zeros(2))
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf

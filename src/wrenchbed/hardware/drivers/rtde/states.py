@@ -107,8 +107,7 @@ class Outputs:
             raise
 
     def _choose(self, names: Sequence[str], end: float) -> None:
-        """Subscribe to those outputs ``names`` that the controller has; start them by ``end``
-        [s]."""
+        """Subscribe to the outputs ``names`` that the controller has; start them by ``end`` [s]."""
         wanted, types = list(names), [_MISSING]
         while _MISSING in types:
             body = struct.pack(">d", self.rate) + ",".join(wanted).encode()
