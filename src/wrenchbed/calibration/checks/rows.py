@@ -340,6 +340,13 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
             "of the move after: the wrench is early, or the joints are late. Leave out the last "
             f"{int(np.quantile(count[at] - place, 0.9))} rows of each pose",
         )
+    if far.mean() > 0.5:
+        return Finding(
+            "order of poses",
+            f"{share:.0f} % of the rows lie far from the middle of their pose, so its rows are no "
+            "repeats: the wrench is late or is early by a good part of a pose, or poses begin at "
+            "other rows. Compare the clocks of joints and wrench, and the column segment",
+        )
     return Finding(
         "spike",
         f"{share:.1f} % of the rows lie far from all others of their pose (the first: row {row}): "
