@@ -8,11 +8,11 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7712,
-    "calibration": 5177,
+    "calibration": 5184,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
-    "data": 5254,
+    "data": 5406,
     "diagnosis": 13025,
     "drives": 1741,
     "effects": 5001,
@@ -36,14 +36,14 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78732,
-    "src/wrenchbed": 69243,
+    "src": 78891,
+    "src/wrenchbed": 69402,
     "src/robot_emulators": 9489,
-    "tests": 37983,
+    "tests": 38059,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 462
+MOST_FILES = 463
 """Files of Python below src at most."""
 
 

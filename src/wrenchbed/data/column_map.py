@@ -148,6 +148,14 @@ class ColumnMap:
         every = (c for f in self.files for c in f.columns if UNITS[c.unit][0] == "angle")
         return {c.target for c in every if c.target[1:].isdecimal()}
 
+    @property
+    def by_accelerometer(self) -> bool:
+        """Whether an accelerometer is the only source of the sensor's orientation."""
+        targets = {c.target for f in self.files for c in f.columns}
+        turns = {name for kind in _ORIENTATIONS for name in kind} | {"q1"}
+        known = targets & turns or self.conventions.constant is not None
+        return targets >= {*CHANNELS, *ACCELERATION} and not known
+
 
 def ready() -> dict[str, Path]:
     """Name → path of the column maps that ship with wrenchbed."""
@@ -170,8 +178,12 @@ def read(path: str | Path) -> ColumnMap:
 
 def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
     """Make a checked column map from the fields of its file; ``name`` begins errors, and robot and
-    sensor files are relative to ``folder``. A `MapError` names the entry and what it should say; a
-    `NotFoundError` or `ParameterError`: a robot's or sensor's file cannot be read."""
+    sensor files are relative to ``folder``.
+
+    Raises:
+        MapError: names the entry and what it should say.
+        NotFoundError, ParameterError: a robot's or sensor's file cannot be read.
+    """
     raw.only({"recording", "file", "wrench", "orientation"}, "a map")
     mode, metadata = stated_recording(raw.part("recording"), name, folder)
     entries = raw.raw.get("file")
