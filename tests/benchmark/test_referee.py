@@ -1,15 +1,12 @@
-"""The referee: independent, its machine as closed forms say, its laws as other integrators say."""
+"""The referee: its machine as closed forms say, its laws as other integrators say."""
 
-import ast
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import wrenchbed
 from wrenchbed import registry
 from wrenchbed.benchmark import fault as common
 from wrenchbed.benchmark.fault import EFFECTS, KINDS, NEEDED, ROWS_NEEDED, STATED
@@ -20,65 +17,6 @@ from wrenchbed.benchmark.referee.lags_friction_and_noise import after, bouc_wen,
 from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
-
-SOURCE = Path(wrenchbed.__file__).parent
-FORBIDDEN = ("effects", "simulation", "twin", "benchmark.lookalikes", "diagnosis", "hardware")
-
-
-def modules(path):
-    """Modules of wrenchbed that a file imports, by dotted name without the package's own."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {a.name for a in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names |= {node.module} | {f"{node.module}.{a.name}" for a in node.names}
-    return {n.removeprefix("wrenchbed.") for n in names if n.startswith("wrenchbed.")}
-
-
-def files(module):
-    folder = SOURCE.joinpath(*module.split("."))
-    return [f for f in (folder.with_suffix(".py"), folder / "__init__.py") if f.is_file()]
-
-
-def reached(room):
-    """Modules that the files of a room of the benchmark import, even indirectly."""
-    every, todo = set(), {f"benchmark.{room}.{f.stem}" for f in SOURCE.glob(f"benchmark/{room}/*")}
-    while todo:
-        module = todo.pop()
-        if module not in every and files(module):
-            every.add(module)
-            todo |= {m for f in files(module) for m in modules(f)}
-    return every
-
-
-def test_the_referee_shares_no_effect_code_even_indirectly():
-    assert {"robots.base", "data.recording", "data.metadata"} < reached("referee")
-    assert not [m for m in reached("referee") if m.startswith(FORBIDDEN)]
-
-
-@pytest.mark.parametrize(
-    ("room", "forbidden"),
-    [
-        ("lookalikes", ("effects", "simulation", "diagnosis", "twin")),
-        ("efforts", ("drives", "effects", "diagnosis", "simulation", "physics.newton_euler")),
-    ],
-)
-def test_no_file_of_the_other_physics_imports_what_it_judges(room, forbidden):
-    for file in SOURCE.glob(f"benchmark/{room}/*.py"):
-        assert not [m for m in modules(file) if m.startswith(forbidden)], file
-
-
-def test_referee_and_look_alikes_share_faults_and_mujoco_loads_only():
-    both = reached("referee") & reached("lookalikes")
-    shared = {"benchmark.fault", "benchmark.mujoco_loads"}
-    assert {m for m in both if m.startswith("benchmark.")} == shared
-
-
-def test_the_library_does_not_know_the_referee():
-    for room in ("effects", "simulation", "twin", "benchmark/lookalikes", "diagnosis"):
-        for file in (SOURCE / room).rglob("*.py"):
-            assert not [m for m in modules(file) if "referee" in m], file
 
 
 def test_bouc_wen_and_lags_agree_with_a_general_integrator():

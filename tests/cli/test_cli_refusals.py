@@ -104,7 +104,6 @@ def test_what_is_no_shortage_is_none():
     assert "out of memory" in str(shortage(unloaded))
 
 
-NTNU = Path(__file__).resolve().parents[1] / "data" / "ntnu_kuka_ati_gamma"
 RECORD = ["record", "--robot", "ur5", "--plan", "p.parquet", "--samples", "6", "--out"]
 
 

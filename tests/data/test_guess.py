@@ -1,15 +1,14 @@
 """`import --guess`: recordings in random conventions, real ones, and refusals."""
 
-import json
 import re
 from collections import Counter
 from fnmatch import fnmatch
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import ntnu
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
@@ -22,7 +21,6 @@ from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
 from written_logs import Written, write
 
-NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
 OFF = 0.03
 """Errors of gravity and wrench, relative to their size, of a map that is right."""
 
@@ -127,7 +125,7 @@ def test_a_random_convention_is_found(tmp_path, seed):
 
 
 def test_conventions_that_no_data_tell_apart_are_named():
-    files = [NTNU / "0-calibration_fts-accel.csv"]
+    files = [ntnu.DATA / "0-calibration_fts-accel.csv"]
     lines = "\n".join(guess(files).lines)
     assert "fits equally well: matrix" in lines and "sign = -1" in lines
     assert "kgf and kgf·m (9.14 kg)" in lines and "--tool-mass KG decides" in lines
@@ -137,12 +135,12 @@ def test_conventions_that_no_data_tell_apart_are_named():
 
 
 def test_the_real_poses_come_in_by_one_line_and_calibrate_as_before(tmp_path):
-    file, rest = NTNU / "0-calibration_fts-accel.csv", NTNU / "0-steady-state_wrench.csv"
+    file, rest = ntnu.DATA / "0-calibration_fts-accel.csv", ntnu.DATA / "0-steady-state_wrench.csv"
     line = ["import", str(file), "--guess", "--robot", "kuka-lbr-med14", "--sensor", "ati-gamma"]
     out = tmp_path / "static.parquet"
     assert main([*line, "--rest", str(rest), "--out", str(out)]) == 0
     found = wb.Recording.read(out)
-    wanted = import_files([file], column_map.read(NTNU / "static.toml")).recording
+    wanted = ntnu.static()
     for name, column in wanted.columns.items():
         assert np.allclose(found.columns[name], column, rtol=0, atol=1e-12), name
     assert found.metadata.gravity == wanted.metadata.gravity
@@ -159,16 +157,13 @@ def test_the_real_poses_come_in_by_one_line_and_calibrate_as_before(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("run", ["1-baseline", "2-vibrations", "3-vibrations-contact"])
 def test_the_real_motions_come_in_by_one_line(tmp_path, run):
-    static = import_files(
-        [NTNU / "0-calibration_fts-accel.csv"], column_map.read(NTNU / "static.toml")
-    ).recording
-    (tmp_path / "fit.json").write_text(json.dumps(wb.calibrate(static).to_json()))
-    files = [NTNU / f"{run}_{k}.csv" for k in ("accel", "orientations", "wrench")]
+    wb.calibrate(ntnu.static()).write(tmp_path / "fit.json")
+    files = [ntnu.DATA / f"{run}_{k}.csv" for k in ("accel", "orientations", "wrench")]
     out = tmp_path / "run.parquet"
     line = ["import", *map(str, files), "--guess", "--fit", str(tmp_path / "fit.json")]
     assert main([*line, "--gravity", "9.82085", "--out", str(out)]) == 0
     found = wb.Recording.read(out)
-    wanted = import_files(files, column_map.read(NTNU / "motion.toml")).recording
+    wanted = import_files(files, column_map.read(ntnu.DATA / "motion.toml")).recording
     rows = min(len(found), len(wanted))
     offset = len(wanted) - rows if abs(len(found) - len(wanted)) else 0
     assert abs(len(found) - len(wanted)) < 10 and found.metadata.mode == "dynamic"
@@ -213,10 +208,10 @@ def test_what_is_missing_is_named(tmp_path, leave, words):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ([NTNU / "static.toml"], "give files, and either --map MAP or --guess"),
-        ([NTNU, "--guess", "--map", "ur-rtde"], "give files, and either --map MAP or --guess"),
+        ([ntnu.DATA / "static.toml"], "give files, and either --map MAP or --guess"),
+        ([ntnu.DATA, "--guess", "--map", "ur-rtde"], "give files, and either --map MAP or --guess"),
         (["--guess"], "give files, and either"),
-        ([NTNU, "--map", "ur-rtde", "--tool-mass", "1"], "--tool-mass belongs to --guess"),
+        ([ntnu.DATA, "--map", "ur-rtde", "--tool-mass", "1"], "--tool-mass belongs to --guess"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(tmp_path, capsys, more, words):

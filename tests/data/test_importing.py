@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+import ntnu
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
 from wrenchbed.data.import_files import import_files
@@ -16,7 +17,6 @@ from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.recording import TARGET, Recording
 from wrenchbed.errors import MapError, PlanError
 
-NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 
@@ -170,13 +170,12 @@ def test_orientations_are_merged_along_the_shortest_turn(tmp_path_factory, step)
 
 
 def test_real_static_poses_come_in(tmp_path):
-    mapping = column_map.read(NTNU / "static.toml")
-    recording = import_files([NTNU / "0-calibration_fts-accel.csv"], mapping).recording
+    recording = ntnu.static()
     assert len(recording) == 24
     assert recording.metadata.robot == "kuka-lbr-med14"
     assert recording.metadata.gravity == (0.0, 0.0, -9.82085)
     # the file states gravity in sensor axes beside the orientation: they must agree
-    raw = np.genfromtxt(NTNU / "0-calibration_fts-accel.csv", delimiter=",", names=True)
+    raw = np.genfromtxt(ntnu.DATA / "0-calibration_fts-accel.csv", delimiter=",", names=True)
     stated = np.stack([raw["gx"], raw["gy"], raw["gz"]], axis=-1)
     seen = np.array(recording.metadata.gravity) @ recording.rotation
     assert np.abs(seen - stated).max() < 0.01

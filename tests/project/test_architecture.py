@@ -166,16 +166,49 @@ def test_heavy_libraries_stay_in_their_corner():
     assert not outside
 
 
-def test_only_the_command_line_prints():
-    printing = [
-        path.relative_to(SOURCE).as_posix()
-        for path in FILES
-        if "print(" in path.read_text(encoding="utf-8")
-        for node in ast.walk(tree(path))
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-        and node.func.id == "print"
-    ]  # fmt: skip
-    assert not [place for place in printing if not place.startswith("cli/")]
+def inside(place: str) -> list[str]:
+    return [m for m in ALL if m.startswith(f"{place}.")]
+
+
+def reached(place: str) -> set[str]:
+    """Modules that those of a place import, even indirectly; the package itself names all verbs."""
+    every: set[str] = {"__init__"}
+    todo = set(inside(place))
+    while todo:
+        every |= todo
+        todo = {other for m in todo for _, other in imports(ALL[m]) if other} - every
+    return every
+
+
+def test_the_referee_shares_no_effect_code_even_indirectly():
+    found = reached("benchmark.referee")
+    assert {"robots.base", "data.recording", "data.metadata"} < found
+    judged = ("effects", "simulation", "twin", "benchmark.lookalikes", "diagnosis", "hardware")
+    assert not [m for m in found if m.startswith(judged)]
+
+
+@pytest.mark.parametrize(
+    ("place", "others"),
+    [
+        ("benchmark.lookalikes", ["effects", "simulation", "diagnosis", "twin"]),
+        ("benchmark.efforts", ["drives", "effects", "diagnosis", "simulation",
+                               "physics.rigid_load_regressor"]),
+        *((place, ["benchmark.referee"]) for place in
+          ("effects", "simulation", "twin", "benchmark.lookalikes", "diagnosis")),
+    ],
+)  # fmt: skip
+def test_no_judge_imports_what_it_judges_and_the_library_not_the_referee(place, others):
+    found = {(m, other) for m in inside(place) for _, other in imports(ALL[m])}
+    assert found
+    for other in others:
+        assert other in ALL or inside(other)
+        assert not [(m, o) for m, o in found if o.startswith(other)]
+
+
+def test_referee_and_look_alikes_share_faults_and_mujoco_loads_only():
+    both = reached("benchmark.referee") & reached("benchmark.lookalikes")
+    shared = {"benchmark.fault", "benchmark.mujoco_loads"}
+    assert {m for m in both if m.startswith("benchmark.")} == shared
 
 
 def test_files_and_public_classes_say_what_they_are_for():

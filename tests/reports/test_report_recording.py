@@ -7,7 +7,6 @@ import shlex
 from dataclasses import replace
 from html import unescape
 from importlib.metadata import version
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 from test_report import words
 
+import ntnu
 import wrenchbed as wb
 from simulated import driven
 from wrenchbed import studies
@@ -106,9 +106,7 @@ def test_each_channel_has_the_means_of_its_poses_over_their_residual(folder):
 
 
 def test_without_a_model_the_readings_alone_are_shown():
-    data = Path(__file__).parents[1] / "data/ntnu_kuka_ati_gamma"
-    column_map = wb.read_map(data / "static.toml")
-    recording = wb.import_files([data / "0-calibration_fts-accel.csv"], column_map).recording
+    recording = ntnu.static()
     page = recording_page(recording, [], "")
     assert [f.chart.name for f in page.figures] == list(CHANNELS)
     told = text(page)

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import ntnu
 import wrenchbed as wb
 from rrd_file import Rrd, strict  # noqa: F401
 from simulated import driven
@@ -191,9 +191,7 @@ def test_without_rerun_the_extra_is_named():
 
 
 def test_a_sensor_without_a_robot_is_shown_by_its_readings(tmp_path):
-    folder = Path(__file__).parents[1] / "data/ntnu_kuka_ati_gamma"
-    column_map = wb.read_map(folder / "static.toml")
-    recording = wb.import_files([folder / "0-calibration_fts-accel.csv"], column_map).recording
+    recording = ntnu.static()
     recording_view(recording, tmp_path / "view.rrd")
     rrd = Rrd(tmp_path / "view.rrd")
     curves = rrd.values("/wrench/tz", "Scalars:scalars", "row")
