@@ -87,6 +87,7 @@ def castings(rng):
             if model.body(body).name not in TOOLS:
                 model.body_mass[body] *= 1.0 + LINK_MASS * masses[body]
                 model.body_ipos[body] += LINK_COG * places[body]
+        model.body_sameframe[:] = 0  # else MuJoCo passes over some centres
 
     return edit
 

@@ -174,9 +174,9 @@ def test_at_rest_the_drives_hold_the_weight(robot, cycle):
 def test_a_motion_needs_the_torques_of_inverse_dynamics_and_faults(robot, cycle):
     """Servos' forces and the weight at rest, against inverse dynamics of the same motion."""
 
-    fault = ("drive.viscous:joint=2,size=4", "tool.mass")
+    fault = "drive.viscous:joint=2,size=4"
     bodies = [Body(BodyOptions(robot.name, noise="off", effects=e), cycle, drives=True)
-              for e in ((), fault[:1])]  # fmt: skip
+              for e in ((), (fault,))]  # fmt: skip
     swing, rows = np.full(len(robot.joints), 0.05), []
     for k in range(600):
         t = k * cycle

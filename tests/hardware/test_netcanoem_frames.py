@@ -161,7 +161,7 @@ def test_late_answers_never_make_a_wrong_matrix(monkeypatch, late):
 
 
 @pytest.mark.parametrize("units, scale", [((2, 3), 1.0), ((4, 6), 1e3), ((1, 3), 4.4482216)])
-def test_units_becomein_si(units, scale):
+def test_units_become_si(units, scale):
     matrix = in_si(np.eye(6) * 5.0, (10, 10), units, 0)
     assert matrix[0, 0] == pytest.approx(0.5 * scale, rel=1e-6)
 

@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78891,
     "src/wrenchbed": 69402,
     "src/robot_emulators": 9489,
-    "tests": 38019,
+    "tests": 38020,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""

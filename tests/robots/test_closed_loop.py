@@ -131,7 +131,7 @@ CONTRACT = {
         test_robots.test_every_parameter_moves_something_or_is_listed_as_unobservable,
         test_robots.test_the_jacobian_is_that_of_complex_steps,
         test_robots.test_samples_are_feasible_seeded_and_turn_the_tool_about,
-        test_robots.test_jointsoutside_limits_are_refused_by_row,
+        test_robots.test_joints_outside_limits_are_refused_by_row,
     ),
 }
 """What every robot keeps, but: a hexapod's legs are no angles and tilt it by 40° only; errors

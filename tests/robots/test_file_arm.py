@@ -77,7 +77,7 @@ CONTRACT = (
     test_robots.test_parameters_of_the_load_leave_the_sensor_where_it_is,
     test_robots.test_the_jacobian_is_that_of_complex_steps,
     test_robots.test_samples_are_feasible_seeded_and_turn_the_tool_about,
-    test_robots.test_jointsoutside_limits_are_refused_by_row,
+    test_robots.test_joints_outside_limits_are_refused_by_row,
     test_robots.test_an_inertia_of_no_body_is_refused,
 )
 """What every robot keeps, but what is said of a file in ``models``."""

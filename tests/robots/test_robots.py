@@ -173,7 +173,7 @@ def test_samples_are_feasible_seeded_and_turn_the_tool_about(robot):
 
 
 @each_robot
-def test_jointsoutside_limits_are_refused_by_row(robot):
+def test_joints_outside_limits_are_refused_by_row(robot):
     q = robot.sample(3, np.random.default_rng(0))
     q[1, 1] = np.rad2deg(q[1, 1])
     with pytest.raises(PlanError, match=r"plan: row 1: q2 = .* outside its limits.*degrees"):
