@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.calibration.fit import Fit
+from wrenchbed.calibration.fit import Fit, IdentifiedValue
 from wrenchbed.pages.numbers import HUMAN, decimals, minus
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -33,90 +33,60 @@ class ParameterWords:
     unit: str
 
 
-@dataclass(frozen=True)
 class FitWords:
     """Texts of a fit, for terminal and pages.
 
     Attributes:
         data: robot and amount of data.
+        parameters: each identified parameter.
         residuals: label and numbers of the six channels, one line each.
         limits: sentences on what the data do not identify.
-        pairs: the strongest correlations, the strongest first.
-        touches, position: on the touches and the tool's position error; empty without them.
         status: convergence, and how far to trust the values.
         refuted: why the data refute the values, empty if they do not.
+        sections: pairs (heading, lines) of all sections that are not empty; the status comes last.
     """
 
-    data: str
-    parameters: tuple[ParameterWords, ...]
-    residuals: tuple[tuple[str, tuple[str, ...]], ...]
-    limits: tuple[str, ...]
-    pairs: tuple[str, ...]
-    touches: str
-    position: str
-    status: str
-    refuted: str
-
-    @property
-    def sections(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Pairs (heading, lines) of all sections that are not empty; the status comes last."""
-        sections = (
-            ("what this data cannot tell", self.limits),
-            ("strongly correlated", self.pairs),
-            ("touches", (self.touches,)),
-            ("position of the tool", (self.position,)),
-            ("refuted by the data", (self.refuted,)),
-            ("status", (self.status,)),
-        )
-        return tuple((title, lines) for title, lines in sections if any(lines))
-
-
-def fit_words(fit: Fit) -> FitWords:
-    """Make the texts of a fit that the terminal and pages show."""
-    rows = f"{fit.rows} rows"
-    amount = rows if fit.rows == fit.poses else f"{fit.poses} poses, {rows}"
-    noise, seats = fit.noise, fit.touches
-    touches = "" if seats is None else (
-        f"{seats.count} with {1e3 * seats.std:g} mm per axis; the least fitting, number "
-        f"{seats.worst}, lies {seats.distance:.1f} σ from where all else puts it"
-    )  # fmt: skip
-    position = "" if fit.target_rms is None else (
-        f"{1e3 * fit.target_rms:.3g} mm rms expected in the robot's target workspace"
-    )  # fmt: skip
-    return FitWords(
-        data=f"{fit.robot}, {amount}",
-        parameters=tuple(
-            parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
-            for p in fit.identified
-        ),
-        residuals=(
+    def __init__(self, fit: Fit) -> None:
+        rows, noise, seats = f"{fit.rows} rows", fit.noise, fit.touches
+        amount = rows if fit.rows == fit.poses else f"{fit.poses} poses, {rows}"
+        touches = "" if seats is None else (
+            f"{seats.count} with {1e3 * seats.std:g} mm per axis; the least fitting, number "
+            f"{seats.worst}, lies {seats.distance:.1f} σ from where all else puts it"
+        )  # fmt: skip
+        position = "" if fit.target_rms is None else (
+            f"{1e3 * fit.target_rms:.3g} mm rms expected in the robot's target workspace"
+        )  # fmt: skip
+        self.data = f"{fit.robot}, {amount}"
+        self.status, self.refuted = fit.status, fit.refuted or ""
+        self.parameters = tuple(map(parameter_words, fit.identified))
+        self.residuals = (
             ("residual rms", tuple(map(_short, fit.residual_rms))),
             (f"one row, {noise.source}", tuple(map(_short, noise.row))),
             ("effective rows", tuple(f"{w:.0f}" for w in noise.effective)),
-        ),
-        limits=_limits(fit),
-        pairs=_pairs(fit),
-        touches=touches,
-        position=position,
-        status=fit.status,
-        refuted=fit.refuted or "",
-    )
+        )
+        self.limits = _limits(fit)
+        sections = (
+            ("what this data cannot tell", self.limits),
+            ("strongly correlated", _pairs(fit)),
+            ("touches", (touches,)),
+            ("position of the tool", (position,)),
+            ("refuted by the data", (self.refuted,)),
+            ("status", (self.status,)),
+        )
+        self.sections = tuple((title, lines) for title, lines in sections if any(lines))
 
 
-def parameter_words(
-    name: str, value: float, std: float | None, half: float | None, start: float, unit: str
-) -> ParameterWords:
-    """Make the texts of one parameter from start, value, standard uncertainty ``std`` and ``half``
-    width of its 95 % interval, all in [unit]; None if the data determine only a combination."""
-    shown, factor = HUMAN.get(unit, (unit, 1.0))
-    value, start = factor * value, factor * start
+def parameter_words(p: IdentifiedValue) -> ParameterWords:
+    """Make the texts of one identified parameter."""
+    shown, factor = HUMAN.get(p.unit, (p.unit, 1.0))
+    value, start = factor * p.value, factor * p.nominal
     began = minus(f"{start:.4g}") if abs(start) > 1e-12 else "0"
-    if std is None or half is None:
-        return ParameterWords(name, minus(f"{value:.4f}"), UNKNOWN, began, "", "", shown)
-    std, half = factor * std, factor * half
+    if p.std is None or p.interval95 is None:
+        return ParameterWords(p.name, minus(f"{value:.4f}"), UNKNOWN, began, "", "", shown)
+    std, half = factor * p.std, factor * p.interval95
     digits = decimals(std)
     return ParameterWords(
-        name,
+        p.name,
         minus(f"{value:.{digits}f}"),
         f"{std:.2g}" if std < 1e-9 else f"{std:.{digits}f}",
         began,

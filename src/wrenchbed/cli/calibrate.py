@@ -12,7 +12,7 @@ from rich.text import Text
 
 import wrenchbed as wb
 from wrenchbed.calibration.fit import IdentifiedValue
-from wrenchbed.calibration.fit_words import fit_words, parameter_words
+from wrenchbed.calibration.fit_words import FitWords, parameter_words
 from wrenchbed.calibration.tracker_result import TrackerFit
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
@@ -154,7 +154,7 @@ def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group
 
     With the true values of a simulated robot, each true value is printed beside its estimate.
     """
-    words = fit_words(result)
+    words = FitWords(result)
     head = Text.assemble(("calibration ", "bold"), f"{result.recording}  {words.data}")
     channels = (f">{channel:>8}" for channel in CHANNELS)
     residuals = console.table("|per channel [N, N·m]", *channels, space=1)
@@ -172,7 +172,7 @@ def _parameters(
     beside = [">truth", ">off by"] if truth is not None else []
     table = console.table("|parameter", ">value", ">± std", ">start", "|unit", *beside)
     for p in values:
-        shown = parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
+        shown = parameter_words(p)
         cells = [shown.name, shown.value, shown.std, shown.start, shown.unit]
         if truth is not None:
             _, factor = HUMAN.get(p.unit, (p.unit, 1.0))

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -334,7 +334,8 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
         return known.right(verdict, gap.closed_least, gap.left, a.prepared.scene.mode)
 
     seen = (sensor_saturation.EFFECT.name,) if a.prepared.at_limits.any() else ()
-    return facts_of(a.ranking, claims.gap, right, least=least, own_rest=own_rest, seen=seen)
+    known_facts = facts_of(a.ranking, claims.gap, right)
+    return replace(known_facts, least=least, own_rest=own_rest, seen=seen)
 
 
 def least_beside(touch: Touch | None) -> float:

@@ -15,6 +15,9 @@ from wrenchbed.files import write_json
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
 
+_AS_FOUND = ("where", "which", "probabilities", "cannot_tell", "minor", "fitted")
+"""Fields of `Diagnosis` that its JSON has under the same names."""
+
 
 class Scale(NamedTuple):
     """Noise and material residual of one channel.
@@ -159,12 +162,7 @@ class Diagnosis:
                     "material": {c: s.material for c, s in self.scale.items()},
                     "rms": self.rms,
                 },
-                "where": list(self.where),
-                "which": list(self.which),
-                "probabilities": dict(self.probabilities),
-                "cannot_tell": list(self.cannot_tell),
-                "minor": list(self.minor),
-                "fitted": list(self.fitted),
+                **{name: getattr(self, name) for name in _AS_FOUND},
                 "familiar": {"p_value": self.familiar_p, "sentence": self.familiar},
                 "blind": [spot.to_json() for spot in self.blind],
                 "next": list(self.next),

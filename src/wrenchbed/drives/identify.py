@@ -84,10 +84,8 @@ def calibrate_efforts(
     """
     prefix, effort = efforts_of(recording)
     dead = np.flatnonzero(np.ptp(effort, axis=0) == 0.0)
-    column, rest = (
-        f"{prefix}{dead[0] + 1}" if dead.size else "",
-        recording.metadata.mode == "static",
-    )
+    column = f"{prefix}{dead[0] + 1}" if dead.size else ""
+    rest = recording.metadata.mode == "static"
     if constants is not None:
         effort, prefix = as_torques(effort, prefix, constants, recording.name), "tau"
     groups = _groups(free, prefix, stated=constants is not None, rest=rest)

@@ -260,15 +260,9 @@ def _identified(
         names += [(f"{kind}.{j}", joint.own(unit)) for j, joint in enumerate(joints[:count], 1)]
     begun = np.concatenate([load[:loads], np.zeros(zeros), gain[:gains]])
     some = slice(len(begun))
-    values, slopes, covariance = (
-        begun + fit.free[some],
-        np.eye(len(begun)),
-        fit.covariance[some, some],
-    )
-    wide, determined = (
-        float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975)),
-        fit.determined[some].copy(),
-    )
+    values, covariance = begun + fit.free[some], fit.covariance[some, some]
+    slopes, determined = np.eye(len(begun)), fit.determined[some].copy()
+    wide = float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975))
     surely = np.abs(values) > wide * np.sqrt(np.diagonal(covariance))  # above or below 0
     if loads:
         determined[1:4] = determined[:4].all() and surely[0]  # no mass has no centre

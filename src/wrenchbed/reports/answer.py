@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
@@ -52,17 +53,17 @@ class Answer(ABC):
 
     def __init__(self, d: Diagnosis, alike: Sequence[Key]) -> None:
         self.d, self.alike = d, alike if d.verdict == UNKNOWN else ()
-        self.notes: Sequence[str] = d.notes
+        self.notes = [*d.notes, *self.fitted_load]
 
     @property
     @abstractmethod
     def about(self) -> str:
         """Text on the diagnosed recordings, their robot and duration."""
 
-    @property
-    @abstractmethod
+    @cached_property
     def causes(self) -> Sequence[Claim]:
         """The causes that the diagnosis claims, in words, in the order of its JSON's ``which``."""
+        return [self.claim_of(w) for w in self.d.which]
 
     @property
     @abstractmethod

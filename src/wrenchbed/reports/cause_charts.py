@@ -119,8 +119,7 @@ def _joint_error(
 def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
     """Derivative of the readings (H, C) by joint number ``joint`` (from 0) [1/rad or 1/m],
     simulated without cause c."""
-    step = np.zeros(scene.joints.shape[1])
-    step[joint] = STEP
+    step = STEP * np.eye(scene.joints.shape[1])[joint]
     up, down = (p.read(replace(scene, q=scene.q + s), c.rest.active) for s in (step, -step))
     return np.asarray((up - down)[scene.held] / (2.0 * STEP))
 

@@ -38,7 +38,6 @@ class EffortAnswer(Answer):
     def __init__(self, findings: EffortFindings) -> None:
         super().__init__(findings.diagnosis, findings.verdict.alike)
         self.findings = findings
-        self.notes = [*self.notes, *self.fitted_load]
         alone = findings.d.scene.wrench is None
         self.channels = "joint efforts" if alone else "joint efforts and wrench"
 
@@ -174,11 +173,8 @@ def _efforts(findings: EffortFindings) -> Chart:
     of the predictions."""
     scene, std = findings.d.scene, [c.std for c in findings.d.channels]
     kept = scene.kept()
-    t, measured, rows = (
-        scene.signals.t[kept],
-        scene.thin(scene.signals.effort),
-        shown_rows(findings),
-    )
+    t, rows = scene.signals.t[kept], shown_rows(findings)
+    measured = scene.thin(scene.signals.effort)
     roles: tuple[Role, ...] = ("before", "after")
     every = list(zip(roles, residuals_of(findings).items(), strict=False))
     panels, note = [], ""

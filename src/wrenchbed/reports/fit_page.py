@@ -6,7 +6,7 @@ import numpy as np
 
 from wrenchbed.calibration.calibrate import left_by
 from wrenchbed.calibration.fit import Fit
-from wrenchbed.calibration.fit_words import UNKNOWN, FitWords, fit_words, worst_channel
+from wrenchbed.calibration.fit_words import UNKNOWN, FitWords, worst_channel
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages import ReportPage, numbers
@@ -23,7 +23,7 @@ _CORRELATION = Scale("correlation", -1.0, 1.0, (-1.0, 0.0, 1.0), diverging=True)
 def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
     """The HTML page of a fit to a recording; ``command``: the command line that made it, if any. A
     `MissingExtraError` without matplotlib or jinja2."""
-    words, name = fit_words(fit), PurePath(fit.recording).name
+    words, name = FitWords(fit), PurePath(fit.recording).name
     data, residual = left_by(fit, recording)
     white = residual / np.maximum(fit.noise.row, 1e-9)
     order, axis = _order(recording, data)

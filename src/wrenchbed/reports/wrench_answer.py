@@ -11,7 +11,7 @@ from wrenchbed.diagnosis.next.blind import unseen
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import MOST_HEADLINE, TOO_MANY, Answer, the
-from wrenchbed.reports.claim import Claim, capital, listed
+from wrenchbed.reports.claim import capital, listed
 from wrenchbed.reports.claim import place as place_of
 
 LEAST_SHARE = 0.006
@@ -45,8 +45,7 @@ class WrenchAnswer(Answer):
         self.fitted = f"{usual} fitted, as every user does"
         self.row_effects = frozenset(r.effect for r in findings.rows)
         self.row_sentences = [r.sentence for r in findings.rows]
-        others = [n for n in self.d.notes if n not in self.row_sentences]
-        self.notes = [*self.row_sentences, *others, *self.fitted_load]
+        self.notes = list(dict.fromkeys([*self.row_sentences, *self.notes]))
         local = [f.variable for f in findings.places if f.seen and " between " in f.variable]
         self._kernel = local[0] if local else findings.analysis.ranking.kernel
         self.variable = _KERNELS.get(self._kernel, self._kernel)
@@ -55,10 +54,6 @@ class WrenchAnswer(Answer):
     def about(self) -> str:
         d = self.d
         return f"{', '.join((d.recording, *d.others))}  {d.robot}, {d.seconds:.1f} s"
-
-    @cached_property
-    def causes(self) -> Sequence[Claim]:
-        return [self.claim_of(w) for w in self.d.which]
 
     @property
     def only_rows(self) -> bool:

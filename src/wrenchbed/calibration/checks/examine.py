@@ -78,14 +78,6 @@ _UNITS = {
 """Readings of 1 N in other units; exact by definition."""
 
 
-def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> Finding | None:
-    """Return the first finding against a recording, or None. ``seen`` are its observations; with
-    ``blocking`` only findings count that make a diagnosis refuse, too: not contacts or jumps of the
-    zero, which it names itself."""
-    finding = rows.of_rows(recording, blocking=blocking) or of_load(recording, seen)
-    return finding if finding is None or finding.blocks or not blocking else None
-
-
 def of_load(recording: Recording, seen: Observed) -> Finding | None:
     """Finding if no rigid load under gravity explains the observations ``seen``; else None."""
     finding = _one_orientation(seen)

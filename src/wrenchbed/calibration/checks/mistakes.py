@@ -6,7 +6,6 @@ of the residual before. Of mistakes that explain equally well, the first tried i
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -132,19 +131,14 @@ def _of_channels(seen: Observed) -> Iterator[Mistake]:
 
 def _mended(moments: Moments, mass: float) -> Iterator[Mistake]:
     """Yield possible mistakes in the channels, simplest first; sentences state ``mass`` [kg]."""
-    words, reasons, matrices = _all_mends()
-    for text, reason, load in zip(words, reasons, moments.mended(matrices), strict=True):
+    words, reasons, matrices = zip(*_mends(), strict=True)
+    loads = moments.mended(np.stack(matrices))
+    for text, reason, load in zip(words, reasons, loads, strict=True):
         yield Mistake(load, Finding(reason, text.format(mass=mass)))
 
 
-@cache
-def _all_mends() -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
-    """Sentences, reasons, and correction matrices (B, 6, 6) of B mistakes in the channels."""
-    words, reasons, matrices = zip(*_mends(), strict=True)
-    return words, reasons, np.stack(matrices)
-
-
 def _mends() -> Iterator[tuple[str, str, np.ndarray]]:
+    """Yield sentence, reason and correction matrix (6, 6) of each mistake in the channels."""
     eye = np.eye(6)
     yield WRENCH_TURNED, "wrong sign", -eye
     yield (
@@ -155,11 +149,9 @@ def _mends() -> Iterator[tuple[str, str, np.ndarray]]:
     )  # fmt: skip
     yield TORQUES_TURNED, "wrong sign", np.diag(np.repeat([1.0, -1.0], 3))
     for k, c in enumerate(CHANNELS):
-        sign = np.ones(6)
-        sign[k] = -1.0
         yield (
             f"column {c!r} has the opposite sign of the others: turn it over in the column map",
-            "wrong sign", np.diag(sign),
+            "wrong sign", np.diag(1.0 - 2.0 * eye[k]),
         )  # fmt: skip
     for (force, torque), factor in TORQUES.items():
         if force == "N" or factor > 1.0:
@@ -169,8 +161,7 @@ def _mends() -> Iterator[tuple[str, str, np.ndarray]]:
                 np.diag(np.repeat([1.0, 1.0 / factor], 3)),
             )  # fmt: skip
     for k, axis in enumerate("xyz"):
-        mirror = np.ones(3)
-        mirror[k] = -1.0
+        mirror = 1.0 - 2.0 * np.eye(3)[k]
         yield (
             f"the wrench is given in left-handed axes ({axis} is mirrored): turn over f{axis} and "
             "the torques about the other two axes in the column map", "left-handed",
@@ -328,19 +319,17 @@ def _of_joints(seen: Observed) -> Iterator[Mistake]:
 
 def _joint_mistakes(seen: Observed) -> Iterator[tuple[str, Value]]:
     """Yield possible mistakes in the joints: a sentence and the corrected joint values (M, J)."""
-    names = seen.robot.joints
-    for j in range(len(names)):
-        sign = np.ones(len(names))
-        sign[j] = -1.0
+    joints, each = len(seen.robot.joints), np.eye(len(seen.robot.joints))
+    for j in range(joints):
+        sign = 1.0 - 2.0 * each[j]
         yield f"q{j + 1} turns in the opposite sense: check its sign", seen.q * sign
-    for a, b in combinations(range(len(names)), 2):
-        order = np.arange(len(names))
+    for a, b in combinations(range(joints), 2):
+        order = np.arange(joints)
         order[[a, b]] = b, a
         yield f"q{a + 1} and q{b + 1} are swapped: check the order of joints", seen.q[:, order]
-    for j in range(len(names)):
+    for j in range(joints):
         for degrees in (90.0, -90.0, 180.0):
-            off = np.zeros(len(names))
-            off[j] = np.deg2rad(degrees)
+            off = np.deg2rad(degrees) * each[j]
             zero = f"{-degrees:.0f} (in deg; {-off[j]:.6f} in rad)"
             yield f"q{j + 1} has another zero: state zero = {zero} with it", seen.q + off
 

@@ -77,15 +77,9 @@ def facts_of(
     ranking: Ranking,
     measure: Callable[[Verdict[Explanation]], Closure],
     right: Callable[[Verdict[Explanation], Closure], float],
-    *,
-    least: float = 0.0,
-    own_rest: bool = False,
-    seen: Collection[str] = (),
 ) -> Facts[Explanation]:
     """Facts for a decision on ranked sets of causes; arguments as the attributes of `Facts`."""
     weight = weights(ranking)
     both = zip(weight[1:], ranking.explanations, strict=True)
     options = tuple(Option(e, float(w), e.parts) for w, e in both)
-    return Facts(
-        options, float(weight[0]), measure, right, least=least, own_rest=own_rest, seen=seen
-    )
+    return Facts(options, float(weight[0]), measure, right)

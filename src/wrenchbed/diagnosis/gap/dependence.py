@@ -184,8 +184,7 @@ def _turned(prepared: Prepared, joint: int) -> np.ndarray:
     """Derivative (H, 3) of gravity's direction in sensor axes by ``joint``, from 0 [1/rad, 1/m]."""
     scene = prepared.scene
     q = scene.joints[scene.held]
-    step = np.zeros(q.shape[1])
-    step[joint] = _TURN
+    step = _TURN * np.eye(q.shape[1])[joint]
     up, down = (scene.robot.sensor_pose(q + s * step, scene.theta)[0] for s in (1, -1))
     change = scene.gravity @ (up - down) / np.linalg.norm(scene.gravity)
     return np.asarray(change / (2 * _TURN))

@@ -152,7 +152,7 @@ class CrossFit:
             kept = np.repeat(whole.d.prepared.fold_rows != k, whole.d.channels)
             moved = error + whole.d.fitted(whole.y, kept) - all_rows
             configuration = moved_by(whole, moved, a.prepared.configuration)
-            self._add(result, k, self._predicted(k, configuration, ()) - at_all)
+            self._add(result, k, self._read(configuration, (), k) - at_all)
         return result
 
     def explained(self, claim: Claimed) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -164,11 +164,11 @@ class CrossFit:
         without = {name: result.copy() for name in names}
         for fold, refitter in self._fits.items():
             configuration, active = _corrected(a, refitter, refitter.again(f), keep)
-            self._add(result, fold, self._predicted(fold, configuration, active) - at_all)
+            self._add(result, fold, self._read(configuration, active, fold) - at_all)
             for k, name in enumerate(names):
                 others = tuple(x for i, x in enumerate(active) if i != k)
                 as_stated = restored(configuration, a.prepared.configuration, name)
-                change = self._predicted(fold, as_stated, others) - at_all
+                change = self._read(as_stated, others, fold) - at_all
                 self._add(without[name], fold, change)
         return result, without
 
@@ -183,12 +183,11 @@ class CrossFit:
         reading[self._held[fold]] += change[self._held[fold]]
 
     def _read(
-        self, c: Configuration, active: Sequence[ActiveEffect], seen: np.ndarray | None = None
+        self, c: Configuration, active: Sequence[ActiveEffect], fold: int | None = None
     ) -> np.ndarray:
-        """Readings (M, C) in closed form, unknowns of sensors fitted to the mask ``seen`` (H,)."""
-        p = self._a.prepared
-        seen = p.fitted if seen is None else seen
-        every = refitted(p.channels, replace(p.scene, theta=c.robot_theta), active, p.y, seen)
+        """Readings (M, C) in closed form, unknowns of sensors fitted outside the fold, if any."""
+        p = self._a.prepared if fold is None else self._a.prepared.without(fold)
+        every = refitted(p.channels, replace(p.scene, theta=c.robot_theta), active, p.y, p.fitted)
         if not p.has_wrench:
             return every
         return self._beside(c.model.read(every[:, p.families[0]], c.theta), every)
@@ -201,10 +200,6 @@ class CrossFit:
     def _beside(self, leading: np.ndarray, every: np.ndarray) -> np.ndarray:
         """Readings (M, C) with the first channel's replaced by ``leading`` (M, c)."""
         return np.concatenate([leading, every[:, self._a.prepared.families[0].stop :]], axis=1)
-
-    def _predicted(self, fold: int, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Readings (M, C) in closed form, unknowns of sensors fitted outside the fold."""
-        return self._read(c, active, self._a.prepared.without(fold).fitted)
 
 
 def restored(now: Configuration, stated: Configuration, name: str) -> Configuration:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrenchbed.channels.own_noise import orthonormal
 from wrenchbed.diagnosis.explain.contributions import made_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
@@ -26,8 +27,6 @@ MOST = 0.5
 """Share, of the gap that causes leave, above which causes that grow with time explain most of it.
 Tuned on the sealed families of 2026-11-26: 23 right claims have 0.15 at most, two unknown faults
 0.60 and 0.68."""
-_RANK = 1e-9
-"""Singular value over the largest one, below which a column depends on the others."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Chang
     d = a.dictionary
     scale = np.tile(np.sqrt(np.maximum(d.prepared.variance, 1e-300)), d.rows)
     block = d.prepared.block_rows
-    basis = _basis(np.column_stack([d.E[:, d.always], f.design]) / scale[:, None])
+    basis = orthonormal(np.column_stack([d.E[:, d.always], f.design]) / scale[:, None])
     order = orders(block, PERMUTATIONS, np.random.default_rng([seed, 31]))
     rest = _without(basis, (f.residual / scale)[None])[0].reshape(d.rows, -1)
     permuted = _without(basis, rest[order].reshape(len(order), -1))
@@ -90,7 +89,7 @@ def grown(a: Analysis, f: Finalist, parts: Sequence[int]) -> float:
         return 0.0
     time = np.repeat(np.linspace(-1.0, 1.0, d.rows), d.channels)
     growing = np.stack([made_by(a.refitter, f, [k]) * time for k in parts])
-    basis = _basis(np.column_stack([d.E[:, d.always], f.design]))
+    basis = orthonormal(np.column_stack([d.E[:, d.always], f.design]))
     (rest, *columns) = _without(basis, np.concatenate([f.residual[None], growing]))
     X = np.stack(columns, axis=1)
     before, after = (d.gap(r) for r in (rest, rest - X @ np.linalg.lstsq(X, rest, rcond=None)[0]))
@@ -107,13 +106,6 @@ def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.nd
     root = np.cbrt(np.stack(squares))  # of a χ² variable nearly normal: Wilson & Hilferty
     spread = np.maximum(root.std(axis=1, keepdims=True), 1e-300)
     return np.asarray(((root - root.mean(axis=1, keepdims=True)) / spread).max(axis=0))
-
-
-def _basis(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (C R, k') of columns (C R, k), some of which may be 0 or dependent."""
-    norm = np.linalg.norm(columns, axis=0)
-    u, s, _ = np.linalg.svd(columns / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
-    return np.asarray(u[:, s > _RANK * s[0]])
 
 
 def _without(basis: np.ndarray, x: np.ndarray) -> np.ndarray:

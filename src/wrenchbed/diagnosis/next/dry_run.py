@@ -47,7 +47,9 @@ def of_plan(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> Prepared:
         raise DiagnosisError(f"{plan.name}: a plan of touches records no free load to diagnose")
     robot: Robot = registry.load("robots", plan.robot)
     rate = float(plan.rate_hz or rate)
-    metadata = nominal_metadata(robot, plan.mode, rate)
+    sensor, tool = registry.load("sensors", robot.sensor), robot.tool(robot.parameters.nominal)
+    noise = SensorInfo(sensor.name, tuple(sensor.noise.row_std.tolist()))
+    metadata = Metadata.of(robot.name, plan.mode, "plan", rate, tool, noise, robot.gravity)
     model = Model.of(robot, metadata)
     robot_theta = Configuration(model, model.configured(metadata)).robot_theta
     if plan.mode == "dynamic":
@@ -64,19 +66,12 @@ def of_plan(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> Prepared:
         clean = np.repeat(respond(scene)[scene.held], count, axis=0)
         within = np.arange(len(clean)) - np.repeat(np.cumsum(count) - count, count)
         t = np.repeat(start, count) + within / rate
-    rows, _ = NoiseStream(registry.load("sensors", robot.sensor).noise, SEED).corrupt(t, clean)
+    rows, _ = NoiseStream(sensor.noise, SEED).corrupt(t, clean)
     names = [f"q{j + 1}" for j in range(len(robot.joints))] or list(QUATERNION)
     columns = {"t": t} | {n: np.repeat(plan.q[:, j], count) for j, n in enumerate(names)}
     columns |= {c: np.asarray(rows)[:, k] for k, c in enumerate(CHANNELS)}
     columns["segment"] = np.repeat(plan.segment, count)
     return prepare(Recording(metadata, columns, plan.name))
-
-
-def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
-    """Metadata of a recording of the nominal robot, ``static`` or ``dynamic``, at ``rate`` [Hz]."""
-    sensor, tool = registry.load("sensors", robot.sensor), robot.tool(robot.parameters.nominal)
-    stated = SensorInfo(sensor.name, tuple(sensor.noise.row_std.tolist()))
-    return Metadata.of(robot.name, mode, "plan", rate, tool, stated, robot.gravity)
 
 
 @dataclass(frozen=True)

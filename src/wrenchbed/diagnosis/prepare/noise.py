@@ -134,10 +134,8 @@ def systematic(recording: Recording, data: Observations) -> np.ndarray:
     for some, away in about_means(rows, data.wrench, data.count):
         for r in np.split(away, np.cumsum(data.count[some])[:-1]):
             if len(r) > 3 * lag:
-                late, now = (
-                    late + (r[lag:] * r[:-lag]).sum(axis=0),
-                    now + (r[lag:] ** 2).sum(axis=0),
-                )
+                late += (r[lag:] * r[:-lag]).sum(axis=0)
+                now += (r[lag:] ** 2).sum(axis=0)
             if len(r) >= LEAST_IN_POSE:
                 spectrum = np.square(np.abs(rfft(r, axis=0)))
                 sums = np.cumsum(np.vstack([np.zeros(6), spectrum]), axis=0)

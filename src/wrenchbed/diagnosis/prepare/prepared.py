@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.checks.examine import examine
-from wrenchbed.calibration.checks.rows import usable
+from wrenchbed.calibration.checks.examine import of_load
+from wrenchbed.calibration.checks.rows import of_rows, usable
 from wrenchbed.calibration.checks_before_fit import observed
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.channels.base import Channel
@@ -416,8 +416,8 @@ def enough(recording: Recording, data: Observations, configuration: Configuratio
     model = configuration.model
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
     seen = observed(recording, data, model, configuration.theta, free)
-    finding = examine(recording, seen, blocking=True)
-    if finding is not None:
+    finding = of_rows(recording, blocking=True) or of_load(recording, seen)
+    if finding is not None and finding.blocks:
         raise DiagnosisError(f"{name}: {finding.sentence}")
 
 
