@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.prepare.configured_simulator import configured
 from wrenchbed.diagnosis.prepare.quantisation_and_repeats import Step, at_limits, step
 from wrenchbed.diagnosis.result import cause
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.reports.claim import claim
+from wrenchbed.reports.claim import Claim
 
 ROBOT, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))
 STD = np.array(registry.load("sensors", "ati-gamma").noise.row_std)
@@ -234,7 +234,7 @@ def harder(rec, rise):
 
 def said_of(finding):
     entry = cause(finding.effect, finding.probability, finding.parameters)
-    return claim(entry | {"size": finding.size}).sentence
+    return Claim(entry | {"size": finding.size}).sentence
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from simulated import WHITE, static
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.gap.dependence import family_wise, partitions
+from wrenchbed.diagnosis.gap.dependence import Partitions, family_wise
 from wrenchbed.diagnosis.gap.varies_with import Finding, entries, locality, locate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import respond
@@ -33,7 +33,7 @@ def bench(mode):
     """A sound recording and the residuals that its fit takes away."""
     design = design_of(mode)
     prepared = prepare(recording(design, draw(design, 1, "none")))
-    return prepared, partitions(prepared).fitted
+    return prepared, Partitions(prepared).fitted
 
 
 def fitted_away(rows, basis):
@@ -106,7 +106,7 @@ def test_noise_with_memory_is_no_finding_in_motion(kind):
 
 def test_p_values_of_noise_are_even():
     prepared, _ = bench("poses")
-    parts = partitions(prepared)
+    parts = Partitions(prepared)
     alone = []
     for seed in range(60):
         case, residual = made("poses", 1000 + seed, kind=("normal", "heavy")[seed % 2])

@@ -25,7 +25,7 @@ from wrenchbed.errors import MissingExtraError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.reports.claim import claim
+from wrenchbed.reports.claim import Claim
 from wrenchbed.reports.compared_readings import HeldOutReadings, along
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.robot_scene import blame, wrench_scene
@@ -132,7 +132,7 @@ def test_every_effect_states_its_size_as_a_quantity(name):
             size = {n: {"value": x, "std": 1e-4, "unit": u} for n, (x, u) in quantities.items()}
             parameters = effect.publish(robot, variant, values, std)
             entry = {"effect": name, "probability": 1.0, "size": size, "parameters": parameters}
-            for size in claim(entry).figures:
+            for size in Claim(entry).figures:
                 bare = re.fullmatch(r"[−+\d.()· ±¹²³⁰-⁹⁻]+", size.value)
                 assert not bare or size.name == "waves a turn", size
                 assert not re.match(r"anchor|point|normal|way|neutral|place", size.name)

@@ -24,7 +24,6 @@ from wrenchbed.diagnosis.decision import rivals
 from wrenchbed.diagnosis.decision.decide import (
     LARGEST_NONE,
     LEAST,
-    PARTIAL,
     beside_contact,
     beside_own_rest,
     conclude,
@@ -33,7 +32,7 @@ from wrenchbed.diagnosis.decision.decide import (
     withdrawn,
 )
 from wrenchbed.diagnosis.decision.facts import Decision, Facts, facts_of
-from wrenchbed.diagnosis.evidence.search import UNKNOWN
+from wrenchbed.diagnosis.evidence.search import PARTIAL, UNKNOWN
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import unexplained_residual
 from wrenchbed.diagnosis.explain.claims import Explanation

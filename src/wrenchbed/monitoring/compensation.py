@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.effects.chain import ActiveEffect
-from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
@@ -125,7 +124,7 @@ class Compensator:
         if self._plain:
             expected = np.asarray(twin.model.predict(row, twin.theta)[0])
         else:
-            expected = twin.wrench(_scene(twin, row, np.zeros(1)))[0]
+            expected = twin.wrench(twin.scene(row, np.zeros(1)))[0]
         if self._frame == "sensor":
             return expected, np.eye(6)
         turn, at = (np.asarray(x)[0] for x in self._robot.sensor_pose(row, twin.robot_theta))
@@ -166,8 +165,8 @@ def _undone(a: ActiveEffect, twin: Twin) -> bool:
         return False
     one = Twin(twin.model, twin.model.parameters.nominal, (a,))
     q = twin.model.robot.sample(_TRIED, np.random.default_rng(1))
-    together = one.wrench(_scene(one, q, np.linspace(0.0, _TRIED_S, _TRIED)))
-    alone = [one.wrench(_scene(one, q[k : k + 1], np.zeros(1)))[0] for k in range(_TRIED)]
+    together = one.wrench(one.scene(q, np.linspace(0.0, _TRIED_S, _TRIED)))
+    alone = [one.wrench(one.scene(q[k : k + 1], np.zeros(1)))[0] for k in range(_TRIED)]
     if not np.allclose(together, alone, atol=_SAME):
         return False
     loads = np.random.default_rng(1).standard_normal((_TRIED, 6))
@@ -175,17 +174,11 @@ def _undone(a: ActiveEffect, twin: Twin) -> bool:
     return not a.effect.in_sensor or bool(np.allclose(_read(one, loads), straight, atol=_SAME))
 
 
-def _scene(twin: Twin, q: np.ndarray, t: np.ndarray) -> Scene:
-    """Input (`Scene`) of effects for a robot at rest at joint values q (N, J), times t (N,) [s]."""
-    gravity, held = np.asarray(twin.model.gravity), np.ones(len(q), dtype=bool)
-    return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held)
-
-
 def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
     """Readings (M, 6) of the twin's sensor at home for loads (M, 6) [N, N·m], with its effects."""
     robot, n = twin.model.robot, len(loads)
     assert isinstance(robot, SimulatedRobot)
-    return twin.reading(_scene(twin, np.tile(robot.home, (n, 1)), np.arange(n) / 100.0), loads)
+    return twin.reading(twin.scene(np.tile(robot.home, (n, 1)), np.arange(n) / 100.0), loads)
 
 
 def _slope(twin: Twin) -> np.ndarray:

@@ -10,7 +10,7 @@ from wrenchbed.diagnosis.explain.verdict import Key
 from wrenchbed.diagnosis.next.blind import sentences
 from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.pages import numbers
-from wrenchbed.reports.claim import MOST_SIZES, Claim, claim, listed
+from wrenchbed.reports.claim import MOST_SIZES, Claim, listed
 
 BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 """Symbol by verdict, shown beside its colour."""
@@ -163,7 +163,7 @@ class Answer(ABC):
 
     def claim_of(self, entry: Mapping[str, Any]) -> Claim:
         """Put an entry of ``which`` or ``minor``, lists of causes in diagnosis.json, into words."""
-        return claim(entry)
+        return Claim(entry)
 
     @property
     def minor(self) -> list[str]:

@@ -43,9 +43,13 @@ class Size:
     value: str
 
 
-@dataclass(frozen=True)
 class Claim:
     """An entry of ``which`` in diagnosis.json in words, for headline, cards and tables.
+
+    Args:
+        entry: the entry.
+        wording: title with joint, needed where the cause is none of the registry's effects.
+        rivals: (name, title) of each rival, needed likewise.
 
     Attributes:
         name: name of the effect.
@@ -60,16 +64,43 @@ class Claim:
         rivals: (name, title) of effects that this recording does not distinguish from it.
     """
 
-    name: str
-    title: str
-    choices: tuple[tuple[str, str], ...]
-    choice: str
-    sizes: tuple[Size, ...]
-    figures: tuple[Size, ...]
-    against: bool
-    probability: str
-    closed: str
-    rivals: tuple[tuple[str, str], ...]
+    def __init__(
+        self, entry: Mapping[str, Any], wording: str = "",
+        rivals: Sequence[tuple[str, str]] | None = None,
+    ) -> None:  # fmt: skip
+        self.name, joint = str(entry["effect"]), _one_of_joints(entry)
+        values: Mapping[str, Any] = entry["parameters"]
+        size: Mapping[str, Any] = entry.get("size") or {}
+        quantities = {n: v for n, v in {**size, **values}.items() if "unit" in v}
+        if entry.get("combination") is not None:
+            quantities = {"sum": entry["combination"]}
+        known, differs = quantities.items(), self.name in _DIFFERENCES
+        sizes = {n: _size(n, v, signed=differs or bool(wording and v.get("std"))) for n, v in known}
+        ranked = [n for n in sizes if n in size] or list(sizes)
+        if len(ranked) > MOST_SIZES:
+            unsure = {n: abs((v.get("std") or np.inf) / (v["value"] or 1e-300)) for n, v in known}
+            where = {n for n, v in known if v["unit"] in _WHERE and not n.startswith("x.")}
+            ranked.sort(key=lambda n: (n in where or n.startswith("time"), unsure[n]))
+        of_joint = str(effect(self.name).title_of_joint) if joint and not wording else ""
+        choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
+                   for n, v in values.items() if "unit" not in v}  # fmt: skip
+        said = {"form", "joint"} if wording or of_joint else {"form"}
+        said |= {
+            n for n in choices if any(f".{values[n]['value']}." in f"{q}." for q in quantities)
+        }
+        self.choice = ", ".join(text for n, text in choices.items() if n not in said)
+        several, self.against = list(entry.get("elements", ())), self.name in STATED
+        between_rows = not wording and effect(self.name).between_rows
+        if len(several) > 1 and not (joint or wording or self.against or between_rows):
+            self.choice = f"{'into ' if 'of' in values else ''}{listed(several, ' or ')}"
+        closed = entry.get("closed_share")
+        self.title = wording or of_joint.format(joint=joint) or title(self.name)
+        self.choices, self.sizes = tuple(choices.items()), tuple(sizes.values())
+        self.figures = tuple(sizes[n] for n in ranked[:MOST_SIZES])
+        self.probability = numbers.chance(float(entry["probability"]))
+        self.closed = "–" if closed is None else f"{numbers.percent(float(closed))} %"
+        named = [(n, title(n)) for n in named_by(entry)[1:]] if rivals is None else rivals
+        self.rivals = tuple(named)
 
     @property
     def names(self) -> str:
@@ -90,49 +121,6 @@ class Claim:
         values = f": {', '.join(words)}" if words else ""
         others = "".join(f"; or {title}" for _, title in self.rivals)
         return f"{capital(self.title)}{values}{others}."
-
-
-def claim(
-    entry: Mapping[str, Any], wording: str = "", rivals: Sequence[tuple[str, str]] | None = None
-) -> Claim:
-    """Put an entry of ``which`` of diagnosis.json into words. ``wording`` (title with joint) and
-    ``rivals`` (name, title) are needed where the cause is none of the registry's effects."""
-    name, joint = str(entry["effect"]), _one_of_joints(entry)
-    values: Mapping[str, Any] = entry["parameters"]
-    size: Mapping[str, Any] = entry.get("size") or {}
-    quantities = {n: v for n, v in {**size, **values}.items() if "unit" in v}
-    if entry.get("combination") is not None:
-        quantities = {"sum": entry["combination"]}
-    known, differs = quantities.items(), name in _DIFFERENCES
-    sizes = {n: _size(n, v, signed=differs or bool(wording and v.get("std"))) for n, v in known}
-    ranked = [n for n in sizes if n in size] or list(sizes)
-    if len(ranked) > MOST_SIZES:
-        unsure = {n: abs((v.get("std") or np.inf) / (v["value"] or 1e-300)) for n, v in known}
-        where = {n for n, v in known if v["unit"] in _WHERE and not n.startswith("x.")}
-        ranked.sort(key=lambda n: (n in where or n.startswith("time"), unsure[n]))
-    of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
-    choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
-               for n, v in values.items() if "unit" not in v}  # fmt: skip
-    said = {"form", "joint"} if wording or of_joint else {"form"}
-    said |= {n for n in choices if any(f".{values[n]['value']}." in f"{q}." for q in quantities)}
-    choice = ", ".join(text for n, text in choices.items() if n not in said)
-    several = list(entry.get("elements", ()))
-    if len(several) > 1 and not (joint or wording or name in STATED or effect(name).between_rows):
-        choice = f"{'into ' if 'of' in values else ''}{listed(several, ' or ')}"
-    closed = entry.get("closed_share")
-    return Claim(
-        name=name,
-        title=wording or of_joint.format(joint=joint) or title(name),
-        choices=tuple(choices.items()),
-        choice=choice,
-        sizes=tuple(sizes.values()),
-        figures=tuple(sizes[n] for n in ranked[:MOST_SIZES]),
-        against=name in STATED,
-        probability=numbers.chance(float(entry["probability"])),
-        closed="–" if closed is None else f"{numbers.percent(float(closed))} %",
-        rivals=tuple([(n, title(n)) for n in named_by(entry)[1:]] if rivals is None
-                     else rivals),
-    )  # fmt: skip
 
 
 def _size(key: str, entry: Mapping[str, Any], *, signed: bool) -> Size:

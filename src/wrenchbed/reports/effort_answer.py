@@ -17,7 +17,7 @@ from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
 from wrenchbed.reports.answer import TOO_MANY, Answer, the
-from wrenchbed.reports.claim import Claim, claim
+from wrenchbed.reports.claim import Claim
 
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]: several reversals of each joint are in view."""
@@ -51,7 +51,7 @@ class EffortAnswer(Answer):
         for cause, entry in zip(self.findings.verdict.causes, self.d.which, strict=True):
             first, *others = cause.keys
             rivals = [(k[0] if k[0] != first[0] else place_of(k), title(*k)) for k in others]
-            claims.append(claim(entry, title(*first), rivals))
+            claims.append(Claim(entry, title(*first), rivals))
         return claims
 
     def claim_of(self, entry: Mapping[str, Any]) -> Claim:
@@ -59,7 +59,7 @@ class EffortAnswer(Answer):
             (e["effect"], title(e["effect"], e["parameters"].get("joint", {}).get("value")))
             for e in (entry, *entry["rivals"])
         )
-        return claim(entry, first[1], others)
+        return Claim(entry, first[1], others)
 
     @property
     def no_claim(self) -> str:

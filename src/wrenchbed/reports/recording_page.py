@@ -143,7 +143,6 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     return ReportPage(context, "recording.html", drawn)
 
 
-@dataclass(frozen=True, eq=False)
 class _Over:
     """The x axis of a recording's charts: poses, with the means of their rows, or rows of a motion.
 
@@ -155,24 +154,17 @@ class _Over:
         kind: how values are drawn: lines of a motion, points at rest.
     """
 
-    axis: Axis
-    x: np.ndarray
-    ids: np.ndarray
-    groups: tuple[np.ndarray, ...] | None
-    kind: Kind
-
-    @classmethod
-    def of(cls, recording: Recording) -> "_Over":
-        """Make the x axis for a recording: poses if it rests, else rows of the motion."""
+    def __init__(self, recording: Recording) -> None:
         order, unit = order_of(recording)
-        if unit != "pose":
-            t = recording.t - recording.t[0]
-            kind: Kind = "line" if recording.metadata.mode == "dynamic" else "points"
-            return cls(Axis("time", "s"), t, np.arange(1, len(t) + 1), None, kind)
-        poses = np.unique(order)
-        groups = tuple(np.flatnonzero(order == pose) for pose in poses)
-        ids = poses.astype(int)
-        return cls(Axis("number of the pose"), poses.astype(float), ids, groups, "points")
+        self.axis, self.x = Axis("time", "s"), recording.t - recording.t[0]
+        self.ids = np.arange(1, len(self.x) + 1)
+        self.kind: Kind = "line" if recording.metadata.mode == "dynamic" else "points"
+        self.groups: list[np.ndarray] | None = None
+        if unit == "pose":
+            poses = np.unique(order)
+            self.axis, self.x = Axis("number of the pose"), poses.astype(float)
+            self.ids, self.kind = poses.astype(int), "points"
+            self.groups = [np.flatnonzero(order == pose) for pose in poses]
 
     def means(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Means (M,) of y (N,) over each pose, and std of its rows (M,); y and None in a motion."""
@@ -187,7 +179,7 @@ def _charts(
 ) -> list[Chart]:
     """Charts of each channel above residuals of simulators ``known``, over ``noise`` (6,) of a row
     [N, N·m], and of the joints; captions compare with ``nearest``."""
-    over, measured, charts = _Over.of(recording), recording.wrench, list[Chart]()
+    over, measured, charts = _Over(recording), recording.wrench, list[Chart]()
     residuals = {s.name: np.asarray((measured - s.reading) / noise) for s in known}
     for k, channel in enumerate(CHANNELS):
         readings = {"measured": measured[:, k]} | {s.name: s.reading[:, k] for s in known}

@@ -10,6 +10,7 @@ import numpy as np
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.mistakes import CLEAN, MENDED, part, thinned
 from wrenchbed.calibration.checks.rigid_load import Observed
+from wrenchbed.data.holds import runs
 from wrenchbed.physics.rigid_load_regressor import INERTIAL
 
 STARTS, STEPS = 40, 12
@@ -97,16 +98,11 @@ def touched(seen: Observed) -> Finding | None:
 
 
 def _where(seen: Observed, far: np.ndarray, peak: float, residual: np.ndarray) -> str:
-    at = np.flatnonzero(far)
-    runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
-    longest = max(runs, key=len)
+    every, row = runs(far), seen.row
     strength = f"up to {peak:.3g} N and {np.abs(residual[:, 3:]).max():.2g} N·m"
     kind = "samples" if not isinstance(seen.q, np.ndarray) else "poses"
-    begin = seen.t[longest[0]]
-    ends = [
-        f" to {seen.row[run[-1] + 1] - 1}" if run[-1] + 1 < len(seen) else " on" for run in runs
-    ]
-    rows = [f"{seen.row[run[0]]}{last}" for run, last in zip(runs, ends, strict=True)]
+    begin = seen.t[max(every, key=lambda run: run[1] - run[0])[0]]
+    rows = [f"{row[a]} to {row[b] - 1}" if b < len(seen) else f"{row[a]} on" for a, b in every]
     more = f", and {len(rows) - MOST_NAMED} stretches more" if len(rows) > MOST_NAMED else ""
     return (
         f"contact or a hand: {strength} that no weight makes, in {far.sum()} of {len(far)} {kind}, "

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.decision.facts import Decision, Facts
-from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.evidence.search import NONE, PARTIAL, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.elements import RIVAL
 from wrenchbed.diagnosis.explain.reliability import key_of, tempered
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Key, Option, Part, S, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
 
-PARTIAL = "partial"
 LARGEST_NONE = 1.0
 """Largest calibrated gap beyond noise at which the verdict may be ``none`` (docs/contracts.md)."""
 LEAST = 0.5

@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.evidence.likelihood import (
     squares,
 )
 
-NONE, UNKNOWN = "none", "unknown"
+NONE, UNKNOWN, PARTIAL = "none", "unknown", "partial"
 PRIOR = {NONE: 0.35, "one": 0.45, UNKNOWN: 0.15}
 MORE = 0.1
 """Prior odds of each further effect beside a first one."""

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from scipy.special import betainc, expit
 
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain import familiarity
 from wrenchbed.diagnosis.explain.claims import REST
-from wrenchbed.diagnosis.explain.verdict import NONE, UNKNOWN, Verdict
+from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.errors import DiagnosisError
 
 NAMES = ("constant", "evidence", "closed", "complete", "still")

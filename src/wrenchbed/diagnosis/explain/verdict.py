@@ -6,7 +6,6 @@ from typing import Generic, TypeVar
 
 from wrenchbed.diagnosis.explain.finalist import Finalist
 
-NONE, UNKNOWN, PARTIAL = "none", "unknown", "partial"
 INSEPARABLE = tuple(frozenset({"mount.rotation", n}) for n in ("joint.offset", "sensor.crosstalk"))
 """Pairs of effects that no data without contact distinguishes."""
 

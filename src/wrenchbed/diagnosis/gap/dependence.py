@@ -6,8 +6,6 @@ The largest studentised likelihood ratio over all variables gives family-wise p-
 Young 1993).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import harmonics, nuisance, variables
@@ -27,9 +25,8 @@ _DUPLICATE = 1e-3
 """Squared rest of a unit vector, beyond earlier functions, below which it counts as explained."""
 
 
-@dataclass(frozen=True, eq=False)
 class Partitions:
-    """Bases of functions of V variables at R rows.
+    """Bases of functions of each of V variables that changes, at the R rows of the fit.
 
     Attributes:
         names: names of the variables (V,).
@@ -38,9 +35,12 @@ class Partitions:
         fitted: orthonormal basis of the fit of bias, mass and CoG (C R, n).
     """
 
-    names: tuple[str, ...]
-    bases: tuple[np.ndarray, ...]
-    fitted: np.ndarray
+    def __init__(self, prepared: Prepared) -> None:
+        each = _functions(prepared).items()
+        every = {name: _orthonormal(_on_rows(prepared, functions)) for name, functions in each}
+        groups = {name: basis for name, basis in every.items() if basis.shape[2]}
+        self.names, self.bases = tuple(groups), tuple(groups.values())
+        self.fitted = _fitted(prepared)
 
     def explained(self, y: np.ndarray) -> np.ndarray:
         """Log likelihood ratio (V, n) of each variable for residuals (C, R, n), per row.
@@ -59,16 +59,6 @@ class Partitions:
         flat = np.swapaxes(y, 0, 1).reshape(-1, y.shape[2])
         flat = flat - self.fitted @ (self.fitted.T @ flat)
         return np.asarray(np.swapaxes(flat.reshape(y.shape[1], len(y), -1), 0, 1))
-
-
-def partitions(prepared: Prepared) -> Partitions:
-    """Orthonormal bases of functions of each variable that changes, at the rows of the fit."""
-    groups: dict[str, np.ndarray] = {}
-    for name, functions in _functions(prepared).items():
-        basis = _orthonormal(_on_rows(prepared, functions))
-        if basis.shape[2]:
-            groups[name] = basis
-    return Partitions(tuple(groups), tuple(groups.values()), _fitted(prepared))
 
 
 def family_wise(

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wrenchbed.diagnosis.gap.dependence import family_wise, orders, partitions, shares
+from wrenchbed.diagnosis.gap.dependence import Partitions, family_wise, orders, shares
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
@@ -110,7 +110,7 @@ def entries(
 def _variables(
     prepared: Prepared, residual: np.ndarray, permutations: int, seed: int
 ) -> list[Finding]:
-    parts = partitions(prepared)
+    parts = Partitions(prepared)
     together, _ = family_wise(parts, residual, prepared.block_rows, permutations, seed)
     p_value = np.minimum(1.0, SPLITS * together)
     freedom = 1.0 - FITTED / residual.size

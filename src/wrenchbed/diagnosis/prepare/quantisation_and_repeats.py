@@ -91,9 +91,11 @@ def _refined(d: np.ndarray, size: float) -> Step | None:
     return Step(size, float(np.sqrt((off @ off) / max(len(d) - 1, 1) / (k @ k))))
 
 
-@dataclass(frozen=True, eq=False)
 class Repeats:
     """Rows that repeat the row before.
+
+    Args:
+        again: whether each row but the first repeats the one before (N − 1,), boolean.
 
     Attributes:
         stale: whether each row repeats the one before (N,), boolean.
@@ -104,12 +106,13 @@ class Repeats:
         channels: indices of the channels that repeat.
     """
 
-    stale: np.ndarray
-    share: float
-    std: float
-    expected: float
-    length: float
-    channels: tuple[int, ...]
+    def __init__(self, again: np.ndarray, expected: float, channels: tuple[int, ...]) -> None:
+        self.stale = np.concatenate([[False], again])
+        self.share, self.expected, self.channels = float(self.stale.mean()), expected, channels
+        runs = int(np.count_nonzero(np.diff(self.stale.astype(int)) == 1))
+        self.length = float(self.stale.sum() / runs) if runs else 0.0
+        spread = self.share * (1.0 - self.share) * max(1.0, 2.0 * self.length - 1.0)
+        self.std = float(np.sqrt(spread / len(self.stale)))
 
     @property
     def some(self) -> bool:
@@ -124,28 +127,17 @@ def repeats(recording: Recording) -> Repeats:
     all_same = same.all(axis=1)
     others = same[~all_same]
     if len(others) < 2 * WINDOW:
-        return _repeats(all_same, 1.0, ())
+        return Repeats(all_same, 1.0, ())
     expected = max(_chance(others), FAR_TO_NEAR * _far(wrench, all_same), _in_any_order(recording))
-    result = _repeats(all_same, expected, (0, 1, 2, 3, 4, 5))
+    result = Repeats(all_same, expected, (0, 1, 2, 3, 4, 5))
     if result.share > result.expected + 0.01:
         return result
     for group in DEVICES:
         again = same[:, group[0]]
         together = all(np.array_equal(same[:, k], again) for k in group)
         if together and again.mean() > 0.02 and all(_continuous(wrench[:, k]) for k in group):
-            return _repeats(again, 0.0, group)
+            return Repeats(again, 0.0, group)
     return result
-
-
-def _repeats(again: np.ndarray, expected: float, channels: tuple[int, ...]) -> Repeats:
-    stale = np.concatenate([[False], again])
-    stale_share = float(stale.mean())
-    runs = int(np.count_nonzero(np.diff(stale.astype(int)) == 1))
-    length = float(stale.sum() / runs) if runs else 0.0
-    std = float(
-        np.sqrt(stale_share * (1.0 - stale_share) * max(1.0, 2.0 * length - 1.0) / len(stale))
-    )
-    return Repeats(stale, stale_share, std, expected, length, channels)
 
 
 def _chance(same: np.ndarray) -> float:
