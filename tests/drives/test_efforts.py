@@ -13,7 +13,7 @@ from arm_torques import COULOMB, MASS, UR5, VISCOUS, coloured, fourier, torques
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.stated_drives import stated_drives
-from wrenchbed.drives.base_parameters import base_parameters
+from wrenchbed.drives.base_parameters import BaseParameters
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.drives.joint_least_squares import FOLDS, Problem, parts, solve
 from wrenchbed.drives.signals import cutoff_of
@@ -161,7 +161,7 @@ def test_links_are_told_as_base_parameters(either):
 @pytest.mark.parametrize(("robot", "count"), [(UR5, 36), (loops.MEDRUE, 43)])
 def test_base_parameters_explain_all_torques_and_are_independent(robot, count):
     rng, theta = np.random.default_rng(7), robot.parameters.nominal
-    base, at = base_parameters(robot, theta), robot.sample(50, rng)
+    base, at = BaseParameters(robot, theta), robot.sample(50, rng)
     q = Jet(at, rng.normal(size=at.shape), rng.normal(size=at.shape))
     y = torque_regressor(robot, theta, q, np.array(robot.gravity)).reshape(300, -1)
     kept, phi = y[:, base.columns], rng.normal(size=y.shape[1])

@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7712,
-    "calibration": 5131,
+    "calibration": 5121,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
     "data": 5406,
-    "diagnosis": 12977,
-    "drives": 1733,
+    "diagnosis": 12966,
+    "drives": 1727,
     "effects": 5001,
     "environments": 588,
     "exports": 828,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78746,
-    "src/wrenchbed": 69257,
+    "src": 78719,
+    "src/wrenchbed": 69230,
     "src/robot_emulators": 9489,
     "tests": 38020,
     "scripts": 3492,

@@ -5,7 +5,6 @@ calculation of the base inertial parameters of robots", doi 10.1002/rob.46200804
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr
@@ -24,9 +23,9 @@ NAMES = ("m", "mx", "my", "mz", "xx", "yy", "zz", "xy", "xz", "yz")
 """Names of the ten inertial parameters of a link."""
 
 
-@dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """Independent columns of the torque regressor, and the parameters grouped into each.
+    """Independent columns of the torque regressor of an arm with parameters theta (P,), and the
+    parameters grouped into each; the load's link comes first, so that a payload keeps its name.
 
     Attributes:
         columns: indices of the kept regressor columns (B,), in order.
@@ -34,26 +33,21 @@ class BaseParameters:
         names: ``link.<k>.<m, mx …>`` of the kept columns, k from 1.
     """
 
-    columns: np.ndarray
-    grouping: np.ndarray
-    names: tuple[str, ...]
-
-
-def base_parameters(robot: SimulatedRobot, theta: np.ndarray) -> BaseParameters:
-    """Base parameters of an arm with parameters theta (P,); the load's link comes first, so that a
-    payload keeps its name."""
-    rng, links = np.random.default_rng(_SEED), len(robot.link_frames(robot.home[None], theta))
-    at = robot.sample(-(-_ROWS * INERTIAL * links // len(robot.joints)), rng)
-    q = Jet(at, rng.normal(size=at.shape), rng.normal(0.0, 3.0, at.shape))
-    y = torque_regressor(robot, theta, q, np.asarray(robot.gravity)).reshape(-1, INERTIAL * links)
-    scale = np.linalg.norm(y, axis=0)
-    seen = scale > _DEPENDENT * scale.max()  # others turn or accelerate nothing
-    order = [robot.carrier, *(k for k in reversed(range(links)) if k != robot.carrier)]
-    kept = _independent(y * np.divide(1.0, scale, out=np.zeros_like(scale), where=seen), order)
-    grouping = np.linalg.lstsq(y[:, kept], y, rcond=None)[0]
-    grouping[np.abs(grouping) < _DEPENDENT] = 0.0
-    names = tuple(f"link.{c // INERTIAL + 1}.{NAMES[c % INERTIAL]}" for c in kept)
-    return BaseParameters(kept, grouping, names)
+    def __init__(self, robot: SimulatedRobot, theta: np.ndarray) -> None:
+        rng, links = np.random.default_rng(_SEED), len(robot.link_frames(robot.home[None], theta))
+        at = robot.sample(-(-_ROWS * INERTIAL * links // len(robot.joints)), rng)
+        q = Jet(at, rng.normal(size=at.shape), rng.normal(0.0, 3.0, at.shape))
+        y = torque_regressor(robot, theta, q, np.asarray(robot.gravity))
+        y = y.reshape(-1, INERTIAL * links)
+        scale = np.linalg.norm(y, axis=0)
+        seen = scale > _DEPENDENT * scale.max()  # others turn or accelerate nothing
+        order = [robot.carrier, *(k for k in reversed(range(links)) if k != robot.carrier)]
+        unit = np.divide(1.0, scale, out=np.zeros_like(scale), where=seen)
+        self.columns = _independent(y * unit, order)
+        self.grouping = np.linalg.lstsq(y[:, self.columns], y, rcond=None)[0]
+        self.grouping[np.abs(self.grouping) < _DEPENDENT] = 0.0
+        places = [divmod(c, INERTIAL) for c in self.columns.tolist()]
+        self.names = tuple(f"link.{link + 1}.{NAMES[k]}" for link, k in places)
 
 
 def _independent(y: np.ndarray, links: Sequence[int]) -> np.ndarray:

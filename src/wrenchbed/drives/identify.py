@@ -16,7 +16,7 @@ from wrenchbed.calibration.checks.mistakes import MENDED, TURNED, along_another_
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
-from wrenchbed.drives.base_parameters import base_parameters
+from wrenchbed.drives.base_parameters import BaseParameters
 from wrenchbed.drives.effort_fit import DriveFit, JointError, impossible, joint_errors
 from wrenchbed.drives.identify_at_rest import CONSTANT, calibrate_at_rest
 from wrenchbed.drives.identify_at_rest import GROUPS as AT_REST
@@ -221,7 +221,7 @@ def _of_piece(
     starts: dict[str, float] = {}
     spread = np.zeros(0)
     if "link" in groups:
-        base = base_parameters(robot, theta)
+        base = BaseParameters(robot, theta)
         loads, changes = y[..., base.columns], base.names
         starts = dict(zip(changes, base.grouping @ inertias.phi.ravel(), strict=True))
         spread = np.full(len(changes), np.inf)

@@ -298,7 +298,7 @@ def _of_order(seen: Observed) -> Iterator[Mistake]:
     for where, ahead, behind in (
         ("previous", slice(None, -1), slice(1, None)), ("next", slice(1, None), slice(None, -1)),
     ):  # fmt: skip
-        moments = Moments.of(seen.design[ahead], seen.y[behind], seen.noise)
+        moments = Moments(seen.design[ahead], seen.y[behind], seen.noise)
         yield Mistake(
             moments.fit(),
             Finding(
@@ -357,4 +357,4 @@ def _design(seen: Observed, q: Value) -> np.ndarray:
 
 
 def _fitted(seen: Observed, design: np.ndarray, y: np.ndarray, finding: Finding) -> Mistake:
-    return Mistake(Moments.of(design, y, seen.noise).fit(), finding)
+    return Mistake(Moments(design, y, seen.noise).fit(), finding)

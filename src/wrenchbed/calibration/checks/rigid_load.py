@@ -82,7 +82,7 @@ class Observed:
     @cached_property
     def moments(self) -> "Moments":
         """Sums of products of regressor and readings, from which `Moments.fit` fits a load."""
-        return Moments.of(self.design, self.y, self.noise)
+        return Moments(self.design, self.y, self.noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,6 @@ class Load:
     channel: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
 class Moments:
     """Sums over ``count`` rows of products of regressor D and readings y, both about their means.
 
@@ -114,21 +113,12 @@ class Moments:
         noise: variance of an observation (6,), which no load explains.
     """
 
-    design: np.ndarray
-    mixed: np.ndarray
-    readings: np.ndarray
-    count: int
-    noise: np.ndarray
-
-    @classmethod
-    def of(cls, design: np.ndarray, y: np.ndarray, noise: np.ndarray) -> "Moments":
+    def __init__(self, design: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
         """Compute the sums for regressors (M, 6, 10), readings (M, 6) and their noise (6,)."""
         d, r = design - design.mean(axis=0), y - y.mean(axis=0)
         rows = np.moveaxis(d, 0, 2)  # (6, 10, M)
-        return cls(
-            rows @ np.swapaxes(rows, 1, 2), np.swapaxes(rows @ r, 1, 2), r.T @ r, len(y),
-            np.square(noise),
-        )  # fmt: skip
+        self.design, self.mixed = rows @ np.swapaxes(rows, 1, 2), np.swapaxes(rows @ r, 1, 2)
+        self.readings, self.count, self.noise = r.T @ r, len(y), np.square(noise)
 
     def fit(self, mend: np.ndarray | None = None, without: Sequence[int] = ()) -> Load:
         """Fit a load to readings mended by a matrix ``mend`` (6, 6); ``without``: unused channels.

@@ -10,7 +10,7 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.decision.decide import conclude, decide, widened
 from wrenchbed.diagnosis.efforts import json_entries
-from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.fitted_causes import (
     Simulator,
     Simulators,
@@ -120,7 +120,7 @@ def diagnose_efforts(
     recording = stretch(recording)
     scene = effort_scene(recording, known, wrench=wrench)
     progress("effects and noise")
-    d = as_stated = dictionary(scene, material)
+    d = as_stated = Dictionary(scene, material)
     for _ in range(_PASSES):
         fitted = displacement(d)
         further = fitted - d.scene.displaced
@@ -129,7 +129,7 @@ def diagnose_efforts(
         if np.abs(fitted).max() > _REACH_M:
             d = as_stated
             break
-        d = dictionary(replace(scene, displaced=d.scene.displaced + _DAMPING * further), material)
+        d = Dictionary(replace(scene, displaced=d.scene.displaced + _DAMPING * further), material)
     progress("structures and their evidence")
     evidence, simulators = Evidence(d), Simulators(d)
     likely = weighed(search(evidence), simulators)

@@ -79,9 +79,11 @@ class Channel:
         return np.asarray(seen.T @ seen / len(seen))
 
 
-@dataclass(frozen=True, eq=False)
 class Dictionary:
     """Columns (readings per unit of a parameter) of all channels, and the causes made of them.
+
+    Args:
+        material: residual of a gap of 1, by default a row's noise.
 
     Attributes:
         scene: the motion, with the prediction of the stated robot.
@@ -95,15 +97,44 @@ class Dictionary:
         blocks: causes, with and without a name; those that cannot show here have no columns.
     """
 
-    scene: EffortScene
-    channels: tuple[Channel, ...]
-    names: tuple[str, ...]
-    joint: np.ndarray
-    std: np.ndarray
-    free: np.ndarray
-    stated: np.ndarray
-    size: np.ndarray
-    blocks: tuple[Block, ...]
+    def __init__(self, scene: EffortScene, material: Material | None = None) -> None:
+        y, use = scene.thin(scene.residual), scene.moving()
+        if (lazy := np.flatnonzero(use.sum(axis=0) < FOLDS)).size:
+            raise DiagnosisError(
+                f"{scene.recording.name}: joint {lazy[0] + 1} hardly moves: record a longer motion "
+                "of all joints"
+            )
+        arm_columns, arm_blocks = of_arm(scene)
+        arm = scene.thin(np.stack([c.data for c in arm_columns], axis=-1))
+        speeds, many = np.abs(scene.speeds[scene.kept()]), range(y.shape[1])
+        each = [_made(scene, j, y[:, j], use[:, j], arm[:, j]) for j in many]
+        every = [np.hstack([each[j][1], arm[:, j]]) for j in many]
+        left = [remains(y[:, j], every[j], use[:, j]) for j in many]
+        usual = scene.drives.counts
+        least = np.zeros(len(many)) if usual is None else usual
+        noise = [_noise(y[:, j], left[j], use[:, j], every[j].shape[1], least[j]) for j in many]
+        std = np.array([of_row for of_row, *_ in noise])
+        flat = [c for columns, _, _ in each for c in columns] + arm_columns
+        of = [*(len(columns) for columns, _, _ in each), len(arm_columns)]
+        sizes = [np.sqrt((each[j][1] ** 2).mean(axis=0)) / std[j] for j in many]
+        shared = np.sqrt(((arm / std[:, None]) ** 2).mean(axis=0).sum(axis=0))
+        units = [unit for *_, unit in scene.channels]
+        counts = (material or Material()).counts(units, std if usual is None else usual)
+        self.scene, self.names = scene, tuple(c.name for c in flat)
+        self.joint, self.size = np.repeat([*many, -1], of), np.concatenate([*sizes, shared])
+        self.channels = tuple(
+            Channel(
+                y[:, j], use[:, j], speeds[:, j] > REST * speeds[:, j].max(),
+                np.concatenate([np.flatnonzero(self.joint == j), np.flatnonzero(self.joint < 0)]),
+                every[j], left[j], *noise[j], float(counts[j]),
+            )
+            for j in many
+        )  # fmt: skip
+        self.free = np.array([c.free for c in flat])
+        self.stated = np.array([c.std is not None and not c.free for c in flat])
+        wide = np.where(self.free, FREE, BACKGROUND) / np.maximum(self.size, 1e-12)
+        self.std = np.where(self.stated, [c.std or 0.0 for c in flat], wide)
+        self.blocks: tuple[Block, ...] = (*(b for _, _, some in each for b in some), *arm_blocks)
 
     @cached_property
     def at(self) -> tuple[np.ndarray, ...]:
@@ -148,48 +179,6 @@ class Dictionary:
             gram, right = (np.tensordot(weight, x, axes=1) for x in self.products)
             self._sums[fold] = gram, right[:, None]
         return self._sums[fold]
-
-
-def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
-    """Make all columns and causes; ``material``: residual of a gap of 1, default a row's noise."""
-    y, use = scene.thin(scene.residual), scene.moving()
-    if (lazy := np.flatnonzero(use.sum(axis=0) < FOLDS)).size:
-        raise DiagnosisError(
-            f"{scene.recording.name}: joint {lazy[0] + 1} hardly moves: record a longer motion of "
-            "all joints"
-        )
-    arm_columns, arm_blocks = of_arm(scene)
-    arm = scene.thin(np.stack([c.data for c in arm_columns], axis=-1))
-    speeds, many = np.abs(scene.speeds[scene.kept()]), range(y.shape[1])
-    each = [_made(scene, j, y[:, j], use[:, j], arm[:, j]) for j in many]
-    every = [np.hstack([each[j][1], arm[:, j]]) for j in many]
-    left = [remains(y[:, j], every[j], use[:, j]) for j in many]
-    least = np.zeros(len(many)) if scene.drives.counts is None else scene.drives.counts
-    noise = [_noise(y[:, j], left[j], use[:, j], every[j].shape[1], least[j]) for j in many]
-    std_rows = np.array([std for std, *_ in noise])
-    flat = [c for columns, _, _ in each for c in columns] + arm_columns
-    joint = np.repeat([*many, -1], [*(len(columns) for columns, _, _ in each), len(arm_columns)])
-    sizes = [np.sqrt((each[j][1] ** 2).mean(axis=0)) / std_rows[j] for j in many]
-    shared = np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0))
-    size = np.concatenate([*sizes, shared])
-    blocks = (*(b for _, _, some in each for b in some), *arm_blocks)
-    usual = std_rows if scene.drives.counts is None else scene.drives.counts
-    counts = (material or Material()).counts([unit for *_, unit in scene.channels], usual)
-    channels = tuple(
-        Channel(
-            y[:, j], use[:, j], speeds[:, j] > REST * speeds[:, j].max(),
-            np.concatenate([np.flatnonzero(joint == j), np.flatnonzero(joint < 0)]),
-            every[j], left[j], *noise[j], float(counts[j]),
-        )
-        for j in many
-    )  # fmt: skip
-    wide = np.where([c.free for c in flat], FREE, BACKGROUND) / np.maximum(size, 1e-12)
-    stated = np.array([c.std is not None and not c.free for c in flat])
-    return Dictionary(
-        scene, channels, tuple(c.name for c in flat), joint,
-        np.where(stated, [c.std or 0.0 for c in flat], wide), np.array([c.free for c in flat]),
-        stated, size, blocks,
-    )  # fmt: skip
 
 
 def _made(

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from wrenchbed.data.plan import Plan
-from wrenchbed.drives.base_parameters import base_parameters
+from wrenchbed.drives.base_parameters import BaseParameters
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.taylor_jets import Jet, cos, sin
 from wrenchbed.planning.collisions import Clearance
@@ -88,7 +88,7 @@ class _Search:
     def __init__(self, robot: SerialChain, seconds: float) -> None:
         self._robot, self._seconds = robot, seconds
         self._theta = robot.parameters.nominal
-        self._base = base_parameters(robot, self._theta).columns
+        self._base = BaseParameters(robot, self._theta).columns
         self._clearance = Clearance(robot)
         self._low = np.array([j.lower for j in robot.joints]) + _ROOM
         self._high = np.array([j.upper for j in robot.joints]) - _ROOM
