@@ -63,7 +63,7 @@ def case(amplitude, lag, seed=0):
 
 def test_values_are_si_and_shapes_stay_within_their_bounds():
     r, h = case(1.0, 2.0)
-    variables = Variables.of((h,))
+    variables = Variables((h,))
     assert variables.name == ("span", "lag")
     assert variables.part.tolist() == [0, 0] and variables.shape.tolist() == [False, True]
     assert r.start((h,)) == pytest.approx([0.0, 4.0])  # 2 s in units of 0.5 s
@@ -71,7 +71,7 @@ def test_values_are_si_and_shapes_stay_within_their_bounds():
         (told,) = r.values((h,), np.array([1.5, x]))
         assert told == pytest.approx({"span": 0.3, "lag": lag, "held": 7.0})
     stated = r.d.hypotheses[1]
-    beside = Variables.of((stated, h))  # a stated number has no variables
+    beside = Variables((stated, h))  # a stated number has no variables
     assert len(beside) == 2 and beside.of_parts([1]).tolist() == [0, 1]
     assert beside.of_parts([0]).tolist() == []
 

@@ -63,7 +63,7 @@ def test_numbers_of_the_robot_are_shared_and_those_of_a_recording_its_own():
     d = dictionary()
     parts = named(d, TILT, "sensor.bias", LOOSE)
     cases = [refitter(d, noise(d, k)) for k in range(2)]
-    s = Structure.of(cases, [parts, parts])
+    s = Structure(cases, [parts, parts])
     assert s.sets == ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1))
     assert s.free == 4 and [at.tolist() for at in s.at] == [[0, 1, 2], [0, 1, 3]]
     assert s.owner.tolist() == [0, 0, 3, 4, *[1] * 6, *[2] * 6]

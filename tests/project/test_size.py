@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2709,
     "data": 5406,
-    "diagnosis": 12966,
+    "diagnosis": 12950,
     "drives": 1727,
     "effects": 5001,
     "environments": 588,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78719,
-    "src/wrenchbed": 69230,
+    "src": 78703,
+    "src/wrenchbed": 69214,
     "src/robot_emulators": 9489,
     "tests": 38020,
     "scripts": 3492,

@@ -47,7 +47,7 @@ class LinearRefitter(Refitter):
     """Refits structures whose response is linear in their amplitudes."""
 
     def response(self, parts, x):
-        v = Variables.of(parts)
+        v = Variables(parts)
         columns = [self._column(parts[k], name) for k, name in zip(v.part, v.name, strict=True)]
         return np.stack(columns, axis=1) @ x if columns else np.zeros(len(self.y))
 

@@ -10,9 +10,9 @@ import numpy as np
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 
 
-@dataclass(frozen=True, eq=False)
 class Variables:
-    """Names of the free variables ``x`` (k,) of a set of causes in one recording.
+    """Free variables ``x`` (k,) of a set of causes in one recording: of each cause, a hypothesis of
+    ``parts``, the amplitudes, then the shape parameters.
 
     Attributes:
         part: index of the cause that each variable belongs to (k,).
@@ -21,14 +21,7 @@ class Variables:
         column: index in the dictionary of each one's derivative (k,), −1 if it changes with x.
     """
 
-    part: np.ndarray
-    name: tuple[str, ...]
-    shape: np.ndarray
-    column: np.ndarray
-
-    @classmethod
-    def of(cls, parts: Sequence[Hypothesis]) -> "Variables":
-        """Variables of a set of causes: of each one the amplitudes, then the shape parameters."""
+    def __init__(self, parts: Sequence[Hypothesis]) -> None:
         every = [
             (k, name, name in h.variant.shape, -1 if h.variant.shape else column)
             for k, h in enumerate(parts)
@@ -37,9 +30,10 @@ class Variables:
                 (*h.variant.free, *h.variant.shape), h.columns.tolist(), fillvalue=-1
             )
         ]
-        kinds = ((0, int), (2, bool), (3, int))
-        part, shape, column = (np.array([v[i] for v in every], dtype=t) for i, t in kinds)
-        return cls(part, tuple(str(v[1]) for v in every), shape, column)
+        self.part = np.array([k for k, *_ in every], dtype=int)
+        self.name = tuple(str(name) for _, name, *_ in every)
+        self.shape = np.array([shape for *_, shape, _ in every], dtype=bool)
+        self.column = np.array([column for *_, column in every], dtype=int)
 
     def __len__(self) -> int:
         return len(self.name)
@@ -84,7 +78,7 @@ class Finalist:
     @cached_property
     def variables(self) -> Variables:
         """Description of each free variable ``x``."""
-        return Variables.of(self.parts)
+        return Variables(self.parts)
 
     @cached_property
     def effects(self) -> tuple[int, ...]:

@@ -7,9 +7,7 @@ belong to it (`Effect.of_recording`); background and stated numbers are each rec
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 
@@ -22,7 +20,6 @@ SHAPE_SPREAD = 2.0
 """Prior standard deviation of a shape parameter (a delay, an angle …), over its typical size."""
 
 
-@dataclass(frozen=True, eq=False)
 class Structure:
     """A set of causes in N recordings, and which of all its numbers (m,) each recording uses.
 
@@ -38,28 +35,21 @@ class Structure:
         sets: part and recording of each set of numbers with a common prior size.
     """
 
-    cases: Sequence[ReadingsModel]
-    parts: Sequence[tuple[Hypothesis, ...]]
-    at: tuple[np.ndarray, ...]
-    blamed: tuple[np.ndarray, ...]
-    shape: np.ndarray
-    owner: np.ndarray
-    sets: tuple[tuple[int, int], ...]
-
-    @classmethod
-    def of(cls, cases: Sequence[ReadingsModel], parts: Sequence[tuple[Hypothesis, ...]]) -> Self:
+    def __init__(
+        self, cases: Sequence[ReadingsModel], parts: Sequence[tuple[Hypothesis, ...]]
+    ) -> None:
         """Set of causes from the ``parts`` of each recording, one variant of an effect each."""
         every = enumerate(zip(*parts, strict=True))
-        sets = [(p, r) for p, same in every for r in _homes(cases, same)]
+        sets = tuple((p, r) for p, same in every for r in _homes(cases, same))
         of_set = [parts[r][p] for p, r in sets]
         stated = [bool(h.effect.stated) for h in of_set]
         order = np.argsort(stated, kind="stable").tolist()
         shape = [
-            np.zeros(len(h.columns), dtype=bool) if h.effect.stated else Variables.of((h,)).shape
+            np.zeros(len(h.columns), dtype=bool) if h.effect.stated else Variables((h,)).shape
             for h in of_set
         ]
-        owner = np.repeat(np.array(order, dtype=int), [len(shape[s]) for s in order])
-        place = {sets[s]: np.flatnonzero(owner == s) for s in order}
+        self.owner = np.repeat(np.array(order, dtype=int), [len(shape[s]) for s in order])
+        place = {sets[s]: np.flatnonzero(self.owner == s) for s in order}
         first = {p: place[p, r] for p, r in reversed(sets)}
         at, blamed = [], []
         for r, some in enumerate(parts):
@@ -67,8 +57,8 @@ class Structure:
             wrong = [place[s] for s, of in zip(sets, stated, strict=True) if of and s[1] == r]
             at.append(_joined(free).astype(int))
             blamed.append(_joined(wrong).astype(int))
-        kinds = _joined([shape[s] for s in order]).astype(bool)
-        return cls(cases, parts, tuple(at), tuple(blamed), kinds, owner, tuple(sets))
+        self.cases, self.parts, self.at, self.blamed, self.sets = cases, parts, at, blamed, sets
+        self.shape = _joined([shape[s] for s in order]).astype(bool)
 
     @property
     def free(self) -> int:
@@ -81,7 +71,7 @@ class Structure:
         none, or if derivatives change with the variables' values."""
         result = np.full((len(self.cases), len(self.shape)), -1)
         for r, parts in enumerate(self.parts):
-            result[r, self.at[r]] = Variables.of(parts).column
+            result[r, self.at[r]] = Variables(parts).column
             result[r, self.blamed[r]] = _joined([h.columns for h in parts if h.effect.stated])
         return result
 

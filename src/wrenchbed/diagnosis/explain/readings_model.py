@@ -119,7 +119,7 @@ class ReadingsModel:
     def searched(self, parts: Sequence[Hypothesis], rung: int, x: np.ndarray) -> np.ndarray:
         """Variables x (k,) after a random search over the last cause's shape parameters, its
         amplitudes refitted, on the background level of index ``rung``."""
-        level, v, last = self.searcher.levels[rung], Variables.of(parts), len(parts) - 1
+        level, v, last = self.searcher.levels[rung], Variables(parts), len(parts) - 1
         moves, free = v.shape & (v.part == last), ~v.shape & (v.part == last)
         rng = np.random.default_rng(0)
         others = self.y - self.response(parts, np.where(free, 0.0, x))  # parts hardly interact
@@ -238,7 +238,7 @@ class ReadingsModel:
         def at(h: Hypothesis, name: str) -> float:
             return h.variant.at[name] / _parameters(h.effect, self.scene.robot)[name].tolerance
 
-        v = Variables.of(parts)
+        v = Variables(parts)
         both = zip(v.part, v.name, v.shape, strict=True)
         return np.array([at(parts[k], name) if shape else 0.0 for k, name, shape in both])
 
@@ -247,7 +247,7 @@ class ReadingsModel:
     ) -> np.ndarray:
         """Change (C R, k) of R rows of C whitened channels per unit of the variables with indices
         ``which``, at x (k,), where causes add f (C R,)."""
-        v, which = Variables.of(parts), list(which)
+        v, which = Variables(parts), list(which)
         result = self.d.E[:, v.column[which]]
         step = np.where(v.shape, _SHAPE_STEP, _STEP)
         moved = [i for i in which if v.column[i] < 0]
@@ -261,7 +261,7 @@ class ReadingsModel:
         """Derivatives (C R, m) by variables of indices ``which``, with ``step`` (k,) from x (k,),
         where the causes add f (C R,). Amplitudes of different channels are changed at once.
         """
-        v, groups = Variables.of(parts), dict[tuple[int, str], list[int]]()
+        v, groups = Variables(parts), dict[tuple[int, str], list[int]]()
         causes = (h.effect for h in parts if not h.effect.stated)
         apart = all(e.channelwise or not e.in_sensor for e in causes)
         for place, i in enumerate(which):

@@ -72,7 +72,7 @@ class Refitter(ReadingsModel):
     ) -> Finalist:
         """Fit causes by Gauss–Newton on the background level with index ``rung``, from x (k,) or
         their variants' shapes; then on the best level."""
-        s = Structure.of(self.each, [tuple(r.like(h, self) for h in parts) for r in self.each])
+        s = Structure(self.each, [tuple(r.like(h, self) for h in parts) for r in self.each])
         begin = [c.start(of) for c, of in zip(s.cases, s.parts, strict=True)]
         begin[self._place] = begin[self._place] if x is None else x
         rungs = [rung if r is self else r.nothing_alone for r in self.each]
@@ -85,7 +85,7 @@ class Refitter(ReadingsModel):
             return self.fit((h,), rung)
         before, rungs, x, spread = self._of_parts(f, range(len(f.parts)))
         both = zip(before.parts, self.each, strict=True)
-        s = Structure.of(self.each, [(*parts, r.like(h, self)) for parts, r in both])
+        s = Structure(self.each, [(*parts, r.like(h, self)) for parts, r in both])
         widest = s.widest
         widest[: before.free] = spread
         return self._fitted(s, rungs, np.concatenate([x, s.start[before.free :]]), widest)
@@ -137,7 +137,7 @@ class Refitter(ReadingsModel):
         """Causes ``keep``, by index, of a fitted set, as one set; its background levels, variables
         and their prior standard deviations (k,)."""
         views, some = self._views(f), list(keep)
-        s = Structure.of(self.each, [tuple(g.parts[k] for k in some) for g in views])
+        s = Structure(self.each, [tuple(g.parts[k] for k in some) for g in views])
         at = [[i for k in some for i in g.variables.of_parts([k])] for g in views]
         x = s.merged([g.x[i] for g, i in zip(views, at, strict=True)])
         spread = s.merged([g.spread[i] for g, i in zip(views, at, strict=True)])
