@@ -175,6 +175,13 @@ def test_counts_of_many_noises_repeat_rows_by_chance(rows):
     assert named(row_effects(with_wrench(rec, coarse))) == {"sensor.quantization"}
 
 
+@pytest.mark.parametrize("noises", [4.0, 12.0, 25.0])
+def test_coarse_counts_of_a_motion_are_neither_repeats_nor_a_shaking(noises):
+    rec, step = quiet("dynamic"), noises * STD
+    coarse = with_wrench(rec, step * np.round(rec.wrench / step))
+    assert named(row_effects(coarse)) == {"sensor.quantization"}
+
+
 def test_clipped_fine_or_single_rows_are_no_finding():
     wrench = np.round(quiet("static").wrench, 6)
     wrench[:, 1] = np.clip(wrench[:, 1], -8.0, 3.0)

@@ -111,7 +111,7 @@ def find_row_effects(
         findings.append(_coarse(steps, counted, base))
     if s is not None:
         shake = shaking(s)
-        findings.append(None if shake is None else _vibration(s, shake))
+        findings.append(None if shake is None else _vibration(s, shake, counted / s.scale**2))
         shaken = np.zeros(6) if shake is None else shake.seen
         if s.stated:
             findings.append(_noise(s, counted / s.scale**2 + shaken))
@@ -204,8 +204,9 @@ def _late(recording: Recording, again: Repeats, s: Scatter | None) -> float:
     return float(max(0.0, (error / s.scale**2)[list(again.channels)].max(initial=0.0)))
 
 
-def _vibration(s: Scatter, shake: Shaking) -> RowFinding | None:
-    rise, std = shake.rise, shake.std
+def _vibration(s: Scatter, shake: Shaking, counted: np.ndarray) -> RowFinding | None:
+    # rounding (6,) of channels that the same weight moves is together, too
+    rise, std = np.maximum(shake.rise - counted, 0.0), shake.std
     if not s.stated:
         rest = np.maximum(s.variance()[0] - shake.seen, 0.05)
         rise, std = rise / rest, std / rest

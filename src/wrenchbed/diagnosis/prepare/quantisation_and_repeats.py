@@ -23,6 +23,8 @@ DEVICES = (0, 1, 2), (3, 4, 5)
 """Groups of channels that a device may deliver alone: a single clipped channel is not one."""
 WINDOW = 64
 """Number of rows over which a channel's own share of repeats is averaged."""
+_ROUNDS, _CERTAIN = 50, 1e-6
+"""Rounds in which a share of chance repeats settles, and the least chance of none."""
 LEAST_PILE, PILE = 3, 5.0
 """Fewest readings at exactly a channel's least or largest value for it to be a limit, and least
 ratio of their number to that at any value between: coarse quantisation repeats all values."""
@@ -141,14 +143,21 @@ def repeats(recording: Recording) -> Repeats:
 
 
 def _chance(same: np.ndarray) -> float:
-    """Share of repeats in all channels to expect from quantisation, for repeats by channel (M, 6).
+    """Share of repeats in all channels to expect from quantisation, for repeats by channel (M, 6)
+    of the rows that do not repeat in all.
 
-    It is the root of the product of the channels' own shares, window by window, between the product
-    (independent channels) and the share of one channel (fully correlated ones).
+    Independent channels with shares s among those rows repeat together in a share P = Π (s + P (1 −
+    s)) of all rows. Expected is its root, window by window: between that and what fully correlated
+    channels make.
     """
     used = len(same) // WINDOW * WINDOW
     share = same[:used].reshape(-1, WINDOW, 6).mean(axis=1)
-    return float(np.sqrt(share.prod(axis=1)).mean())
+    alone = share.prod(axis=1)
+    for _ in range(_ROUNDS):
+        alone = (share + alone[:, None] * (1.0 - share)).prod(axis=1)
+    together = np.sqrt(alone)
+    odds = float((together / np.maximum(1.0 - together, _CERTAIN)).mean())
+    return odds / (1.0 + odds)
 
 
 def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
