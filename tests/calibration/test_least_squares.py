@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from wrenchbed.calibration import weighting
 from wrenchbed.calibration.fit_problem import Problem, _robust_weight
 from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve
-from wrenchbed.calibration.observability import analyse, null_space
+from wrenchbed.calibration.observability import Observability, null_space
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.touch_points import Agreement, Touches
 from wrenchbed.errors import CalibrationError
@@ -323,7 +323,7 @@ def test_what_data_cannot_tell_is_named():
     rng = np.random.default_rng(9)
     a, b, c = rng.standard_normal((3, 30))
     J = np.stack([a, a, b, -b, c, np.zeros(30), 2 * a + b], axis=1)
-    told = analyse(J, list("stuvwxy"), np.ones(7))
+    told = Observability(J, list("stuvwxy"), np.ones(7))
     assert told.rank == 3
     assert told.no_effect == ("x",)
     sentences = [r.sentence for r in told.redundancies]
@@ -340,12 +340,12 @@ def test_what_data_cannot_tell_is_named():
 def test_directions_are_in_the_parameters_own_units_and_symmetries_keep_their_name():
     a = np.random.default_rng(10).standard_normal(30)
     J = np.stack([a, 5.0 * a], axis=1)
-    told = analyse(J, ["s", "t"], np.array([2.0, 0.1]))
+    told = Observability(J, ["s", "t"], np.array([2.0, 0.1]))
     (one,) = told.redundancies
     assert np.array(one.direction) == pytest.approx(np.array([1.0, -0.2]))
-    named = analyse(J, ["s", "t"], np.ones(2), {"a shift": {"s": -5.0, "t": 1.0}})
+    named = Observability(J, ["s", "t"], np.ones(2), {"a shift": {"s": -5.0, "t": 1.0}})
     assert named.redundancies[0].sentence == "a shift changes no reading (s, t)"
-    wrong = analyse(J, ["s", "t"], np.ones(2), {"a shift": {"s": 1.0, "t": 1.0}})
+    wrong = Observability(J, ["s", "t"], np.ones(2), {"a shift": {"s": 1.0, "t": 1.0}})
     assert "a shift" not in wrong.redundancies[0].sentence
 
 

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
     "benchmark": 7712,
-    "calibration": 5121,
+    "calibration": 5106,
     "campaigns": 1144,
     "channels": 975,
     "cli": 2709,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78713,
-    "src/wrenchbed": 69224,
+    "src": 78698,
+    "src/wrenchbed": 69209,
     "src/robot_emulators": 9489,
     "tests": 38027,
     "scripts": 3492,

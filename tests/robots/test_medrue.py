@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wrenchbed as wb
-from wrenchbed.calibration.observability import analyse
+from wrenchbed.calibration.observability import Observability
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.checked_moves import minimum_jerk
@@ -104,7 +104,7 @@ def test_rank_is_27_and_the_redundancies_have_names(which):
     theta[: len(PAPER)] = theta_of(which)[: len(PAPER)]
     q = ROBOT.sample(100, np.random.default_rng(0))
     jacobian = model.jacobian(q, theta, range(49)).reshape(-1, 49)
-    found = analyse(
+    found = Observability(
         jacobian, PAPER.names, PAPER.tolerance, ROBOT.symmetries(theta[: len(ROBOT.parameters)])
     )
     assert found.rank == 27

@@ -23,7 +23,7 @@ from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue, identified
 from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND, Solution
 from wrenchbed.calibration.misfit_uncertainty import Fault, allowed_for
-from wrenchbed.calibration.observability import Observability, analyse
+from wrenchbed.calibration.observability import Observability
 from wrenchbed.calibration.observations import FALLBACK_COVARIANCE, Observations, observe
 from wrenchbed.calibration.position_error import Goal, tip_jacobian
 from wrenchbed.calibration.subtracted_payload import restored
@@ -380,7 +380,7 @@ def _observability(problem: Problem, theta: np.ndarray) -> Observability:
     rows = (jacobian * weight[:, None]).reshape(-1, len(columns))
     if problem.touches is not None:
         rows = np.concatenate([rows, problem.touches.jacobian(model.robot, theta, columns)])
-    return analyse(
+    return Observability(
         rows,
         [names[i] for i in columns],
         model.parameters.tolerance[list(columns)],

@@ -32,9 +32,13 @@ class Redundancy:
         return {"parameters": names, "direction": direction, "sentence": self.sentence}
 
 
-@dataclass(frozen=True, eq=False)
 class Observability:
-    """Rank, singular values and null space of a scaled Jacobian of the readings.
+    """What readings determine: rank, singular values and null space of their scaled Jacobian.
+
+    Args:
+        jacobian: derivatives of whitened readings by the parameters (M, N).
+        names: names of these parameters.
+        scale: typical size of each parameter (N,), in its unit.
 
     Attributes:
         rank, singular_values: of the scaled Jacobian.
@@ -44,13 +48,17 @@ class Observability:
         symmetries: name → null direction (parameter → change), each to be confirmed by ``basis``.
     """
 
-    names: tuple[str, ...]
-    rank: int
-    singular_values: np.ndarray
-    no_effect: tuple[str, ...]
-    scale: np.ndarray
-    basis: np.ndarray
-    symmetries: Mapping[str, Mapping[str, float]]
+    def __init__(
+        self, jacobian: np.ndarray, names: Sequence[str], scale: np.ndarray,
+        symmetries: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> None:  # fmt: skip
+        scaled = jacobian * scale
+        norm = np.linalg.norm(scaled, axis=0)
+        active = norm > _ZERO_COLUMN * max(norm.max(initial=0.0), 1e-300)
+        kept = np.flatnonzero(active)
+        self.names, self.scale, self.symmetries = tuple(names), scale[kept], symmetries or {}
+        self.no_effect = tuple(n for n, a in zip(names, active, strict=True) if not a)
+        self.rank, self.singular_values, self.basis = null_space(scaled[:, kept])
 
     @cached_property
     def redundancies(self) -> tuple[Redundancy, ...]:
@@ -80,29 +88,6 @@ def null_space(jacobian: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
     _, s, vt = np.linalg.svd(triangle)
     rank = int((s > RANK_TOLERANCE * s[0]).sum()) if len(s) and s[0] > 0 else 0
     return rank, s, vt[rank:].T
-
-
-def analyse(
-    jacobian: np.ndarray,
-    names: Sequence[str],
-    scale: np.ndarray,
-    symmetries: Mapping[str, Mapping[str, float]] | None = None,
-) -> Observability:
-    """Find what readings determine: rank and null space of their Jacobian, with parameter names.
-
-    Args:
-        jacobian: derivatives of whitened readings by the parameters (M, K).
-        names: names of these parameters.
-        scale: typical size of each parameter (K,), in its unit.
-        symmetries: name → null direction, each used only if this Jacobian confirms it.
-    """
-    scaled = jacobian * scale
-    norm = np.linalg.norm(scaled, axis=0)
-    active = norm > _ZERO_COLUMN * max(norm.max(initial=0.0), 1e-300)
-    no_effect = tuple(n for n, a in zip(names, active, strict=True) if not a)
-    kept = np.flatnonzero(active)
-    rank, s, basis = null_space(scaled[:, kept])
-    return Observability(tuple(names), rank, s, no_effect, scale[kept], basis, symmetries or {})
 
 
 def _in_span(x: np.ndarray, basis: np.ndarray) -> bool:

@@ -18,7 +18,7 @@ from wrenchbed.calibration.calibrate import CalibrationOptions
 from wrenchbed.calibration.checks.rows import usable
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.calibration.least_squares import Solution, solve
-from wrenchbed.calibration.observability import analyse
+from wrenchbed.calibration.observability import Observability
 from wrenchbed.calibration.tracker_result import COMPLIANCE, TrackerFit
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import TARGET, Recording
@@ -219,7 +219,7 @@ def calibrate_tracker(
         residual=residual,
         poses=len(sight.q),
         rows=rows,
-        observability=analyse(slopes, sight.parameters.names, sight.parameters.tolerance),
+        observability=Observability(slopes, sight.parameters.names, sight.parameters.tolerance),
     )
     if fit.refuted is not None and not options.force:
         raise CalibrationError(f"{recording.name}: {fit.refuted}")

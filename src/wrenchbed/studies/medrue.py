@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from scipy import stats
 
-from wrenchbed.calibration.observability import Observability, analyse, null_space
+from wrenchbed.calibration.observability import Observability, null_space
 from wrenchbed.jobs.finished_parts import Parts, key, write_table
 from wrenchbed.jobs.finished_parts import run as run_parts
 from wrenchbed.jobs.workers import Progress
@@ -112,7 +112,7 @@ def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, d
             first = jacobian if len(ranks) == 1 else first
     names = [model.parameters.names[c] for c in columns]
     symmetries = setting.robot.symmetries(setting.robot.robot_theta(setting.theta))
-    return analyse(first, names, scale, symmetries), ranks
+    return Observability(first, names, scale, symmetries), ranks
 
 
 def _summary(
