@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2709,
     "data": 5406,
-    "diagnosis": 12960,
+    "diagnosis": 12971,
     "drives": 1727,
     "effects": 5001,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78698,
-    "src/wrenchbed": 69209,
+    "src": 78709,
+    "src/wrenchbed": 69220,
     "src/robot_emulators": 9489,
-    "tests": 38027,
+    "tests": 38035,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from arm_gaps import DIP, Gap, case
 from arm_torques import COG, COULOMB, MASS, NOISE, SWING, UR5, fourier
+from scipy.signal import lfilter
 
 from altered import with_columns
 from consistent import violations
@@ -169,6 +170,13 @@ def test_ordinary_noise_has_no_sign(seed):
     assert held(T, steps, np.ones(ROWS)) == ""
     left[1250] = 22.0  # heavy-tailed noise does this once
     assert episode(T, left, USE) == "" and peak(left, RATE) == ""
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_with_memory_does_not_oscillate(seed):
+    keep = np.exp(-1.0 / (RATE * 0.05))  # memory of 50 ms
+    white = np.random.default_rng(seed).standard_normal(ROWS)
+    assert peak(lfilter([1.0], [1.0, -keep], white), RATE) == ""
 
 
 def test_each_sign_is_found_and_dated():

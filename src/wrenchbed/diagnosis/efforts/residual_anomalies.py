@@ -20,10 +20,12 @@ _EPISODE = 4.5
 seeds stay below 4.2."""
 _PEAK = 4.5
 """Least power of a reported peak over its neighbours' median; healthy arms of development: 4.3."""
-_SEGMENT, _NEIGHBOURS = 256, 31
-"""Rows of a segment of the spectrum (2 s at 125 Hz), and frequencies in a median (a quarter)."""
-_FIRST = 2
-"""Number of lowest frequencies left out: the window's main lobe leaks from zero to them."""
+_SEGMENT, _NEIGHBOURS = 256, 15
+"""Rows of a segment of the spectrum (2 s at 125 Hz), and frequencies in a median on either side."""
+_FEWEST = 4
+"""Fewest frequencies in such a median; of fewer, red noise (memory of 50 ms) makes peaks."""
+_LOBE = 2
+"""Number of frequencies beside one that the window's main lobe leaks to."""
 _LONE_ROWS = 20
 """Rows on either side of a residual's largest excursion, which alone is no sign: noise of Student's
 t with 6 degrees of freedom has one of 15 times its usual size in many recordings."""
@@ -84,12 +86,21 @@ def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
     )
 
 
+def _beside(power: np.ndarray, k: int) -> float:
+    """The larger median of a spectrum (F,) on either side of frequency k, which a steep spectrum
+    does not exceed; infinite with fewer than `_FEWEST` frequencies on a side."""
+    below = power[max(0, k - _LOBE - _NEIGHBOURS) : max(0, k - _LOBE)]
+    above = power[k + _LOBE + 1 : k + _LOBE + 1 + _NEIGHBOURS]
+    if min(len(below), len(above)) < _FEWEST:
+        return np.inf
+    return max(float(np.median(below)), float(np.median(above)), 1e-300)
+
+
 def peak(residual: np.ndarray, rate: float) -> str:
     """Text on a narrow peak in the spectrum of a residual (M,), rate in Hz; empty if none."""
     hertz, power = scipy.signal.welch(residual, rate, nperseg=min(_SEGMENT, len(residual)))
-    around = scipy.ndimage.median_filter(power, _NEIGHBOURS, mode="nearest")
-    over = (power / np.maximum(around, 1e-300))[_FIRST:]
+    over = power / [_beside(power, k) for k in range(len(power))]
     if float(over.max()) < _PEAK:
         return ""
-    most = float(hertz[_FIRST + int((power[_FIRST:] * (over >= _PEAK)).argmax())])
+    most = float(hertz[int((power * (over >= _PEAK)).argmax())])
     return f"what no effect explains oscillates at {most:.1f} Hz"
