@@ -210,6 +210,13 @@ def test_poses_whose_rows_split_in_halves_are_no_repeats():
     assert "far from all others of their pose" in refusal(with_wrench(made, y))
 
 
+def test_a_wrench_late_by_half_a_pose_is_late_and_no_spikes():
+    late = SUBTLE["wrench 2 rows late"].make(
+        good("oriented", 7001), "oriented", np.random.default_rng(0)
+    )
+    assert "is late or is early by a good part of a pose" in refusal(late.recording)
+
+
 @pytest.mark.parametrize("name", [n for n in SUBTLE if n.startswith("crosstalk of f")])
 def test_eight_poses_publish_no_number_that_crosstalk_moved(name):
     """Suspected faults have more columns than these poses have readings to spare."""

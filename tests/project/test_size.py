@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78709,
     "src/wrenchbed": 69220,
     "src/robot_emulators": 9489,
-    "tests": 38035,
+    "tests": 38042,
     "scripts": 3492,
 }
 """Lines of Python below a folder at most; of scripts every line."""
