@@ -7,7 +7,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
-    "benchmark": 7712,
+    "benchmark": 7723,
     "calibration": 5106,
     "campaigns": 1144,
     "channels": 975,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78709,
-    "src/wrenchbed": 69220,
+    "src": 78720,
+    "src/wrenchbed": 69231,
     "src/robot_emulators": 9489,
     "tests": 38042,
     "scripts": 3492,

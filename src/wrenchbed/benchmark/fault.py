@@ -20,6 +20,7 @@ from wrenchbed.physics.wrench import CHANNELS, Tool, six_of
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 
 Rng = np.random.Generator
+Drawn = TypeVar("Drawn")
 Shake = TypeVar("Shake")
 
 KINDS = ("none", "single", "pair", "outside")
@@ -130,6 +131,19 @@ def possible(shown: Iterable[str]) -> list[str]:
     """Names of effects that can be causes where ``shown`` holds all `CaseEffect.needs`."""
     met = set(shown)
     return [name for name, effect in EFFECTS.items() if met.issuperset(effect.needs)]
+
+
+def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception]) -> Drawn:
+    """Call ``draw`` with 0, 1, …, ``tries`` times at most, until one makes a case; return the case.
+
+    A draw that makes none raises ``failure``; that of the last attempt is passed on.
+    """
+    for attempt in range(tries - 1):
+        try:
+            return draw(attempt)
+        except failure:
+            continue
+    return draw(tries - 1)
 
 
 @dataclass(frozen=True, eq=False)

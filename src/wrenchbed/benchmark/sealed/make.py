@@ -16,7 +16,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.benchmark.efforts import case as efforts
-from wrenchbed.benchmark.fault import KINDS
+from wrenchbed.benchmark.fault import KINDS, attempts
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.referee.scenario import MOTION_HZ, MOTION_S, POSES, SAMPLES
@@ -107,11 +107,8 @@ class Family:
     def found(self, index: int) -> tuple[Answer, Recording]:
         """Draw case ``index`` (from 0) until an attempt makes it, at most ``tries`` times; return
         its answer and recording, or raise a `ParameterError`."""
+        answer, rows = attempts(self.tries, lambda k: self.case(index, k), ParameterError)
         name = self.names()[index]
-        for attempt in range(self.tries):
-            with suppress(*[ParameterError] if attempt + 1 < self.tries else []):
-                answer, rows = self.case(index, attempt)
-                break
         return replace(answer, case=name, salt=salt(self.seed, name)), rows
 
     def names(self) -> list[str]:
