@@ -58,6 +58,7 @@ def slopes_in_plain_numpy(q):
     return np.stack([(places(middle + h) - places(middle - h)).ravel() / 2e-5 for h in steps], 1)
 
 
+@pytest.mark.slow
 def test_planned_poses_tell_more_than_random_ones():
     """24 poses leave two thirds of the variance of places, by slopes of plain numpy."""
     planned = wb.for_tracker(UR5, 24, 2000, seed=0)

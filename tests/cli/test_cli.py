@@ -255,7 +255,7 @@ class Deleted:
         signal.raise_signal(signal.SIGTERM)
 def verb(words):
     Deleted()
-    time.sleep(20.0)
+    time.sleep(0.5)
     return 0
 cli._run, sys.argv = verb, ["wrenchbed", "list"]
 cli.run()

@@ -162,7 +162,7 @@ def off(parameters, **truth) -> float:
     return max(abs(parameters[k]["value"] - v) / parameters[k]["std"] for k, v in truth.items())
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_small_tilt_that_the_accelerometer_proves_is_claimed(seed):
     """The wrench alone shows a gap of 0.2 and names nothing; of 8° it may name a pull instead."""

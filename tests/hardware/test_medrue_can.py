@@ -167,6 +167,20 @@ def test_a_master_that_vanishes_leaves_drives_that_stop(free):
         assert np.abs(driver.position() - last).max() < 0.02
 
 
+def test_a_drive_that_misses_its_start_is_started_again(free, monkeypatch):
+    command, missed = drive_configuration.Drives._command, []
+
+    def lossy(self, order, node):
+        if order == drive_configuration.START and node == 3 and not missed:
+            missed.append(node)
+        else:
+            command(self, order, node)
+
+    monkeypatch.setattr(drive_configuration.Drives, "_command", lossy)
+    with CanDriver(options(HOST)) as driver:
+        assert missed == [3] and driver.health().ok
+
+
 def test_garbage_frames_are_named_and_every_drive_is_told_to_stop(driver, medrue, witness):
     at, begun = driver.position(), time.monotonic()
     medrue.fault("can", "garbage", count=1000)

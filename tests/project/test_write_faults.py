@@ -402,7 +402,7 @@ def check_files(before, folder, killed=False):
         assert good or (killed and left), f"{file} is half, or left"
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PROCESSES)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL, signal.SIGPIPE])
 def test_a_signal_ends_a_verb_at_once_and_the_next_run_is_clean(number, name, start, tmp_path):

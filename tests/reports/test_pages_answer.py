@@ -272,6 +272,7 @@ def test_without_webgl_the_still_robot_is_shown(pages):
         assert bare.console == []
 
 
+@pytest.mark.slow
 def test_a_clean_robot_looks_clean(page, pages):
     """Arrows have one scale on all pages: what is noise has no length that one could see."""
     shown(page, pages["clean"])
@@ -353,7 +354,7 @@ def test_a_script_that_is_not_the_pages_own_does_not_run(page, pages):
     page.console.clear()
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_paper_has_the_still_figures(page, pages, kind):
     shown(page, pages[kind])

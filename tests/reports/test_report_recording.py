@@ -136,6 +136,7 @@ def made_then(monkeypatch):
     return f"2023-11-14 22:13 UTC by wrenchbed {version('wrenchbed')}"
 
 
+@pytest.mark.slow
 def test_a_campaign_says_what_its_numbers_are_of_and_how_to_make_them_again(
     tmp_path, made_then, capsys
 ):

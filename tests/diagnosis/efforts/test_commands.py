@@ -91,6 +91,7 @@ def test_a_load_is_named_although_ordinary_errors_of_the_servos_could_take_it(ar
     assert found.which[0]["parameters"]["mass"]["value"] == approx(0.03, rel=0.3)
 
 
+@pytest.mark.slow
 def test_the_command_line_diagnoses_commands(arm, healthy, tmp_path, capsys):
     log, out = tmp_path / "rec.parquet", tmp_path / "found"
     moved(arm, CASES["stiffness"][0], 3).write(log)

@@ -47,6 +47,7 @@ def test_a_cause_is_named_in_its_joint(effect, joint, size):
     assert d.gap.closed.value > 0.6
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("angle", [40.0, 90.0])
 def test_gravity_along_another_axis_is_one_large_tilt_and_no_mass(angle):
     at = np.deg2rad(angle)
@@ -77,7 +78,7 @@ def test_a_delay_beyond_the_rows_at_rest_is_one_cause(seed):
     assert cause["parameters"][name]["value"] == pytest.approx(0.08, rel=0.15)
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [41, 42])
 def test_the_rise_of_friction_is_that_at_the_slowest_speed_that_counts(seed):
     rows = case(Gap("drive.stribeck", 2, 20.0), seed=seed, seconds=30.0)
@@ -89,6 +90,7 @@ def test_the_rise_of_friction_is_that_at_the_slowest_speed_that_counts(seed):
     assert abs(rise["value"] - expected) < 2.5 * rise["std"] < 0.7 * expected
 
 
+@pytest.mark.slow
 def test_an_arm_whose_friction_falls_by_a_tenth_is_healthy_and_one_wrong_link_is_named():
     healthy = make([UR5] * 3, 41012, 12, False, 0)
     answer = diagnose_efforts(healthy.recording).diagnosis

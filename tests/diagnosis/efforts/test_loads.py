@@ -84,6 +84,7 @@ def test_a_centre_that_no_tool_has_does_not_stop_the_answer(monkeypatch):
     assert diagnose_efforts(case()).diagnosis.verdict == "none"
 
 
+@pytest.mark.slow
 def test_a_load_that_was_fitted_is_not_drawn_as_friction():
     found = diagnose_efforts(unstated(case(Gap("drive.coulomb", 2, 8.0), 7)))
     (chart,) = (c for c in effort_charts(found) if c.name == "friction-2")
@@ -100,7 +101,7 @@ def test_a_load_that_was_fitted_is_not_drawn_as_friction():
         assert any(np.isnan(series.y).any() for series in beside.series)
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "joint", "gain", "zero"),
     [(2, 4, 0.0, 1.2), (3, 3, 0.1, 0.0), (1, 2, 0.0, 6.0), (4, 1, 0.0, -4.0), (6, 2, -0.15, 0.0),

@@ -220,6 +220,11 @@ class Cycle:
         """Whether every drive is in one of the given CiA 402 states."""
         return all(drive.state in states for drive in self.drives)
 
+    @property
+    def operational(self) -> bool:
+        """Whether the last heartbeat of every drive says OPERATIONAL."""
+        return all(drive.nmt == OPERATIONAL for drive in self.drives)
+
     def _received(self, _: float, can_id: int, data: bytes) -> None:
         service, node = can_id & ~ids.MOST_NODE, can_id & ids.MOST_NODE
         if (drive := self._by_node.get(node)) is None:

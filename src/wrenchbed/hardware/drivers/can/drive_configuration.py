@@ -96,6 +96,11 @@ class Drives:
         for node in nodes:
             self._map(node)
             self._set(node)
+        self.start(nodes)
+
+    def start(self, nodes: Sequence[int]) -> None:
+        """Set drives to OPERATIONAL. Again where they stay silent: no drive confirms it, and one
+        that misses the heartbeat of a master that ended falls back to PRE-OPERATIONAL."""
         for node in nodes:
             self._command(START, node)
 

@@ -22,14 +22,14 @@ from wrenchbed.hardware.drivers.can.cia402 import (
     Want,
 )
 from wrenchbed.hardware.drivers.can.cycle import Cycle, Following, Rest
-from wrenchbed.hardware.drivers.can.drive_configuration import Drives
+from wrenchbed.hardware.drivers.can.drive_configuration import TRIES, Drives
 from wrenchbed.hardware.drivers.can.options import CanOptions, master
 from wrenchbed.hardware.drivers.can.setpoints import BRAKE_S, Setpoints
 from wrenchbed.hardware.drivers.live_base import LiveDriver
 from wrenchbed.robots.base import Robot
 
-FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
-"""Deadlines [s]: first state; all drives enabled, which climb three states and may release brakes;
+FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 1.0, 2.0, 1.0, 0.5
+"""Deadlines [s]: first state after each start; all drives enabled, which climb three states and may release brakes;
 faults cleared; at rest, as long as a quick stop takes (`cycle.REST_S`)."""
 _POLL_S = 0.002
 """Time between two checks while waiting for drives [s], half a cycle of 250 Hz."""
@@ -86,9 +86,17 @@ class CanDriver(LiveDriver):
             Following(self._top), 1.0 / s.rate, master(s.base, s.nodes),
         )  # fmt: skip
         cycle.start()
-        if not self._until(lambda: cycle.answers is not None, FIRST_S):
-            silent = [d.node for d in cycle.drives if not d.answers]
-            raise LinkError(f"drives {silent} do not answer SYNC: are their PDOs switched on?")
+        if self._until(lambda: cycle.answers is not None, FIRST_S):
+            return
+        for _ in range(TRIES):
+            silent = [d for d in cycle.drives if not d.answers]
+            network.start([d.node for d in silent])
+            for drive in silent:  # an old heartbeat may still arrive: wait for a new one
+                drive.nmt = 0x00
+            if self._until(lambda: cycle.answers is not None and cycle.operational, FIRST_S):
+                return cycle.clear()
+        nodes = [d.node for d in silent]
+        raise LinkError(f"drives {nodes} do not answer SYNC: are their PDOs switched on?")
 
     def _shut(self) -> None:
         if self._network is not None:
@@ -250,7 +258,7 @@ class CanDriver(LiveDriver):
         states = {drive.state for drive in cycle.drives}
         if states & {*IN_FAULT}:
             return "fault"
-        if any(drive.nmt != OPERATIONAL for drive in cycle.drives):
+        if not cycle.operational:
             return "off"
         return "running" if states == {DriveStatus.ENABLED} else "idle"
 
