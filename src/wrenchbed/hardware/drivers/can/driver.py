@@ -29,8 +29,8 @@ from wrenchbed.hardware.drivers.live_base import LiveDriver
 from wrenchbed.robots.base import Robot
 
 FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 1.0, 2.0, 1.0, 0.5
-"""Deadlines [s]: first state after each start; all drives enabled, which climb three states and may release brakes;
-faults cleared; at rest, as long as a quick stop takes (`cycle.REST_S`)."""
+"""Deadlines [s]: first state after a start; all drives enabled, which climb three states and may
+release brakes; faults cleared; at rest, as long as a quick stop takes (`cycle.REST_S`)."""
 _POLL_S = 0.002
 """Time between two checks while waiting for drives [s], half a cycle of 250 Hz."""
 _STUCK = (*IN_FAULT, DriveStatus.QUICK_STOP, DriveStatus.ENABLED)
