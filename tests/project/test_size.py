@@ -19,7 +19,7 @@ WRENCHBED = {
     "environments": 588,
     "exports": 828,
     "files": 576,
-    "hardware": 6651,
+    "hardware": 6669,
     "jobs": 555,
     "monitoring": 1378,
     "pages": 1255,
@@ -36,11 +36,11 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78720,
-    "src/wrenchbed": 69231,
+    "src": 78738,
+    "src/wrenchbed": 69249,
     "src/robot_emulators": 9489,
-    "tests": 38042,
-    "scripts": 3492,
+    "tests": 38063,
+    "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
 MOST_FILES = 463
