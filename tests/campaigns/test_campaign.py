@@ -83,8 +83,7 @@ def test_what_does_not_vary_is_the_same_for_all():
 
 def test_a_plan_is_run_by_all_robots_at_rest_and_in_motion():
     plan = wb.multisine(wb.load("robots", "ur5"), 8.0, 60.0, 1)
-    fleet = Fleet("ur5", 2, ("noise",), plan=plan)
-    recording, _ = recorded(fleet, 1)
+    recording, _ = recorded(fleet := Fleet("ur5", 2, ("noise",), plan=plan), 1)
     assert recording.metadata.mode == "dynamic" and np.array_equal(recording.q, plan.q)
     assert robot_row(fleet, 0)["error"] == ""
     with pytest.raises(ParameterError, match="the plan is for robot 'ur5'"):
@@ -94,6 +93,8 @@ def test_a_plan_is_run_by_all_robots_at_rest_and_in_motion():
 def test_settings_that_make_no_sense_are_named(tmp_path):
     with pytest.raises(ParameterError, match="no model"):
         Fleet("oriented", 2)
+    with pytest.raises(ParameterError, match="--robots 1000000000: give 1 to 1,000,000"):
+        Fleet("ur5", 10**9)
     (tmp_path / SETTING).write_text(json.dumps(small(1).to_json()))
     with pytest.raises(FleetError, match="seed = 0, not 5"):
         campaign(small(1, seed=5), tmp_path)

@@ -132,6 +132,8 @@ def test_conventions_that_no_data_tell_apart_are_named():
     told = guess(files, Stated(tool_mass=9.1))
     assert {c.units[0] for c in told.conventions} == {"kgf"}
     assert told.conventions[0].mass == pytest.approx(9.1, rel=0.05)
+    with pytest.raises(MapError):
+        guess(files, Stated(tool_mass=0.0))
 
 
 def test_the_real_poses_come_in_by_one_line_and_calibrate_as_before(tmp_path):
@@ -270,9 +272,8 @@ def test_what_is_no_ground_for_a_guess_is_named(tmp_path):
         guess([tmp_path / "r.mcap"])
     columns = {f"joint_{k}": v for k, v in enumerate(np.random.default_rng(0).normal(size=(6, 50)))}
     wrench = {k: v for k, v in random_columns(50).items() if k in CHANNELS}
-    path = save(tmp_path, "log.csv", columns | wrench)
     with pytest.raises(MapError, match=r"'ur55' is none; did you mean 'ur5'"):
-        guess([path], Stated(robot="ur55"))
+        guess([save(tmp_path, "log.csv", columns | wrench)], Stated(robot="ur55"))
 
 
 def with_gyroscope(n=30):

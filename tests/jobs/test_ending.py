@@ -84,16 +84,11 @@ def test_workers_end_with_a_killed_or_interrupted_parent(busy, how):
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_a_program_of_a_worker_and_what_it_started_end_too(how):
-    process = start("-m", "worked", "program")
+@pytest.mark.parametrize("kind, least", [("program", 4), ("bound", 1)])
+def test_a_program_of_a_process_or_its_worker_and_what_it_started_end_too(kind, least, how):
+    process = start("-m", "worked", kind)
     assert process.stdout.readline().strip() == b"at work"
-    assert killed(process, 4, how) < ENDS_S
-
-
-def test_a_program_started_by_this_process_ends_with_it():
-    process = start("-m", "worked", "bound")
-    assert process.stdout.readline().strip() == b"at work"
-    assert killed(process, 1) < ENDS_S
+    assert killed(process, least, how) < ENDS_S
 
 
 def test_a_bound_program_tells_its_own_exit_code():
@@ -117,6 +112,11 @@ def test_a_worker_that_dies_is_named_while_others_work(how, message):
     assert time.monotonic() - begun < 0.5 * SLEEPS_S
 
 
+def test_the_first_of_very_many_items_are_done_at_once():
+    with pytest.raises(ZeroDivisionError):
+        in_workers(int, range(10**22), lambda _, future: 1 / future.result(), 2)
+
+
 def squares(shared: int, number: int) -> list[finished_parts.Row]:
     return [{"number": number, "square": number**2 + shared}]
 
@@ -126,13 +126,11 @@ def test_finished_parts_are_not_done_again(tmp_path):
     counts: list[int] = []
     store = finished_parts.Parts(tmp_path, "x-")
     table = finished_parts.run(squares, 1, range(4), store, counts.append, processes=2)
-    assert table["square"].to_pylist() == [1, 2, 5, 10]
-    assert sum(counts) == 4
+    assert table["square"].to_pylist() == [1, 2, 5, 10] and sum(counts) == 4
     store.path(2).unlink()
     (tmp_path / f".{store.path(1).name}.0.part").write_bytes(b"half")
     store.path(3).write_bytes(b"PAR1 cut short")
-    marked = pa.table({"number": [0], "square": [99]})
-    pq.write_table(marked, store.path(0))
+    pq.write_table(pa.table({"number": [0], "square": [99]}), store.path(0))
     again = finished_parts.run(squares, 1, range(4), store, processes=2)
     assert again["square"].to_pylist() == [99, 2, 5, 10]
 
@@ -148,8 +146,8 @@ def test_a_part_that_fails_says_so(tmp_path):
 
 
 def test_keys_change_with_their_content():
-    assert finished_parts.key(1, [2]) == finished_parts.key(1, [2])
-    assert finished_parts.key(1, [2]) != finished_parts.key(1, [3])
+    one, same, other = (finished_parts.key(1, [number]) for number in (2, 2, 3))
+    assert one == same != other
 
 
 def test_parts_are_tables_in_the_order_of_their_numbers(tmp_path):

@@ -269,8 +269,8 @@ def test_the_command_checks_the_simulated_robot(tmp_path, capfd):
     folder = str(tmp_path / "cell")
 
     def run(month, *more):
-        code = main(["check", "ur5", "--history", folder, "--time", f"2026-{month:02}-01T06:00:00Z",
-                     "--samples", "50", "--temperature", "21", "--json", *more])  # fmt: skip
+        words = ["check", "ur5", "--history", folder, "--samples", "50", "--temperature", "21"]
+        code = main([*words, "--json", "--time", f"2026-{month:02}-01T06:00:00Z", *more])
         return code, json.loads(capfd.readouterr().out)
 
     assert main(["check", "ur5", "--history", folder, "--prepare"]) == 0
@@ -290,16 +290,16 @@ def test_the_command_checks_the_simulated_robot(tmp_path, capfd):
 
 
 def test_a_recording_of_the_plan_is_checked(folder, plan, tmp_path, capfd):
-    MonthlyRobot(UR5, plan, 7).recording(3).write(tmp_path / "april.parquet")
-    words = ["check", "ur5", "--history", str(folder), "--recording"]
-    out = tmp_path / "april.html"
-    assert main([*words, str(tmp_path / "april.parquet"), "--out", str(out)]) == 0
-    page = out.read_text(encoding="utf-8")
-    assert "✓ healthy" in page and 'id="course"' in page and "Check of ur5, 2020-04-1" in page
-    shown = capfd.readouterr().out
+    april, page = tmp_path / "april.parquet", tmp_path / "april.html"
+    MonthlyRobot(UR5, plan, 7).recording(3).write(april)
+    words, recorded = ["check", "ur5", "--history", str(folder)], ["--recording", str(april)]
+    assert main([*words, *recorded, "--out", str(page)]) == 0
+    text, shown = page.read_text(encoding="utf-8"), capfd.readouterr().out
+    assert "✓ healthy" in text and 'id="course"' in text and "Check of ur5, 2020-04-1" in text
     assert "healthy: no change in 4 checks since 2020-01-1" in shown and "tool.mass" in shown
-    assert main([*words, str(tmp_path / "april.parquet")]) == 1
-    assert "it was checked already" in capfd.readouterr().err
+    for more, why in ((recorded, "it was checked already"), (["--seed", "-1"], "seed -1 must not")):
+        assert main([*words, *more]) == 1
+        assert why in capfd.readouterr().err
 
 
 @pytest.mark.study

@@ -1,6 +1,7 @@
 """The compensated wrench: right in every frame; drift is followed, other changes are named."""
 
 import json
+import signal
 import socket
 import time
 from contextlib import nullcontext
@@ -114,8 +115,7 @@ def test_what_needs_a_history_or_touches_is_named_and_not_undone():
 
 def test_real_noise_raises_no_alarm_in_ten_minutes_and_the_residual_is_the_noise():
     q = np.array(ROBOT.home)
-    compensate = made()
-    found = run(compensate, q, readings(q[None]) + noisy(600.0, 11))
+    found = run(made(), q, readings(q[None]) + noisy(600.0, 11))
     assert not [x.alarm for x in found if x.alarm]
     rms = np.sqrt(np.mean([x.wrench**2 for x in found], axis=0))
     assert (rms < 1.1 * GAMMA.row_std).all()
@@ -123,13 +123,9 @@ def test_real_noise_raises_no_alarm_in_ten_minutes_and_the_residual_is_the_noise
 
 def test_a_drift_of_a_newton_an_hour_is_followed():
     q, n = np.array(ROBOT.home), round(600.0 * RATE)
-    drift = np.zeros((n, 6))
-    drift[:, 0] = np.arange(n) / RATE / 3600.0
-    rows = (
-        readings(q[None])
-        + drift
-        + 0.02 * np.random.default_rng(3).standard_normal((n, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
-    )
+    drift = np.arange(n)[:, None] / RATE / 3600.0 * np.eye(6)[0]
+    white = np.random.default_rng(3).standard_normal((n, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
+    rows = readings(q[None]) + drift + 0.02 * white
     followed = run(made(), q, rows)
     assert followed[-1].zero[0] == pytest.approx(600.0 / 3600.0, abs=0.03)
     last = np.mean([x.wrench[0] for x in followed[-100:]])
@@ -141,8 +137,7 @@ def test_a_drift_of_a_newton_an_hour_is_followed():
 def test_a_push_is_no_drift():
     """It raises an alarm within two seconds, and none of it goes into the zero."""
     q, n = np.array(ROBOT.home), round(60.0 * RATE)
-    push = np.zeros((n, 6))
-    push[n // 2 :, 1] = 2.0
+    push = 2.0 * (np.arange(n) >= n // 2)[:, None] * np.eye(6)[1]
     found = run(made(), q, readings(q[None]) + push)
     first = next(k for k, x in enumerate(found) if x.alarm)
     assert n // 2 <= first < n // 2 + 2.0 * RATE
@@ -152,8 +147,7 @@ def test_a_push_is_no_drift():
 
 
 def test_robots_without_joints_or_flange_are_refused():
-    oriented = registry.load("robots", "oriented")
-    model = Model.of(oriented)
+    model = Model.of(registry.load("robots", "oriented"))
     with pytest.raises(TwinError, match="no model of its joints"):
         Compensator(Twin(model, model.parameters.nominal), GAMMA.row_std)
     medrue = Model.of(registry.load("robots", "medrue"))
@@ -185,14 +179,13 @@ class Still:
 
 
 def test_datagrams_reach_a_listener():
-    compensate = made()
     listener = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     listener.bind(("127.0.0.1", 0))
     listener.settimeout(5.0)
     seen = []
     driver, address = Still(40), f"127.0.0.1:{listener.getsockname()[1]}"
     with Datagrams(address) as datagrams:
-        done = live(driver, compensate, [datagrams, seen.append], stopped=lambda: driver.left <= 0)
+        done = live(driver, made(), [datagrams, seen.append], stopped=lambda: driver.left <= 0)
     datagram = json.loads(listener.recv(65536))
     listener.close()
     assert done.readings == len(seen) == 40 and done.lost == 3 and done.alarms == 0
@@ -229,6 +222,13 @@ def test_a_time_that_never_ends_or_begins_is_refused(option, tmp_path, capsys):
     file.write_text('{"robot": "ur5"}')
     assert main(["live", str(file), option]) == 1
     assert "wrenchbed: error: --" in capsys.readouterr().err
+
+
+def test_an_interrupt_ends_the_wait_for_a_robot_that_does_not_answer(tmp_path, monkeypatch):
+    Twin(MODEL, MODEL.parameters.nominal).write(tmp_path / "twin.json")
+    rtde = registry.load("drivers", "rtde")
+    monkeypatch.setattr(rtde, "connect", lambda _: signal.raise_signal(signal.SIGINT))
+    assert main(["live", str(tmp_path / "twin.json"), "--host", "127.0.1.42"]) == 130
 
 
 @pytest.mark.parametrize("address", ["here", "127.0.0.1", "127.0.0.1:0", ":80", "h:99999", "h:x"])

@@ -53,6 +53,8 @@ VARIED = ("noise", "parameters", "poses")
 """Properties that may differ from robot to robot."""
 _STREAMS = {"noise": 0, "parameters": 1, "poses": 3}
 """Stream of random numbers by what is drawn from it; another number would make other robots."""
+_MOST = 1_000_000
+"""Most robots, poses of each, and rows a pose: an estimate; more would fill the memory first."""
 _TRIES = 50
 """Most random draws to find a robot that reaches all poses."""
 
@@ -85,8 +87,8 @@ class Fleet:
             if what not in VARIED:
                 raise ParameterError(f"--vary {what}: known are {', '.join(VARIED)}")
         for name in ("robots", "poses", "samples"):
-            if getattr(self, name) < 1:
-                raise ParameterError(f"--{name} {getattr(self, name)} must be at least 1")
+            if not 1 <= getattr(self, name) <= _MOST:
+                raise ParameterError(f"--{name} {getattr(self, name)}: give 1 to {_MOST:,}")
         if self.seed < 0:
             raise ParameterError(f"seed {self.seed} must not be negative")
         if self.plan is not None:
@@ -111,8 +113,7 @@ class Fleet:
     def rng(self, k: int, what: str) -> np.random.Generator:
         """Random generator of robot k for ``what``, one of `VARIED`; the same for all k if ``vary``
         has it not."""
-        robot = k + 1 if what in self.vary else 0
-        return np.random.default_rng([self.seed, robot, _STREAMS[what]])
+        return np.random.default_rng([self.seed, (k + 1) * (what in self.vary), _STREAMS[what]])
 
     def to_json(self) -> dict[str, Any]:
         """Settings that determine the rows, as JSON; without the number of robots."""
@@ -190,8 +191,7 @@ def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray,
         begins.append(now)
         now += max(samples / RATE_HZ, float(dwell))
         here = q
-    within = np.arange(samples) / RATE_HZ
-    t = (np.array(begins)[:, None] + within).ravel()
+    t = (np.array(begins)[:, None] + np.arange(samples) / RATE_HZ).ravel()
     return t, np.repeat(np.arange(len(plan)), samples)
 
 

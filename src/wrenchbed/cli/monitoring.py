@@ -173,7 +173,6 @@ def live_(
     noise = np.asarray(wb.load("sensors", link.robot.sensor).noise.row_std)
     compensate = Compensator(calibrated_twin(file), noise, run.frame, run.follow == "on")
     with ExitStack() as stack:
-        stopped = stack.enter_context(console.until_signal()).is_set
         sinks: list[Sink] = []
         if run.udp is not None:
             sinks.append(stack.enter_context(Datagrams(run.udp)))
@@ -181,6 +180,7 @@ def live_(
             text = f"{effect} depends on more than pose and load: it is not undone"
             warnings.warn(text, WrenchbedWarning, stacklevel=1)
         link.connect()
+        stopped = stack.enter_context(console.until_signal()).is_set
         stack.callback(link.close)
         if as_json:
             sinks.append(lambda external: print(json.dumps(external.to_json()), flush=True))

@@ -82,6 +82,7 @@ class DeviceArguments:
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
         """Make the options of driver class ``device`` for a robot; refuse an argument that it does
         not take."""
+        console.check_seed(self.seed or 0)
         given = {
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
             "parameters": console.parameters(self.parameters) or None, "noise": self.noise,
@@ -168,7 +169,6 @@ def record(
         out: Recording to write; what a resumed campaign or another try of a motion replaces is
             kept as OUT.cut~.
     """
-    console.check_seed(device.seed or 0)
     inputs = (plan, device.parameters)
     console.check_out(out, Kind.RECORDING, *inputs, force=run.force or run.resume)
     todo = wb.Plan.read(plan)

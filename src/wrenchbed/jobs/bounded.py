@@ -48,11 +48,10 @@ def bounded(work: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
         _, status = os.waitpid(child, 0)
     if not content:
         raise ShortageError(_how(os.waitstatus_to_exitcode(status)))
-    result, error = pickle.loads(content)  # of our own child
-    if error is not None:
-        raise error
-    value: R = result
-    return value
+    answer: tuple[R, Exception | None] = pickle.loads(content)  # of our own child
+    if answer[1] is not None:
+        raise answer[1]
+    return answer[0]
 
 
 def _answer(writer: int, work: Callable[[], object]) -> NoReturn:
@@ -88,8 +87,7 @@ def _received(reader: int) -> bytes:
     """Read all bytes that the child writes to descriptor ``reader``; empty if it wrote nothing."""
     end, content = time.monotonic() + _WALL_S, b""
     while select.select([reader], [], [], max(end - time.monotonic(), 0.0))[0]:
-        chunk = os.read(reader, _CHUNK)
-        if not chunk:
+        if not (chunk := os.read(reader, _CHUNK)):
             return content
         content += chunk
     raise ShortageError(f"takes longer than {_WALL_S} s")

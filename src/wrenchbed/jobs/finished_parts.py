@@ -34,8 +34,7 @@ def key(*things: object) -> str:
 
 @cache
 def _code() -> str:
-    package = Path(str(files("wrenchbed")))
-    texts = (path.read_bytes() for path in sorted(package.rglob("*.py")))
+    texts = (path.read_bytes() for path in sorted(Path(str(files("wrenchbed"))).rglob("*.py")))
     return hashlib.sha256(b"".join(texts)).hexdigest()
 
 

@@ -8,10 +8,11 @@ import os
 import resource
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import wraps
+from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from typing import Any, ParamSpec, Protocol, TypeVar
@@ -62,10 +63,14 @@ def in_workers(
     """
     if not items:
         return
-    with workers(min(count, len(items)), setup, *shared) as pool:
-        waiting = {pool.submit(work, item): item for item in items}
-        for future in as_completed(waiting):
-            finished(waiting[future], future)
+    left = iter(items)
+    with workers(len(items[:count]), setup, *shared) as pool:
+        waiting = {pool.submit(work, item): item for item in islice(left, 4 * count)}  # few ahead
+        while waiting:
+            ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in sorted(ended, key=lambda f: f.exception() is not None):
+                finished(waiting.pop(future), future)
+            waiting |= {pool.submit(work, item): item for item in islice(left, len(ended))}
 
 
 @contextmanager
@@ -80,7 +85,7 @@ def workers(
         WorkerError: a process was killed, crashed or could not start; says how.
     """
     _check_files(max(1, count))
-    before = {k: os.environ.get(k) for k in _ONE_THREAD}
+    before = {k: os.environ[k] for k in _ONE_THREAD if k in os.environ}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # read when a worker loads numpy
     given = (os.getpid(), setup, shared)
     try:
@@ -107,11 +112,9 @@ def workers(
     else:
         pool.shutdown()
     finally:
-        for key, value in before.items():
-            if value is None:
-                os.environ.pop(key, None)
-            else:
-                os.environ[key] = value
+        for key in _ONE_THREAD:
+            os.environ.pop(key, None)
+        os.environ.update(before)
 
 
 def _check_files(count: int) -> None:
@@ -137,14 +140,14 @@ def _initialise(parent: int, setup: Callable[..., None] | None, shared: tuple[An
 
 def _how(processes: Sequence[BaseProcess]) -> str:
     """Describe how the first worker process died, not those that the pool ended afterwards."""
-    codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
-    code = codes[0] if codes else None
+    codes = (process.exitcode or 0 for process in processes)
+    code = next((code for code in codes if code not in (0, -signal.SIGTERM)), 0)
     if code == -signal.SIGKILL:
         return (
             "a worker process was killed (SIGKILL), as the system does when memory runs out: "
             "free memory or use fewer processes"
         )
-    if code is not None and code < 0:
+    if code < 0:
         return f"a worker process crashed ({signal.Signals(-code).name})"
     cause = f"with code {code}; what it printed states the reason" if code else "without a word"
     return f"a worker process ended {cause}; memory may be short: use fewer processes"

@@ -300,7 +300,7 @@ def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator
         reach = float(np.linalg.norm(signed.cog))
         fits_mass = _MASSES[0] <= signed.mass <= _MASSES[1]
         if mass is not None:
-            fits_mass = abs(signed.mass / mass - 1.0) < _NEAR
+            fits_mass = abs(signed.mass - mass) < _NEAR * mass
         if fits_mass and (_LEVERS[0] <= reach <= _LEVERS[1] or None not in stated):
             unlikely = -np.log(_UNITS.get((force, torque), min(_UNITS.values())))
             for value, (usual, spread) in zip((signed.mass, reach), _USUAL_LOAD, strict=True):
