@@ -114,7 +114,8 @@ def run(
         report: called with the number of parts finished since its last call.
         processes: number of processes; as many as cores if None.
     """
-    missing = [n for n in numbers if not parts.readable(n)]
+    there = set(parts.numbers())
+    missing = [n for n in numbers if n not in there or not parts.readable(n)]
     report(len(numbers) - len(missing))
 
     def finished(number: int, future: "Future[None]") -> None:
@@ -150,8 +151,7 @@ def check_folders(
         for remainder in folder.glob(TEMPORARY):
             remove(remainder)
     if not settings_file.exists():
-        other = next((f for folder in folders for f in folder.iterdir()), None)
-        if other is not None:
+        if (other := next((f for folder in folders for f in folder.iterdir()), None)) is not None:
             raise error(
                 f"{other.parent}: holds other files, such as {other.name}; give a new folder"
             )
