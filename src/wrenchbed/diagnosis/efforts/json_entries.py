@@ -84,6 +84,17 @@ def _stated(d: Dictionary, key: Key) -> dict[str, float]:
     return {"stated": float(stated)} if stated else {}
 
 
+def _std_of_stated(d: Dictionary, key: Key) -> float:
+    """Standard uncertainty, SI, of the fitted number that a cause changes; 0 if none was fitted."""
+    (effect, joint), drives = key, d.scene.drives
+    if effect == "tool.mass" and drives.load is not None:
+        return float(drives.load[1, 0])
+    if joint is None or effect not in drives.std:
+        return 0.0
+    value = float(drives.of(effect)[joint - 1]) if effect == "drive.constant" else 1.0
+    return float(drives.std[effect][joint - 1]) / (abs(value) or 1.0)
+
+
 def minor(
     s: Simulators, every: Sequence[Option[Structure]], v: Verdict[Structure]
 ) -> list[dict[str, Any]]:
@@ -199,7 +210,9 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     def part(x: np.ndarray, k: int) -> float:
         return float(_scale(d, block, x) * x[k])
 
-    result: dict[str, Any] = {size.name: {**fit.number(whole), "unit": unit_of(d, block)}}
+    number = fit.number(whole)
+    number["std"] = float(np.hypot(number["std"], _std_of_stated(d, b.key)))
+    result: dict[str, Any] = {size.name: {**number, "unit": unit_of(d, block)}}
     if b.joint is not None and isinstance(about, Wave):
         slides = d.scene.robot.joints[b.joint - 1].unit == "m"
         value, unit = (b.value / (2.0 * np.pi), "1/m") if slides else (b.value, "1")

@@ -19,6 +19,8 @@ from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN, Cand
 
 AMPLITUDE = 6.0
 """Prior rms that a named cause adds to the readings, over a row's noise std: an estimate."""
+SCALES = np.array([1.0, 10.0])
+"""Factors on it: a second payload makes gaps of thousands."""
 MOST_CAUSES = 5
 """Most causes of a set: two faults, and three effects beside them that are too small to claim."""
 _BEAM = 8
@@ -43,7 +45,7 @@ Structure = tuple[int, ...]
 def wide(d: Dictionary, rms: float = AMPLITUDE) -> np.ndarray:
     """Prior variance (P,) of each column's amplitude if its cause is present and adds ``rms``, in
     noise standard deviations of a row."""
-    return np.asarray(np.maximum((rms / np.maximum(d.size, 1e-12)) ** 2, d.std**2))
+    return np.asarray((rms / np.maximum(d.size, 1e-12)) ** 2 + d.std**2)
 
 
 def ordinary(d: Dictionary) -> list[np.ndarray]:
@@ -74,7 +76,7 @@ class Evidence(Candidates):
         """Log prior of each cause (B,): the same for all, divided among variants."""
         shown = ((k, at) for k, at in enumerate(d.at) if len(at))
         self.batches = batches(
-            (k, at, np.sqrt(self._more[at]), np.ones(1), self.prior[k]) for k, at in shown
+            (k, at, np.sqrt(self._more[at]), SCALES, self.prior[k]) for k, at in shown
         )
         self.levels = [Products(gram, std**2) for std in ordinary(d)]
         scored = [level.over_noise(right) for level in self.levels]
