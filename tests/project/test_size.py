@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2709,
     "data": 5406,
-    "diagnosis": 12971,
+    "diagnosis": 12991,
     "drives": 1727,
     "effects": 5001,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78738,
-    "src/wrenchbed": 69249,
+    "src": 78758,
+    "src/wrenchbed": 69269,
     "src/robot_emulators": 9489,
-    "tests": 38063,
+    "tests": 38071,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -20,7 +20,7 @@ from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.fitted_causes import facts_of
 from wrenchbed.diagnosis.efforts.json_entries import shown_from
 from wrenchbed.diagnosis.efforts.residual_anomalies import episode, held, peak
-from wrenchbed.diagnosis.efforts.search import Evidence
+from wrenchbed.diagnosis.efforts.search import Evidence, wide
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Closure, Interval
 from wrenchbed.diagnosis.prepare.prepared import Material
@@ -231,6 +231,12 @@ def test_a_cause_that_leaves_what_counts_is_less_sure(closed, least, after, alon
     facts = facts_of(SimpleNamespace(d=SimpleNamespace(blocks=[])), (), 0)
     assert facts.right(verdict, gap) == pytest.approx(right)
     assert facts.right(replace(verdict, word="none", causes=()), gap) == 0.85
+
+
+def test_a_stated_number_whose_ordinary_error_shows_well_can_be_a_cause():
+    """An error of 0.1 kg is ordinary and makes ten times a row's noise; a fault may be more."""
+    mass = SimpleNamespace(size=np.array([100.0]), std=np.array([0.1]))
+    assert wide(mass)[0] > 1.3 * 0.1**2
 
 
 def test_links_about_the_vertical_and_a_joint_that_hardly_moves_are_blind():
