@@ -430,7 +430,11 @@ def test_a_gap_of_one_joint_counts_alone_and_a_sign_without_a_cause_names_nothin
     each = {"tau1": {"before": 0.1}, "tau2": {"before": 1.5}}
     joints = replace(gap(calibrated=about(0.8)), per_channel=each)
     assert small(joints) and not small(replace(joints, apart=True))
-    for closed, word in ((None, "unknown"), (about(0.8), "unknown"), (about(0.99, 0.01), "identified")):
+    for closed, word in (
+        (None, "unknown"),
+        (about(0.8), "unknown"),
+        (about(0.99, 0.01), "identified"),
+    ):
         decision = Decision(claimed("drive.delay"), replace(joints, closed=closed))
         assert conclude(decision, [{}], ["rings"]).word == word
 

@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78758,
     "src/wrenchbed": 69269,
     "src/robot_emulators": 9489,
-    "tests": 38071,
+    "tests": 38075,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -24,7 +24,7 @@ from wrenchbed.diagnosis.efforts.fitted_causes import (
     mass_of_tool,
 )
 from wrenchbed.diagnosis.efforts.residual_anomalies import Sign
-from wrenchbed.diagnosis.efforts.search import AMPLITUDE, Evidence, Structure
+from wrenchbed.diagnosis.efforts.search import AMPLITUDE, SCALES, Evidence, Structure
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, UNKNOWN, batches
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
@@ -311,7 +311,7 @@ def shown_from(evidence: Evidence) -> dict[int, tuple[float, float]]:
     result = {k: (np.inf, np.inf) for k, _ in named}  # without reversal, or anything that warms
     shown = ((k, at, float(np.sqrt((d.size[at] ** 2).mean()))) for k, at in named if len(at))
     for b in batches(
-        (k, at, np.full(len(at), 1.0 / unit), np.array([AMPLITUDE]), evidence.prior[k])
+        (k, at, np.full(len(at), 1.0 / unit), AMPLITUDE * SCALES, evidence.prior[k])
         for k, at, unit in shown
         if unit > 0.0
     ):
