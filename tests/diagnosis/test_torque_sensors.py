@@ -10,7 +10,9 @@ from rest_torques import REAL, TOOL, by_file, empty_and_loaded, recording, ur5
 from wrenchbed.channels.effort import CHANNEL
 from wrenchbed.channels.readings_with_effects import readings
 from wrenchbed.cli import main
+from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import states_tool
 from wrenchbed.diagnosis.several import diagnose_several
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
@@ -85,6 +87,14 @@ def test_a_load_beyond_the_stated_one_is_named_and_weighed(arm, tmp_path, capsys
     mass = told["which"][0]["parameters"]["mass"]
     assert abs(mass["value"] - 1.3) < 3.0 * mass["std"] < 1.0
     assert told["gap"]["configured"] > 5.0 and told["gap"]["calibrated"] < 1.0
+
+
+def test_a_robots_file_states_its_tool_unless_a_wrench_weighs_it(tmp_path):
+    for arm, by_robot in ((by_file(tmp_path), True), (UR5, False)):
+        bare = recording(arm, 0, TOOL, poses=12)
+        bare = replace(bare, metadata=replace(bare.metadata, tool=ToolInfo()))
+        assert {*states_tool(bare).values()} == {by_robot}
+        assert {*states_tool(bare, of_robot=False).values()} == {False}
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2709,
     "data": 5406,
-    "diagnosis": 12991,
+    "diagnosis": 12996,
     "drives": 1727,
     "effects": 5001,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78758,
-    "src/wrenchbed": 69269,
+    "src": 78763,
+    "src/wrenchbed": 69274,
     "src/robot_emulators": 9489,
-    "tests": 38075,
+    "tests": 38085,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

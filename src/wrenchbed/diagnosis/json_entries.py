@@ -485,9 +485,9 @@ def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[di
     d, configuration = a.dictionary, a.prepared.configuration
     estimate = stated(a.refitter, verdict.explanation.finalist)
     wrong, std = (x * d.size[d.stated] for x in (estimate.mean, spread * estimate.std))
-    tool = a.prepared.recording.metadata.tool
+    mass, cog = np.isfinite([a.baseline.tolerance[k][0] for k in STATED[1:]])
     start = np.concatenate([np.zeros(6), [configuration.mass], configuration.cog])
-    known = [True] * 6 + [tool.mass is not None] + [tool.cog is not None] * 3
+    known = [True] * 6 + [mass] + [cog] * 3
     units = ["N"] * 3 + ["N·m"] * 3 + ["kg"] + ["m"] * 3
     order = np.concatenate([np.flatnonzero(d.of_stated(effect)) for effect in STATED])
     every = list(zip((*BIAS, *LOAD), start, known, units, strict=True))

@@ -18,7 +18,7 @@ from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.efforts.stated_drives import COMMANDED
 from wrenchbed.diagnosis.explain.verdict import Key
-from wrenchbed.diagnosis.prepare.bias_and_load_fit import COG_M, MASS_SHARE
+from wrenchbed.diagnosis.prepare.bias_and_load_fit import COG_M, MASS_SHARE, states_tool
 from wrenchbed.drives.identify import load_torques, of_mass, of_moment
 from wrenchbed.drives.servo import DELAY
 from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveRows, Size, StatedNumber
@@ -292,11 +292,8 @@ def _links(scene: EffortScene) -> Made:
 def _tool(scene: EffortScene) -> Made:
     """Columns and causes of the tool's mass and first moment; free where they are not stated."""
     y = load_torques(scene.regressor, scene.robot, scene.theta)
-    stated, tool = scene.recording.metadata.tool, scene.tool
-    cog, mass = np.asarray(tool.cog, dtype=float), float(tool.mass)
-    by_file = registry.record_of("robots", scene.robot.name) is not None  # its [tool] says so
-    known = by_file or stated.mass is not None, by_file or stated.cog is not None
-
+    cog, mass = np.asarray(scene.tool.cog, dtype=float), float(scene.tool.mass)
+    known = tuple(states_tool(scene.recording).values())
     middle = cog + scene.displaced / 2.0
 
     def seen(form: np.ndarray, at: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:

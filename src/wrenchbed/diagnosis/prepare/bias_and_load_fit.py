@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed import registry
+from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configured_simulator import BIAS, STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import DiagnosisError, ParameterError
@@ -129,11 +131,17 @@ def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
     result = {k: _numbers(dict(stated.tolerance), k, v, name) for k, v in default.items()}
     if not prepared.has_wrench:
         del result[bias]
-    if stated.tool.mass is None:
-        result[mass] = np.array([np.inf])
-    if stated.tool.cog is None:
-        result[cog] = np.full(3, np.inf)
-    return result
+    known = states_tool(prepared.recording, of_robot=not prepared.has_wrench)
+    return result | {k: np.full_like(result[k], np.inf) for k in (mass, cog) if not known[k]}
+
+
+def states_tool(recording: Recording, of_robot: bool = True) -> dict[str, bool]:
+    """Whether the tool's mass and CoG are stated, by effect: by the recording's metadata, or (with
+    ``of_robot``) by the file of a robot, whose tool of `ur5` and `medrue` is a default."""
+    tool, robot = recording.metadata.tool, recording.metadata.robot
+    by_file = of_robot and registry.record_of("robots", robot) is not None
+    each = zip(STATED[1:], (tool.mass, tool.cog), strict=True)
+    return {effect: by_file or value is not None for effect, value in each}
 
 
 def _rounding(*values: float | None) -> float:
