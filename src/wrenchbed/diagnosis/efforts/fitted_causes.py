@@ -188,22 +188,24 @@ class Simulators:
         return np.asarray(left.sum(axis=1) * len(left) / self._use.sum())
 
 
-def added(d: Dictionary, x: np.ndarray, columns: np.ndarray) -> float:
+def added(d: Dictionary, x: np.ndarray, columns: np.ndarray, beside: Sequence[int] = ()) -> float:
     """Gap that the columns of indices ``columns``, with amplitudes x (P,), add at the joint where
-    it is largest, less what the columns that are free in every fit take up there.
+    it is largest, less what causes ``beside`` (indices) and the columns that are free in every fit
+    take up there.
 
     Columns common to all joints, known from the others, take up nothing of a cause in one drive.
     """
     joint, gap = d.joint[columns], 0.0
     in_one = bool((joint >= 0).all())
-    free = d.free & (d.joint >= 0) if in_one else d.free
+    free = d.free & (d.joint >= 0) if in_one else d.free.copy()
+    free[[k for b in beside for k in d.at[b]]] = True
     for channel in [d.channels[joint[0]]] if in_one else d.channels:
         here = np.flatnonzero(np.isin(channel.at, columns))
         taken = free[channel.at] & ~np.isin(channel.at, columns)
         square = np.maximum(np.diagonal(channel.gram), 1e-300)
-        beside = Products(channel.gram, np.where(taken, 1.0 / (square * RIDGE), 0.0))
+        others = Products(channel.gram, np.where(taken, 1.0 / (square * RIDGE), 0.0))
         amplitudes = x[channel.at[here]]
-        information = beside.informations([here[None]])[0][0]
+        information = others.informations([here[None]])[0][0]
         gap = max(gap, float(amplitudes @ information @ amplitudes))
     return gap
 
@@ -241,25 +243,50 @@ def weighed(
     likely = {s: p for k, (s, p) in enumerate(chances.items()) if p >= _SMALL or k == 0}
     total, result = sum(likely.values()), list[Option[Structure]]()
     for structure, p in likely.items():
-        every = [_part(simulators, chances, structure, b) for b in structure]
+        gaps = _gaps(simulators, structure)
+        every = [_part(simulators, chances, structure, b, gap) for b, gap in gaps.items()]
         parts = {part.key: part for part in sorted(every, key=lambda part: part.share)}
         result.append(Option(structure, p / total, tuple(reversed(parts.values()))))
     return tuple(result)
 
 
+def _gaps(s: Simulators, structure: Structure) -> dict[int, float]:
+    """Gap that each cause of a set adds, by index: of several in one joint the largest first, the
+    next beside it, and so on, since they may cancel each other. One that contains another (a cable
+    an offset) comes after it, with its further columns."""
+    d, result = s.d, dict[int, float]()
+    for b in structure:
+        joint, before = d.blocks[b].joint, list[int]()
+        group = [k for k in structure if d.blocks[k].joint == joint] if joint else [b]
+        others = [k for k in structure if k not in group]
+        while b not in result:
+            left = [k for k in group if k not in before]
+            simple = [k for k in left if not any({*d.at[i]} < {*d.at[k]} for i in left)]
+            each = {k: _beside(s, k, others, before) for k in simple}
+            before.append(most := max(each, key=lambda k: each[k]))
+            result.setdefault(most, each[most])
+    return result
+
+
+def _beside(s: Simulators, block: int, others: list[int], before: list[int]) -> float:
+    """Gap that the cause ``block`` adds to ``before``, in a fit with ``others`` too."""
+    of = [k for b in before for k in s.d.at[b]]
+    fit = s.of((*others, *before, block))
+    return added(s.d, fit.x, np.setdiff1d(s.d.at[block], of), before)
+
+
 def _part(
-    s: Simulators, chances: Mapping[Structure, float], structure: Structure, block: int
+    s: Simulators, chances: Mapping[Structure, float], structure: Structure, block: int, gap: float
 ) -> Part:
-    """Cause ``block``, an index, of the set ``structure``, with its gap. It is named by a simpler
-    cause that it contains (an offset, not a cable) unless ``chances``, sets' probabilities, prefer
-    it.
+    """Cause ``block``, an index, of the set ``structure``, with its ``gap``. It is named by a
+    simpler cause that it contains (an offset, not a cable) unless ``chances``, sets'
+    probabilities, prefer it.
     """
     d, b, beside = s.d, s.d.blocks[block], [k for k in structure if k != block]
     for k, other in enumerate(d.blocks):
         if other.joint == b.joint and {*other.columns} < {*b.columns}:
             less = tuple(sorted((*beside, k)))
             block = k if chances.get(less, 0.0) >= chances[structure] else block
-    gap = added(d, s.of(structure).x, d.at[block])
     return Part(d.blocks[block].effect, gap, index=block, joint=b.joint)
 
 
