@@ -11,9 +11,9 @@ WRENCHBED = {
     "calibration": 5106,
     "campaigns": 1144,
     "channels": 975,
-    "cli": 2709,
+    "cli": 2724,
     "data": 5406,
-    "diagnosis": 12996,
+    "diagnosis": 13023,
     "drives": 1727,
     "effects": 5001,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78763,
-    "src/wrenchbed": 69274,
+    "src": 78805,
+    "src/wrenchbed": 69316,
     "src/robot_emulators": 9489,
-    "tests": 38085,
+    "tests": 38087,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

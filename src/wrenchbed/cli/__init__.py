@@ -9,6 +9,7 @@ Before libraries are loaded, memory and terminal are checked: libraries of linea
 end the process, where the address space is too small for them."""
 
 import ast
+import atexit
 import io
 import os
 import resource
@@ -73,6 +74,8 @@ _LEAST = 1.2e9
 _LEAST_DRAWN = 4.5e9
 """Least address space of verbs that load rerun, which reserves much and uses little [bytes]."""
 _DRAWN = ("diagnose", "view")
+_STOPPED = 130
+"""Exit code of a program that Ctrl-C or SIGTERM stopped, as a shell has it."""
 _AGAIN_S = 0.05
 """Delay after which an interrupt swallowed in a callback is raised again [s]."""
 _LEAST_COLUMNS = 40
@@ -92,7 +95,19 @@ def run() -> None:
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # drops what is buffered
         code = 128 + signal.SIGPIPE
+    if code == _STOPPED:
+        _leave()
     sys.exit(code)
+
+
+def _leave() -> None:
+    """End a stopped program without CPython's finalization, in which threads of libraries that were
+    stopped midway may abort it; what is registered to run at exit still runs."""
+    try:
+        atexit._run_exitfuncs()
+        sys.stderr.flush()
+    finally:
+        os._exit(_STOPPED)
 
 
 def _unread() -> bool:
@@ -121,7 +136,7 @@ def main(arguments: list[str] | None = None) -> int:
             usual = "; what was done so far is on disk, and the same command goes on"
             notes = getattr(stop, "__notes__", [usual * (words[0] in _GOES_ON)])
             print(f"wrenchbed: stopped{notes[0]}", file=sys.stderr)
-            return 130
+            return _STOPPED
     match words:
         case ["-h" | "--help", *_]:
             print(_usage())
