@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78805,
     "src/wrenchbed": 69316,
     "src/robot_emulators": 9489,
-    "tests": 38087,
+    "tests": 38088,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
