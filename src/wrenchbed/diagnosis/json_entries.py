@@ -485,7 +485,8 @@ def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[di
     d, configuration = a.dictionary, a.prepared.configuration
     estimate = stated(a.refitter, verdict.explanation.finalist)
     wrong, std = (x * d.size[d.stated] for x in (estimate.mean, spread * estimate.std))
-    mass, cog = np.isfinite([a.baseline.tolerance[k][0] for k in STATED[1:]])
+    tolerance = a.baseline.tolerance  # empty where no channel weighs
+    mass, cog = (k in tolerance and bool(np.isfinite(tolerance[k][0])) for k in STATED[1:])
     start = np.concatenate([np.zeros(6), [configuration.mass], configuration.cog])
     known = [True] * 6 + [mass] + [cog] * 3
     units = ["N"] * 3 + ["N·m"] * 3 + ["kg"] + ["m"] * 3

@@ -38,6 +38,9 @@ warm-up within some minutes, few enough that each amplitude is determined."""
 LIMITS = (0.1, 0.25, 0.4, 0.6, 0.75, 0.9)
 """Quantiles of the effort beyond which it may be limited, at either end: between them the robot
 would hardly run."""
+REACHED = (0.01, 0.99)
+"""Quantiles of the measured effort that stand for its limits, if it has any: single outliers lie
+beyond."""
 ENDS = (0.15, 0.85)
 """Quantiles of a joint's value beyond which something may resist motion: near the ends it used."""
 LIGHT = 0.01
@@ -198,6 +201,7 @@ def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarra
     way = 1.0 if rows.hinge else float(np.ptp(rows.angle)) / (2.0 * np.pi)
     turns = [(k, k * rows.angle / way) for k in (1, 2)]
     low, high = np.quantile(rows.angle, ENDS)
+    least, most = np.quantile(scene.measured[:, rows.joint - 1], REACHED)
     others = [k for k in range(scene.joints) if k != rows.joint - 1]
     spring = {"sine": np.sin(rows.angle), "cosine": np.cos(rows.angle)}
     return {
@@ -206,6 +210,10 @@ def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarra
         "limited": {
             f"limit{k}": (np.maximum if at > middle else np.minimum)(rows.total - at, 0.0)
             for k, at in enumerate(np.quantile(rows.total, LIMITS))
+        }
+        | {
+            "least": np.minimum(rows.total - least, 0.0),
+            "most": np.maximum(rows.total - most, 0.0),
         },
         "friction in time": {f"when{k}": rows.sign * hat for k, hat in enumerate(hats, start=1)},
         "offset in time": {f"drift{k}": hat for k, hat in enumerate(hats, start=1)},
