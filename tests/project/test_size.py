@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2724,
     "data": 5406,
-    "diagnosis": 13023,
+    "diagnosis": 13032,
     "drives": 1727,
     "effects": 5001,
     "environments": 588,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78805,
-    "src/wrenchbed": 69316,
+    "src": 78814,
+    "src/wrenchbed": 69325,
     "src/robot_emulators": 9489,
     "tests": 38088,
     "scripts": 3496,
