@@ -113,7 +113,8 @@ class Fleet:
     def rng(self, k: int, what: str) -> np.random.Generator:
         """Random generator of robot k for ``what``, one of `VARIED`; the same for all k if ``vary``
         has it not."""
-        return np.random.default_rng([self.seed, (k + 1) * (what in self.vary), _STREAMS[what]])
+        robot = k + 1 if what in self.vary else 0
+        return np.random.default_rng([self.seed, robot, _STREAMS[what]])
 
     def to_json(self) -> dict[str, Any]:
         """Settings that determine the rows, as JSON; without the number of robots."""

@@ -49,9 +49,10 @@ def bounded(work: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
     if not content:
         raise ShortageError(_how(os.waitstatus_to_exitcode(status)))
     answer: tuple[R, Exception | None] = pickle.loads(content)  # of our own child
-    if answer[1] is not None:
-        raise answer[1]
-    return answer[0]
+    result, error = answer
+    if error is not None:
+        raise error
+    return result
 
 
 def _answer(writer: int, work: Callable[[], object]) -> NoReturn:

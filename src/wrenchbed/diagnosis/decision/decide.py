@@ -30,8 +30,8 @@ BESIDE_REST = 0.15
 explains; smaller ones were wrong (tuned on ``scripts/real_faults``, seed 77)."""
 NEARLY_ALL = 0.9
 """Closed share of the gap from which causes stand beside unusual noise elsewhere; of 12 outside
-faults of efforts (``blind make --world efforts --seed 7711``) seven show such noise, and no cause
-closes a tenth of their gaps."""
+faults of efforts (``blind make --world efforts --seed 7711``) eight show such noise, and none of
+them has a cause to claim."""
 DOUBTFUL = 0.5
 """Largest probability of a cause beside a sure one if the interval of its closed gap holds 0."""
 WITHDRAWN = 0.05
