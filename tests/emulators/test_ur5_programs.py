@@ -19,6 +19,7 @@ from robot_emulators.ur.urscript.tokens import Collector, is_secondary
 from ur5_bench import CYCLE, Bench
 
 HOST = "127.0.1.34"
+LOOK = "thread look():\n sleep(0.1)\n textmsg(get_target_waypoint())\nend"
 ASIDE, UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -36,10 +37,14 @@ class Played(Bench):
             self.faults.append(event)
 
     def play(self, *lines: str, seconds: float = 0.1) -> "Played":
-        text = "def program():\n" + "\n".join(lines) + "\nend\n"
+        text = "def program():\n" + "\n".join(lines) + "\nend\nrun program\n"
         self.controller.upload(Collector().feed(text.encode()))
         self.run(seconds)
         return self
+
+    @property
+    def waypoint(self) -> object:
+        return pytest.approx(ast.literal_eval(self.said[-1][1:]), abs=1e-5)
 
     @property
     def plays(self) -> bool:
@@ -60,21 +65,17 @@ def p_text(pose) -> str:
 
 
 def test_moves_end_where_they_should_and_take_their_time(bench):
-    home = bench.arm.q.copy()
-    goal = home + 0.2
+    home, goal = bench.arm.q.copy(), bench.arm.q + 0.2
     bench.play(f"movej({q_text(goal)}, a=2, v=1)", 'textmsg("there")', seconds=0.5)
     assert bench.plays and not bench.said
     bench.run(0.5)
-    assert bench.said == ["there"] and not bench.plays
-    assert np.abs(bench.arm.q - goal).max() < 1e-9
-    bench.play(f"movej({q_text(home)}, t=1.2)", seconds=1.16)
-    assert bench.plays
+    assert bench.said == ["there"] and not bench.plays and np.abs(bench.arm.q - goal).max() < 1e-9
+    bench.play(LOOK, "run look()", f"movej({q_text(home)}, t=1.2)", seconds=1.16)
+    assert bench.plays and bench.waypoint == bench.arm.kinematics.pose(home, bench.arm.tcp)
     bench.run(0.1)
     assert not bench.plays and np.abs(bench.arm.q - home).max() < 1e-9
     goal = bench.arm.q + np.array([2.4, 0, 0, 0, 0, 0])
-    way = np.array(
-        [bench.arm.q, *bench.play(f"movej({q_text(goal)}, t=0.1)", seconds=0.0).run(2.0)]
-    )
+    way = np.array(bench.play(f"movej({q_text(goal)}, t=0.1)", seconds=0.0).run(2.0))
     assert np.abs(bench.arm.q - goal).max() < 1e-9 and not bench.faults
     top = bench.arm.kinematics.speed[0]
     assert 0.8 * top < np.abs(np.diff(way[:, 0])).max() / CYCLE <= top
@@ -84,7 +85,8 @@ def test_straight_moves_and_circles_keep_their_way(bench):
     kinematics, tcp = bench.arm.kinematics, bench.arm.tcp
     start = kinematics.pose(bench.arm.q, tcp)
     to = start + np.array([0.0, 0.1, -0.05, 0.0, 0.0, 0.0])
-    way = bench.play(f"movel({p_text(to)}, v=0.5)", seconds=0.0).run(2.0)
+    way = bench.play(LOOK, "run look()", f"movel({p_text(to)}, v=0.5)", seconds=0.0).run(2.0)
+    assert bench.waypoint == to
     spots = np.array([kinematics.pose(q, tcp)[:3] for q in way])
     line = (to - start)[:3] / np.linalg.norm((to - start)[:3])
     off = (spots - start[:3]) - np.outer((spots - start[:3]) @ line, line)
@@ -117,8 +119,7 @@ def test_goals_and_functions_that_there_are_not(bench):
     assert "no solution" in bench.faults[0].text
     bench.play("movej([0, 0, 0, 0, 0, 20])")
     assert "limits" in bench.faults[1].text and not bench.controller.modes.protective
-    bench.play("movel(p[10, 0, 0, 0, 0, 0])")
-    assert bench.controller.modes.protective
+    assert bench.play("movel(p[10, 0, 0, 0, 0, 0])").controller.modes.protective
     assert not Played("e", software="5.23.0").play("direct_torque([0, 0, 0, 0, 0, 0])").faults
     other = Played("e").play("direct_torque([0, 0, 0, 0, 0, 0])")
     assert other.faults[0].text == "compile_error_name_not_found:direct_torque:"
@@ -208,8 +209,7 @@ def test_a_popup_waits_and_a_secondary_program_runs_beside(bench):
     bench.run(2 * CYCLE)
     assert bench.said == ["closed"]
     bench.play("while True:", "  sync()", "end")
-    text = b"sec beside():\n  set_standard_digital_out(3, True)\nend\n"
-    bench.controller.upload(Collector().feed(text))
+    bench.controller.upload(Collector().feed(b"sec s():\n set_digital_out(3, True)\nend\n"))
     bench.run(CYCLE)
     assert bench.controller.terminals.bits == 1 << 3 and bench.plays
 

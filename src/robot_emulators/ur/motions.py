@@ -162,32 +162,32 @@ class _Planned(ArmMotion):
 
 
 class ToJoints(_Planned):
-    """movej: all joints start and arrive together; the pace is that of the longest joint motion."""
+    """movej to ``goal`` (6,): all joints start and arrive together, at the longest way's pace."""
 
     def __init__(self, goal: np.ndarray, pace: Pace) -> None:
         super().__init__(pace)
-        self._goal = goal
+        self.goal = goal
 
     def _plan(self, q: np.ndarray) -> float:
         self._start = np.array(q)
-        return float(np.abs(self._goal - q).max())
+        return float(np.abs(self.goal - q).max())
 
     def _at(self, share: float, q: np.ndarray) -> np.ndarray:
-        return np.asarray(self._start + share * (self._goal - self._start))
+        return np.asarray(self._start + share * (self.goal - self._start))
 
 
 class ToPose(_Planned):
-    """movel: the TCP moves on a straight line and turns about a fixed axis."""
+    """movel to a pose ``goal`` (6,): the TCP moves on a straight line and turns about an axis."""
 
     def __init__(
         self, kinematics: Kinematics, tcp: np.ndarray, goal: np.ndarray, pace: Pace
     ) -> None:
         super().__init__(pace)
-        self._kinematics, self._tcp, self._goal = kinematics, tcp, goal
+        self._kinematics, self._tcp, self.goal = kinematics, tcp, goal
 
     def _plan(self, q: np.ndarray) -> float:
         self._rotation, self._from = self._kinematics.transform(q, self._tcp)
-        rotation, position = matrix(self._goal)
+        rotation, position = matrix(self.goal)
         self._way = position - self._from
         self._turn = rotation_vector(rotation @ self._rotation.T)
         turn = ROTATION_REACH * float(np.linalg.norm(self._turn))
@@ -244,8 +244,7 @@ class Servo(ArmMotion):
     """servoj: the joints follow a target that is set repeatedly, smoothed by the lookahead time."""
 
     def __init__(self) -> None:
-        self._goal = np.zeros(6)
-        self._speed = np.zeros(6)
+        self._goal, self._speed = np.zeros(6), np.zeros(6)
         self._rate = 1.0
 
     def aim(self, goal: np.ndarray, lookahead: float, gain: float) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from robot_emulators.ur import kinematics
 from robot_emulators.ur.messages import PROTECTIVE_STOP, popup_shown, said
+from robot_emulators.ur.motions import ToJoints, ToPose
 from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.urscript import values
 from robot_emulators.ur.urscript.functions import Six, Steps, Table, Three, vector
@@ -29,10 +30,10 @@ _ACTIVE = "active_tcp"
 _LONGEST_SAID = 1023
 _NEAR = 0.5
 """Largest difference [rad] between an iterated solution and its start; else all are searched."""
+
 _POSES: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
     "get_actual_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.plant.q, p.arm.tcp),
     "get_target_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
-    "get_target_waypoint": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
     "get_actual_tool_flange_pose": lambda p: kinematics.vector(
         *p.arm.kinematics.flange(p.arm.plant.q)
     ),
@@ -142,12 +143,8 @@ _LISTS: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
 """Function without arguments → the numbers that it returns, in SI units."""
 
 
-def _as_list(read: Callable[[ScriptProgram], np.ndarray], program: ScriptProgram) -> list[float]:
-    return [float(v) for v in read(program)]
-
-
 for _name, _read in _LISTS.items():
-    TABLE.add(_name)(partial(_as_list, _read))
+    TABLE.add(_name)(partial(lambda read, program: [float(v) for v in read(program)], _read))
 for _name, _read in _POSES.items():
     TABLE.add(_name)(partial(lambda read, program: made(read(program)), _read))
 for _name, _act in _NUMBERS.items():
@@ -166,8 +163,7 @@ def popup(
     error: bool = False, blocking: bool = False,
 ) -> Steps:  # fmt: skip
     """Show text ``s`` with a title; a blocking one makes the program wait until it is closed."""
-    shown = popup_shown(s[:_LONGEST_SAID], title, (warning, error, blocking))
-    program.controller.announce(shown)
+    program.controller.announce(popup_shown(s[:_LONGEST_SAID], title, (warning, error, blocking)))
     program.controller.popup = blocking
     while blocking and program.controller.popup:
         yield
@@ -234,8 +230,7 @@ def get_jacobian(
 def get_jacobian_time_derivative(
     program: ScriptProgram, q: Six | None = None, qd: Six | None = None, tcp: Any = _ACTIVE
 ) -> list[list[float]]:
-    solver = program.arm.kinematics
-    rate = solver.jacobian_rate(*_state(program, q, qd), _tcp(program, tcp))
+    rate = program.arm.kinematics.jacobian_rate(*_state(program, q, qd), _tcp(program, tcp))
     rows: list[list[float]] = rate.tolist()
     return rows
 
@@ -305,6 +300,15 @@ def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
     if isinstance(pose, Pose):
         return bool(get_inverse_kin_has_solution(program, goal))
     return program.arm.kinematics.within(goal)
+
+
+@TABLE.add()
+def get_target_waypoint(program: ScriptProgram) -> Pose:
+    """Goal of the move under way, as a pose of the TCP; without a move the TCP's target pose."""
+    arm, move = program.arm, program.arm.motion
+    if isinstance(move, ToPose):
+        return made(move.goal)
+    return made(arm.kinematics.pose(move.goal if isinstance(move, ToJoints) else arm.q, arm.tcp))
 
 
 @TABLE.add()

@@ -21,8 +21,7 @@ _OPTIMO = 3.0
 """Top joint speed [rad/s] and acceleration [rad/s²] of which optimovej takes fractions; a UR joint
 has π rad/s."""
 _OPTIMO_TOOL = 1.0
-"""Top tool speed [m/s], acceleration [m/s²] of which optimovel takes fractions; from data
-sheets."""
+"""Top tool speed [m/s] and acceleration [m/s²] for optimovel's fractions; from data sheets."""
 
 
 def _pace(program: ScriptProgram, a: float, v: float, t: float = 0.0) -> motions.Pace:

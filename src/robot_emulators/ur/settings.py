@@ -23,8 +23,6 @@ _SERIES: dict[str, tuple[Version, float]] = {
     "x": ((10, 10, 0, 0), 0.002),
 }
 """Series → software version and control cycle [s]."""
-
-
 _VERSION = rules.text("", r"(\d{1,2}(\.\d{1,3}){2})?", "a version of three numbers, as 5.23.0")
 _COMPUTER = rules.text(
     "", r"\d{1,3}(\.\d{1,3}){3}:\d{1,5}", "an IPv4 address and a port, as 127.0.0.1:50002"

@@ -74,7 +74,7 @@ def is_secondary(text: str) -> bool:
 
 
 class Collector:
-    """Assembles program texts from the bytes that arrive at one connection."""
+    """Assembles program texts from one connection's bytes; a line ``run program`` is dropped."""
 
     def __init__(self) -> None:
         self._line = b""
@@ -96,7 +96,7 @@ class Collector:
 
     def _take(self, line: str) -> str | None:
         bare = line.strip()
-        bare = "" if bare.startswith("#") else bare
+        bare = "" if bare.startswith("#") or bare == "run program" else bare
         if not bare and not self._lines:
             return None
         self._lines.append(line)
