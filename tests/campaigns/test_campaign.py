@@ -147,8 +147,8 @@ def test_the_summary_tells_errors_and_failures(tmp_path):
     rows = [{"robot": k, "error": ""} | figures for k in range(39)]
     rows.append({"robot": 39, "error": "CalibrationError: too few poses"})
     page = summary.page(fleet, pa.Table.from_pylist(rows, schema=schema(fleet)), tmp_path)
-    (card,) = page.cards
-    assert card.figure == "100.0 mN" and "1000 mN" in card.text and "39 robots" in card.text
+    card, intervals = page.cards
+    assert card.figure == "100.0 mN" and "1000 mN" in card.text and intervals.figure == "95.0 %"
+    assert "log scale" in page.figures[0].chart.panels[0].x.text
     assert page.sections[-1].parts[-1].rows == (("39", "CalibrationError: too few poses"),)
-    assert page.summary["failed"] == 1
-    assert page.summary["force_after_median [mN]"] == 100.0
+    assert page.summary["failed"] == 1 and page.summary["force_after_median [mN]"] == 100.0

@@ -31,14 +31,13 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
         + (f"Failed: {failed:,}, for reasons that stand below." if failed else "None failed.")
     )
     sections = [_calibration(table)]
-    if "parameters" in fleet.vary:
-        sections.append(_coverage(fleet, table))
+    sections += [_coverage(fleet, table)] if "parameters" in fleet.vary else []
     sections += [_failed(table)] if failed else []
     made = f"Row k of `{ALL}` follows from `{SETTING}` and k alone, but for its times."
     origin = provenance([folder / ALL, folder / SETTING], command, fleet.seed)
-    title, cards = f"Campaign of {fleet.robot}", _cards(table)
+    title, key = f"Campaign of {fleet.robot}", figures(table)
     badge = ("partial", f"◔ {failed:,} failed") if failed else ("none", "✓ complete")
-    return Document(title, lead, tuple(sections), made, figures(table), origin, cards, badge)
+    return Document(title, lead, tuple(sections), made, key, origin, _cards(key), badge)
 
 
 def figures(table: pa.Table) -> dict[str, float | None]:
@@ -47,7 +46,7 @@ def figures(table: pa.Table) -> dict[str, float | None]:
     failed = int((text(table, "error") != "").sum())
     results: dict[str, float | None] = {"robots": table.num_rows, "failed": failed}
     for what, scale, unit in _ERRORS:
-        for when in ("before", "after"):
+        for when in _WHEN:
             values = scale * numbers(table, f"{what}.{when}")
             if np.isfinite(values).any() and np.nanmax(values) > 0.0:
                 results[f"{what}_{when}_median [{unit}]"] = float(np.nanmedian(values))
@@ -74,15 +73,17 @@ def _finite(values: np.ndarray) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _cards(table: pa.Table) -> tuple[Card, ...]:
-    """Cards with the accuracy of calibration over the robots; none if no robot was calibrated."""
-    before, after = (_finite(1e3 * numbers(table, f"force.{w}")) for w in _WHEN)
-    if not len(after):
-        return ()
-    words = f"Median rms force error at new poses of {len(after):,} robots"
-    start = float(np.median(before)) if len(before) else 0.0
-    words += f"; before calibration {render(start)} mN." if start > 0.0 else "."
-    return (Card("After calibration", f"{render(float(np.median(after)))} mN", words),)
+def _cards(results: dict[str, float | None]) -> tuple[Card, ...]:
+    """Cards of the key ``results`` of `figures`: accuracy of calibration, and of its intervals."""
+    cards = []
+    for what, _, unit in _ERRORS[::2]:
+        before, after = (results.get(f"{what}_{w}_median [{unit}]", 0.0) for w in _WHEN)
+        if after:
+            words = f"Median rms error at new poses; before calibration {render(before)} {unit}."
+            cards.append(Card(f"{what} after calibration", f"{render(after)} {unit}", words))
+    if (inside := results["inside95"]) is not None:
+        cards.append(Card("95 % intervals", f"{100.0 * inside:.1f} %", "Share with the truth."))
+    return tuple(cards)
 
 
 def _calibration(table: pa.Table) -> Section:
@@ -97,8 +98,7 @@ def _calibration(table: pa.Table) -> Section:
             for when, x in errors.items()
             if len(x)  # where no parameter varies nothing is wrong before
         ]
-        drawn = errors["after"][errors["after"] > 0.0]
-        if len(drawn):
+        if len(drawn := errors["after"][errors["after"] > 0.0]):
             panels[f"{what} after [{unit}]"] = {"robots": drawn}
     titles = ("rms error", "robots", *(f"{q} %" for q in _QUANTILES), "rms of all")
     lead = (

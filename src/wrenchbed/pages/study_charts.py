@@ -51,7 +51,7 @@ def histograms(
                 edges = np.histogram_bin_edges(values, count)
             counts, _ = np.histogram(values, edges)
             series.append(Series(name, "line", *_steps(edges, counts), role=role))
-        axis = Axis(x, scale="log" if log else "linear")
+        axis = Axis(x + log * ", log scale", scale="log" if log else "linear")
         if log:
             every = np.concatenate([s.x for s in series])
             axis = replace(axis, ticks=decades(every), low=every.min(), high=every.max())
@@ -91,7 +91,7 @@ def decades(values: np.ndarray) -> tuple[float, ...]:
         return ()
     low, high = float(known.min()), float(known.max())
     first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
-    for steps in ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
+    for steps in ((1.0, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
         ticks = [s * 10.0**k for k in range(first, last + 1) for s in steps]
         inside = tuple(float(f"{v:.6g}") for v in ticks if 0.999 * low <= v <= 1.001 * high)
         if len(inside) <= MOST_MARKS:

@@ -59,7 +59,7 @@ class Agreement:
     def worst(self) -> str:
         """Text of the channel with the largest residual: ``tz 1.87 × noise``."""
         k = int(np.argmax(self.ratios))
-        return f"{CHANNELS[k]} {self.ratios[k]:.3g} × noise"
+        return f"{CHANNELS[k]} {self.ratios[k]:.2f} × noise"
 
     @property
     def headline(self) -> str:
@@ -74,7 +74,7 @@ class Agreement:
     def text(self) -> str:
         """Sentences on the largest residual of a channel and on that of all channels."""
         worst = f"Largest residual of a channel: {self.worst}, rms."
-        overall = f"All channels: {self.overall:.3g} × noise."
+        overall = f"All channels: {self.overall:.2f} × noise."
         return numbers.minus(f"{worst} {overall} A channel agrees below {AGREES:g} × noise.")
 
 
@@ -131,7 +131,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "seconds": float(recording.t[-1] - recording.t[0]),
         "stated": recording.metadata,
         "simulators": judged,
-        "channels": CHANNELS,
+        "channels": dict(zip(CHANNELS, UNITS, strict=True)),
         "noise": noise,
         "tool": robot_of(recording).tool(fits[-1].theta) if fits else None,
         "agrees_below": AGREES,
@@ -229,7 +229,7 @@ def _sentence(
         ratio, rms = nearest.ratios[k], nearest.rms[k]
         much = "slightly" if ratio < NEAR else "much"
         verb = "agrees with" if ratio < AGREES else f"differs {much} from"
-        text += f" It {verb} {nearest.name}: residual {ratio:.3g} × noise ({rms:.2g} {unit}), rms."
+        text += f" It {verb} {nearest.name}: residual {ratio:.2f} × noise ({rms:.2g} {unit}), rms."
     if over.groups:
         text += " Upright lines: how the rows of a pose scatter."
     return numbers.minus(text)
