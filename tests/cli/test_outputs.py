@@ -194,9 +194,21 @@ def test_tables_texts_and_json_for_people_and_programs_are_clean(capsys):
     console.say(f"written → {EVIL}\nout")
     console.answer({"robot": f"{EVIL}\udcff"}, True, None)
     said = capsys.readouterr().out
-    assert clean(said) and "second" in said
-    assert r"gnp.exe\x9b31m\x7f\nout" in said
+    assert clean(said) and "second" in said and r"gnp.exe\x9b31m\x7f\nout" in said
     assert json.loads(said[said.rindex("{") :])["robot"] == f"{EVIL}\udcff"
+
+
+def test_the_remaining_time_falls_from_step_to_step_and_between(monkeypatch):
+    made, now, shown = [], [0.0], []
+    monkeypatch.setattr("rich.console.monotonic", lambda: now[0])
+    monkeypatch.setattr(console.bars.Progress, "start", lambda bar: made.append(bar))
+    with console.progress("cases", 110) as report:
+        report(10)  # of an earlier run
+        for now[0] in (30.0, 60.0, 90.0):
+            shown.append(made[0].columns[-1](made[0].tasks[0]).plain)
+            report(1)
+            shown.append(made[0].columns[-1](made[0].tasks[0]).plain)
+    assert shown == ["-:--:--", "0:49:30", "0:49:00", "0:49:00", "0:48:30", "0:48:30"]
 
 
 def test_pages_are_escaped_and_clean():

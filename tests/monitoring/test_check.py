@@ -285,7 +285,9 @@ def test_the_command_checks_the_simulated_robot(tmp_path, capfd):
     assert tilt["changed"] and not numbers["tool.mass"]["changed"]
     assert tilt["after"] - tilt["before"] == pytest.approx(0.004, abs=4 * tilt["std"])
     assert "base.tilt.x: +" in result["sentences"][0] and " σ)" in result["sentences"][0]
-    code, result = run(6, "--new-baseline", "levelled the base")
+    code, result = run(6, "--new-baseline", "levelled the base", "--out", f"{folder}.html")
+    html = (tmp_path / "cell.html").read_text(encoding="utf-8")
+    assert "Not known yet" in html and "more below" not in html
     assert code == 4 and result["since"].startswith("2026-06-01") and result["changes"] == []
 
 

@@ -11,7 +11,7 @@ WRENCHBED = {
     "calibration": 5106,
     "campaigns": 1145,
     "channels": 975,
-    "cli": 2724,
+    "cli": 2722,
     "data": 5406,
     "diagnosis": 13032,
     "drives": 1727,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78816,
-    "src/wrenchbed": 69327,
+    "src": 78814,
+    "src/wrenchbed": 69325,
     "src/robot_emulators": 9489,
     "tests": 38088,
     "scripts": 3496,

@@ -1,29 +1,24 @@
 """What the verbs share: argument checks, ``--set`` words, answers, progress bars, signals."""
 
 import json
+import math
 import shlex
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
+from datetime import timedelta
 from pathlib import Path
 from types import MappingProxyType, NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import tyro
+from rich import progress as bars
 from rich.console import Console as RichConsole
 from rich.console import ConsoleOptions, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
@@ -33,8 +28,6 @@ from wrenchbed.errors import ParameterError, one_line, printable
 from wrenchbed.files import locked
 from wrenchbed.files.checked import load
 
-_MEAN_OVER_S = 3600.0
-"""Time over which the rate of steps is averaged [s]: a single step may take minutes."""
 _SIMPLE: dict[type, tuple[str, Callable[[str], Any]]] = {
     int: ("a whole number", lambda word: int(word, 0)), float: ("a number", float),
     str: ("text", str), bool: ("on or off", lambda word: {"on": True, "off": False}[word]),
@@ -226,25 +219,39 @@ def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]
     return ["", Text(title, style="bold"), *inside] if inside else []
 
 
+class _Remaining(bars.ProgressColumn):
+    """Time until the task's field ``ends``, on the clock of its display; it falls by itself."""
+
+    def render(self, task: bars.Task) -> Text:
+        """Return the time as h:mm:ss, dashes before any step was finished."""
+        left = max(0.0, task.fields["ends"] - task.get_time())
+        return Text(str(timedelta(seconds=round(left))) if left < math.inf else "-:--:--")
+
+
 @contextmanager
 def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Callable[..., None]]:
     """Show a progress bar called ``what`` if stderr is a terminal; yield a function (steps, label).
 
-    It shows the remaining time; the elapsed time if ``total`` is None or steps are not ``alike``,
-    of which one may take much longer than another.
+    It shows the remaining time, by the mean time of a step; the elapsed time if ``total`` is None
+    or steps are not ``alike``. A first report of other than 1 step counts an earlier run's.
     """
     console = Console(stderr=True)
-    alike = alike and total is not None
-    time = TimeRemainingColumn() if alike else TimeElapsedColumn()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), time)
-    bar = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
-    bar.speed_estimate_period = _MEAN_OVER_S
+    time = _Remaining() if alike and total is not None else bars.TimeElapsedColumn()
+    text = bars.TextColumn("{task.description}")
+    columns = (text, bars.BarColumn(), bars.MofNCompleteColumn(), time)
+    bar = bars.Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
     with bar:
-        task = bar.add_task(what, total=total)
+        bar.add_task(what, total=total, ends=math.inf)
+        (task,), begun, earlier = bar.tasks, bar.get_time(), math.nan
 
         def report(n: int, label: str = "") -> None:
-            text = f"{what}: {label}" if label else what
-            bar.update(task, advance=n, description=text)
+            nonlocal earlier
+            bar.update(task.id, advance=n, description=f"{what}: {label}" if label else what)
+            if math.isnan(earlier):
+                earlier = 0 if n == 1 else n
+            if (done := task.completed - earlier) > 0:
+                took = bar.get_time() - begun
+                bar.update(task.id, ends=begun + took * (1.0 + (task.remaining or 0.0) / done))
 
         yield report
 

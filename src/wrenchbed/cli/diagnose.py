@@ -6,7 +6,8 @@ import math
 import re
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -168,10 +169,7 @@ def _diagnose_wrench(
     learnt = _learnt(data[0], look_alikes, seed) if look_alikes and data[0].has_wrench else None
     steps = 7 if len(data) == 1 else 3 * len(data) + 3
     with console.progress("diagnosing", steps, alike=False) as report:
-
-        def step(name: str) -> None:
-            report(1, name)
-
+        step = partial(report, 1)
         if len(data) == 1:
             findings = one(data[0], seed=seed, reliability=learnt, material=counts, progress=step)
         else:
@@ -241,14 +239,7 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
     answer = {
         "plan": str(path),
         "effects": [
-            {
-                "effect": s.effect,
-                "variant": s.variant,
-                "smallest": s.smallest,
-                "size": {k: {"value": v, "unit": u} for k, (v, u) in s.size.items()},
-                "detectable": s.detectable,
-                "rivals": list(s.rivals),
-            }
+            asdict(s) | {"size": {k: {"value": v, "unit": u} for k, (v, u) in s.size.items()}}
             for s in result.showings
         ],
         "blind": [spot.to_json() for spot in result.blind],
