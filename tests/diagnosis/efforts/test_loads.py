@@ -78,6 +78,24 @@ def test_what_is_fitted_because_nobody_states_it_is_said():
 
 
 @pytest.mark.slow
+def test_what_a_healthy_fit_left_is_no_gap_on_another_day(tmp_path):
+    """Joint 2 has a torque that follows joints 1 and 4, as no effect of the library does."""
+
+    def day(seed, zero=0.0):
+        quiet = by_file(replace(UR10, noise=UR10.noise / 5.0), tmp_path, 1, seed)
+        bound = 2.0 * np.sin(3.0 * quiet.q[:, 0] + 2.0 * quiet.q[:, 3])
+        changed = {"tau2": quiet.columns["tau2"] + bound, "tau4": quiet.columns["tau4"] + zero}
+        return replace(quiet, columns=dict(quiet.columns) | changed)
+
+    path = tmp_path / "healthy.json"
+    calibrate_efforts(day(101)).write(path)
+    assert diagnose_efforts(day(1), drives=path).diagnosis.verdict == "none"
+    found = claimed(diagnose_efforts(day(1, zero=2.0), drives=path))
+    assert set(found) == {"drive.offset"} and found["drive.offset"]["probability"] > 0.95
+    assert holds(found["drive.offset"]["parameters"]["offset"], 2.0, 0.05)
+
+
+@pytest.mark.slow
 def test_a_centre_that_no_tool_has_does_not_stop_the_answer(monkeypatch):
     module = diagnose_efforts.__wrapped__.__globals__
     monkeypatch.setitem(module, "displacement", lambda d: np.full(3, 9.0))

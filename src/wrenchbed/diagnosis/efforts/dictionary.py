@@ -110,8 +110,8 @@ class Dictionary:
         each = [_made(scene, j, y[:, j], use[:, j], arm[:, j]) for j in many]
         every = [np.hstack([each[j][1], arm[:, j]]) for j in many]
         left = [remains(y[:, j], every[j], use[:, j]) for j in many]
-        usual = scene.drives.counts
-        least = np.zeros(len(many)) if usual is None else usual
+        least = np.zeros(len(many))
+        least[: scene.joints] = scene.drives.least
         noise = [_noise(y[:, j], left[j], use[:, j], every[j].shape[1], least[j]) for j in many]
         std = np.array([of_row for of_row, *_ in noise])
         flat = [c for columns, _, _ in each for c in columns] + arm_columns
@@ -119,7 +119,7 @@ class Dictionary:
         sizes = [np.sqrt((each[j][1] ** 2).mean(axis=0)) / std[j] for j in many]
         shared = np.sqrt(((arm / std[:, None]) ** 2).mean(axis=0).sum(axis=0))
         units = [unit for *_, unit in scene.channels]
-        counts = (material or Material()).counts(units, std if usual is None else usual)
+        counts = (material or Material()).counts(units, least if scene.commanded else std)
         self.scene, self.names = scene, tuple(c.name for c in flat)
         self.joint, self.size = np.repeat([*many, -1], of), np.concatenate([*sizes, shared])
         self.channels = tuple(

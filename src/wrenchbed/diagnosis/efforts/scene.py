@@ -215,6 +215,8 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
     if currents:
         known = _constants(recording, drives)
         signals = replace(signals, effort=signals.effort * known)
+    if f"{COMMANDED}1" not in recording.columns:
+        drives = drives.beyond(np.ones(effort.shape[1]))
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
     inertias = link_inertias(robot, theta)

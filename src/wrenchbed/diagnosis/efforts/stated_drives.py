@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.metadata import ToolInfo
-from wrenchbed.data.recording import COMMAND, Recording
+from wrenchbed.data.recording import COMMAND, EFFORT_UNITS, Recording
 from wrenchbed.diagnosis.prepare.configured_simulator import LOAD
 from wrenchbed.diagnosis.prepare.scenes import at_rows
 from wrenchbed.drives.servo import DELAY, SERVO, SETPOINT, STIFFNESS, calibrate_servos, pieces_of
@@ -39,15 +39,20 @@ class Drives:
         value, std: stated values (NaN where unknown) and their standard uncertainties (J,), SI, by
             name of the parameter, such as ``drive.coulomb`` or ``servo.delay``.
         load: mass [kg] and CoG [m] of the tool fitted with them, and their std (2, 4), or None.
-        left: rms (J,) that their fit left on rows that it did not see, in the fit's unit, or None.
-        counts: torque (J,) [N·m] that counts as a gap of 1; None: one row's noise.
+        left: rms (J,) that their fit left on rows that it did not see [N·m; of commands rad].
+        least: least noise of a row (J,) [N·m], as no drive obeys its law exactly.
     """
 
     value: Mapping[str, np.ndarray]
     std: Mapping[str, np.ndarray]
     load: np.ndarray | None = None
-    left: np.ndarray | None = None
-    counts: np.ndarray | None = None
+    left: np.ndarray | float = 0.0
+    least: np.ndarray | float = 0.0
+
+    def beyond(self, per_unit: np.ndarray, least: float = 0.0) -> "Drives":
+        """Copy whose noise is at least ``least`` [N·m] and what the healthy fit left, where one
+        unit of ``left`` is ``per_unit`` (J,) [N·m]."""
+        return replace(self, least=np.maximum(least, _ANOTHER_MOTION * per_unit * self.left))
 
     def known(self, kind: str) -> np.ndarray:
         """Whether each joint (J,) has a stated value of parameter ``kind`` (`KINDS`), boolean."""
@@ -99,14 +104,14 @@ def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
 
 def _from_fit(
     recording: Recording, path: Path, value: dict[str, np.ndarray], std: dict[str, np.ndarray]
-) -> tuple[np.ndarray | None, np.ndarray | None]:
+) -> tuple[np.ndarray | None, np.ndarray | float]:
     """Write a fit's file into ``value`` and ``std`` (J,) by kind; return `Drives.load` and
     `Drives.left` from it."""
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis
         _state(value, fields.part(FIELD))
-        return None, None
+        return None, 0.0
     channels = "command" if recording.only_commanded else "effort"
     if fields.raw.get("channels") != channels:
         raise fields.error("channels", f"must be {channels!r}: give a fit of such a recording")
@@ -122,7 +127,10 @@ def _from_fit(
     load = [known[name] for name in LOAD if name in known]
     left = np.array([part.stated_number("held_out") for part in fields.parts("joints")])
     whole = len(load) == len(LOAD) and load[0][0] > 0.0
-    return np.array(load).T if whole else None, left if len(left) == len(constants) else None
+    if fields.raw.get("unit") == EFFORT_UNITS["i"]:
+        left = left * np.nan_to_num(constants)
+    moved = len(left) == len(constants) and "poses" not in fields.raw  # else friction's sign is new
+    return np.array(load).T if whole else None, left if moved else 0.0
 
 
 def _parameters(parameters: checked.Fields) -> dict[str, tuple[float, float]]:
@@ -139,8 +147,7 @@ def _parameters(parameters: checked.Fields) -> dict[str, tuple[float, float]]:
 
 def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives]:
     """Convert the longest piece of commands to a recording of joint torques. Return it, and the
-    drives' values that predict it. What a healthy fit left counts as a gap of 1, as no servo obeys
-    its law exactly; at least one row's encoder noise does.
+    drives' values that predict it. Their noise is at least one row's encoder noise.
 
     Raises:
         DiagnosisError: the servos' stiffness is not stated and cannot be fitted.
@@ -161,13 +168,11 @@ def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives]
         columns[f"tau{j + 1}"] = kp * (target[:, j] - q[:, j])
         columns[f"{COMMANDED}{j + 1}"] = kp * target[:, j]
     noise = [encoder_noise(x, piece.signals.rate) for x in piece.signals.effort.T]
-    counts = np.full(len(stiffness), np.median(stiffness * noise))
-    if drives.left is not None:
-        counts = np.maximum(counts, _ANOTHER_MOTION * stiffness * drives.left)
     value = {**drives.value, "drive.constant": stiffness}
     std = {**drives.std, "drive.constant": drives.std[STIFFNESS]}
-    known = replace(drives, value=value, std=std, counts=counts)
-    return replace(rows, columns=columns), known
+    known = replace(drives, value=value, std=std)
+    least = float(np.median(stiffness * noise))
+    return replace(rows, columns=columns), known.beyond(stiffness, least)
 
 
 def _fitted(recording: Recording, drives: Drives) -> Drives:
