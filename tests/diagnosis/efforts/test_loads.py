@@ -89,7 +89,9 @@ def test_what_a_healthy_fit_left_is_no_gap_on_another_day(tmp_path):
 
     path = tmp_path / "healthy.json"
     calibrate_efforts(day(101)).write(path)
-    assert diagnose_efforts(day(1), drives=path).diagnosis.verdict == "none"
+    same = diagnose_efforts(day(1), drives=path).diagnosis
+    assert same.verdict == "none"
+    assert any("tau2" in n and "the noise is what the healthy" in n for n in same.notes)
     found = claimed(diagnose_efforts(day(1, zero=2.0), drives=path))
     assert set(found) == {"drive.offset"} and found["drive.offset"]["probability"] > 0.95
     assert holds(found["drive.offset"]["parameters"]["offset"], 2.0, 0.05)

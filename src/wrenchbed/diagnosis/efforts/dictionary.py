@@ -54,6 +54,7 @@ class Channel:
         filter: filter (F,) that makes the noise white, which begins with 1.
         innovation: standard deviation of the filtered noise, unit of y.
         counts: residual that counts as a gap of 1, unit of y: by default a row's noise.
+        least: least std: what a healthy fit left of an effort, or 0.
     """
 
     y: np.ndarray
@@ -66,6 +67,7 @@ class Channel:
     filter: np.ndarray
     innovation: float
     counts: float
+    least: float
 
     def white(self, columns: np.ndarray) -> np.ndarray:
         """Signals (M, …) at M rows, filtered to white noise and divided by ``innovation``."""
@@ -126,7 +128,7 @@ class Dictionary:
             Channel(
                 y[:, j], use[:, j], speeds[:, j] > REST * speeds[:, j].max(),
                 np.concatenate([np.flatnonzero(self.joint == j), np.flatnonzero(self.joint < 0)]),
-                every[j], left[j], *noise[j], float(counts[j]),
+                every[j], left[j], *noise[j], float(counts[j]), float(least[j]),
             )
             for j in many
         )  # fmt: skip

@@ -173,11 +173,15 @@ def notes(
     """Notes on data, noise, signs and gap; ``outside``: unnamed cause that the gap is most like."""
     d, scene = fit.d, fit.d.scene
     noise = [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
+    every_channel = zip(scene.channels, d.channels, strict=True)
+    law = [column for (_, column, _), c in every_channel if np.isclose(c.std, c.least)]
     stated = ", ".join(k for k in scene.drives.value if scene.drives.known(k).any())
     fitted = scene.currents and not scene.drives.known("drive.constant").all()
     along = ", ".join(f"{x + 0.0:.4f}" for x in scene.model.gravity)
     every = {
         f"noise of a row: {', '.join(noise)}, from what all effects together leave": True,
+        f"in {', '.join(law)} the noise is what the healthy robot's fit left, which is more":
+            law and not scene.commanded,
         f"stated: {stated}": stated,
         "no friction is stated: ordinary friction of every joint is fitted, and no cause":
             not stated,

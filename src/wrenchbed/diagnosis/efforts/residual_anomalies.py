@@ -45,7 +45,7 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
     for j, ((name, *_), channel) in enumerate(zip(scene.channels, d.channels, strict=True)):
         every = (
             held(scene.signals.t, scene.measured[:, j], scene.speeds[:, j]),
-            episode(time, channel.left, channel.use),
+            episode(time, channel.left, channel.use, channel.least),
             peak(channel.left, scene.signals.rate / scene.step),
         )
         result += [(j, f"{name}: {text}") for text in every if text]
@@ -65,9 +65,11 @@ def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
     )
 
 
-def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
-    """Text on a stretch of t (M,) [s] with a far larger residual (M,), mask ``use``; else empty. A
-    single excursion makes none."""
+def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray, least: float = 0.0) -> str:
+    """Text on a stretch of t (M,) [s] with a far larger residual (M,), mask ``use``; else empty.
+
+    A single excursion makes none. ``least``: least residual that is usual.
+    """
     fold, at = np.arange(len(use)) * _STRETCHES // len(use), np.where(use, np.abs(residual), 0.0)
     use = use & (np.abs(np.arange(len(use)) - at.argmax()) > _LONE_ROWS)
     rows = np.bincount(fold, use, _STRETCHES)
@@ -75,7 +77,7 @@ def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
     if some.size < _STRETCHES // 2:
         return ""
     each = np.bincount(fold, np.where(use, residual, 0.0) ** 2, _STRETCHES)[some] / rows[some]
-    middle = max(float(np.median(each)), 1e-300)
+    middle = max(float(np.median(each)), least**2, 1e-300)
     worst = float(each.max()) / middle
     if worst < _EPISODE:
         return ""
