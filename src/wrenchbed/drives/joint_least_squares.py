@@ -13,6 +13,8 @@ _NULL = 1e-7
 """Eigenvalue over the largest, columns scaled to 1, below which a direction is undetermined."""
 _SHARE = 1e-3
 """Part of a parameter in undetermined directions from which it counts as undetermined."""
+_PRIOR_FREEDOM = 1.0
+"""Degrees of freedom of the prior that link errors have their ordinary size: one error seen."""
 _START_CONSTANT = 10.0
 """Drive constant at which a fit of currents starts [N·m/A]: any will do, it is found linearly."""
 
@@ -87,9 +89,10 @@ def moved_by(p: Problem, s: Solution, torques: np.ndarray) -> np.ndarray:
 
 
 def sizes_shown(p: Problem, s: Solution, torques: np.ndarray, moved: np.ndarray) -> float:
-    """Standard deviation of the factors of H ``torques`` (M, J, H) that the residual shows, by the
-    method of moments: their products with it vary more than between blocks of time. ``moved`` (H,
-    K): parameters by `moved_by`."""
+    """Standard deviation of the factors of H ``torques`` (M, J, H), ordinarily 1, that the residual
+    shows: their products with it vary more than between blocks of time (method of moments). A few
+    of them decide, so it counts with their degrees of freedom (Satterthwaite 1946, doi
+    10.2307/3002019) beside the ordinary size. ``moved`` (H, K): parameters by `moved_by`."""
     gain, rest, weight = parts(p, s.x)[0], residual(p, s.x), s.weight * p.use
     each = zip(np.moveaxis(torques, -1, 0), moved, strict=True)
     left = [weight * (residual(replace(p, y=p.y + gain * one), x) - rest) for one, x in each]
@@ -99,8 +102,11 @@ def sizes_shown(p: Problem, s: Solution, torques: np.ndarray, moved: np.ndarray)
     score = np.stack([products[:, block == k].sum(axis=1) for k in range(FOLDS)])
     total = score.sum(axis=0)
     noise = FOLDS / (FOLDS - 1) * float(((score - total / FOLDS) ** 2).sum())
-    square = float(((alone @ alone.T) ** 2).sum())
-    return float(np.sqrt(max(0.0, total @ total - noise) / max(square, 1e-300)))
+    gram = alone @ alone.T
+    square = max(float((gram**2).sum()), 1e-300)
+    shown = max(0.0, total @ total - noise) / square
+    freedom = square**2 / max(float(((gram @ gram) ** 2).sum()), 1e-300)
+    return float(np.sqrt((_PRIOR_FREEDOM + freedom * shown) / (_PRIOR_FREEDOM + freedom)))
 
 
 def followed_gravity(p: Problem, pull: np.ndarray, stated: np.ndarray) -> np.ndarray:
