@@ -50,7 +50,8 @@ class Channel:
         at: indices (K,), in `Dictionary.names`, of its columns, then of those of the whole arm.
         data: these columns (M, K): change of the readings by one unit of each parameter.
         left: residual of y after a fit of these columns (M,), zero where not used.
-        std: standard deviation of one row's noise, unit of y.
+        std: standard deviation of one row's noise, unit of y, at least ``least``.
+        left_std: standard deviation of ``left``, unit of y: the noise that a gap leaves out.
         filter: filter (F,) that makes the noise white, which begins with 1.
         innovation: standard deviation of the filtered noise, unit of y.
         counts: residual that counts as a gap of 1, unit of y: by default a row's noise.
@@ -63,6 +64,7 @@ class Channel:
     at: np.ndarray
     data: np.ndarray
     left: np.ndarray
+    left_std: float
     std: float
     filter: np.ndarray
     innovation: float
@@ -115,7 +117,7 @@ class Dictionary:
         least = np.zeros(len(many))
         least[: scene.joints] = scene.drives.least
         noise = [_noise(y[:, j], left[j], use[:, j], every[j].shape[1], least[j]) for j in many]
-        std = np.array([of_row for of_row, *_ in noise])
+        std = np.array([of_row for _, of_row, *_ in noise])
         flat = [c for columns, _, _ in each for c in columns] + arm_columns
         of = [*(len(columns) for columns, _, _ in each), len(arm_columns)]
         sizes = [np.sqrt((each[j][1] ** 2).mean(axis=0)) / std[j] for j in many]
@@ -222,9 +224,9 @@ def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 def _noise(
     y: np.ndarray, left: np.ndarray, use: np.ndarray, columns: int, least: float
-) -> tuple[float, np.ndarray, float]:
-    """Noise of a channel as `Channel` keeps it: ``std``, ``filter``, ``innovation``; ``columns``:
-    number of those whose fit to y (M,) leaves the residual ``left`` (M,) at the rows ``use``;
+) -> tuple[float, float, np.ndarray, float]:
+    """Noise of a channel as `Channel` keeps it: ``left_std`` to ``innovation``; ``columns``: number
+    of those whose fit to y (M,) leaves the residual ``left`` (M,) at the rows ``use``;
     ``least``: least ``std``, what a healthy fit left."""
     rows = int(use.sum())
     std = float(np.std(left[use])) * float(np.sqrt(rows / max(rows - columns, 1)))
@@ -235,4 +237,4 @@ def _noise(
     kernel = np.concatenate([[1.0], -memory])
     innovation = float(np.std(scipy.signal.lfilter(kernel, [1.0], left)[use]))
     more = max(1.0, least / std)
-    return more * std, kernel, more * max(innovation, 1e-9 * std)
+    return std, more * std, kernel, more * max(innovation, 1e-9 * std)

@@ -170,7 +170,8 @@ class Simulators:
     def _left(self, each: np.ndarray) -> np.ndarray:
         """Gap (M, C) of readings, 0 if unused; amplitudes (B, P) are fitted without each block."""
         counts = self._use * np.square([c.std / c.counts for c in self.d.channels])
-        return np.asarray((remaining(self.d, each) ** 2 - 1.0) * counts)
+        noise = np.square([c.left_std / c.std for c in self.d.channels])
+        return np.asarray((remaining(self.d, each) ** 2 - noise) * counts)
 
     def _lesser(self, every: Mapping[str, np.ndarray], name: str) -> np.ndarray:
         """Gap (M, C) of the simulator ``name``, or as configured in channels where that is less: a
