@@ -70,11 +70,14 @@ class Simulator:
     @cached_property
     def errors(self) -> np.ndarray:
         """Errors (S, P) of P fitted amplitudes if one of S stated values is wrong by its standard
-        deviation in healthy robots; its own amplitude, which follows it, has no error."""
-        level, at = self._fit[1], np.flatnonzero(self._bounded)
+        deviation in healthy robots; its own amplitude, which follows it, has no error. One that
+        moves other stated values further than `ORDINARY` would show, so it is that much smaller."""
+        level, at, std = self._fit[1], np.flatnonzero(self._bounded), self.d.std
         errors = level.held(level.gram[:, at]).T
         errors[np.arange(len(at)), at] -= 1.0
-        return np.asarray(self.d.std[at, None] * errors)
+        errors *= std[at, None]
+        most = np.abs(errors[:, at] / std[at]).max(axis=1, initial=ORDINARY)
+        return np.asarray(errors * ORDINARY / most[:, None])
 
     def number(self, of: Callable[[np.ndarray], float]) -> dict[str, float]:
         """``value`` and ``std`` of a number that ``of`` computes from all amplitudes (P,)."""
