@@ -13,8 +13,8 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2722,
     "data": 5406,
-    "diagnosis": 13032,
-    "drives": 1727,
+    "diagnosis": 13053,
+    "drives": 1733,
     "effects": 5001,
     "environments": 588,
     "exports": 828,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78814,
-    "src/wrenchbed": 69325,
+    "src": 78841,
+    "src/wrenchbed": 69352,
     "src/robot_emulators": 9489,
-    "tests": 38088,
+    "tests": 38108,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
