@@ -228,7 +228,11 @@ def test_an_interrupt_ends_the_wait_for_a_robot_that_does_not_answer(tmp_path, m
     Twin(MODEL, MODEL.parameters.nominal).write(tmp_path / "twin.json")
     rtde = registry.load("drivers", "rtde")
     monkeypatch.setattr(rtde, "connect", lambda _: signal.raise_signal(signal.SIGINT))
-    assert main(["live", str(tmp_path / "twin.json"), "--host", "127.0.1.42"]) == 130
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it
+    try:
+        assert main(["live", str(tmp_path / "twin.json"), "--host", "127.0.1.42"]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize("address", ["here", "127.0.0.1", "127.0.0.1:0", ":80", "h:99999", "h:x"])
