@@ -1,6 +1,7 @@
 """A load, or a wrong torque sensor in motion, is named with its value, or is said to be fitted."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from file_arms import IIWA, UR10
 from file_arms import case as by_file
 
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.diagnosis.efforts.fitted_causes import ORDINARY, Simulator
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 
@@ -95,6 +97,28 @@ def test_what_a_healthy_fit_left_is_no_gap_on_another_day(tmp_path):
     found = claimed(diagnose_efforts(day(1, zero=2.0), drives=path))
     assert set(found) == {"drive.offset"} and found["drive.offset"]["probability"] > 0.95
     assert holds(found["drive.offset"]["parameters"]["offset"], 2.0, 0.05)
+
+
+@pytest.mark.slow
+def test_links_that_few_patterns_show_keep_near_their_ordinary_size(tmp_path):
+    quiet = by_file(replace(IIWA, noise=IIWA.noise / 20.0), tmp_path, 1, 201)
+    assert 0.4 < calibrate_efforts(quiet).link_errors < 1.0  # 0.17 by the residual alone
+
+
+def test_an_error_that_would_move_another_stated_number_too_far_is_limited():
+    """A number is held at its bound; another one, nearly alike, would have to make up for it."""
+    rng = np.random.default_rng(0)
+    a, held, unlike = rng.normal(size=(3, 500)) * 1e3
+    columns = np.stack([a, held, 0.1 * held + 1e-3 * unlike], axis=1)
+    std, x = np.array([0.0, 1.0, 0.2]), np.array([5.0, ORDINARY + 0.02, 0.0])
+    products = columns.T @ columns, (columns.T @ (columns @ x))[:, None]
+    d = SimpleNamespace(
+        std=std, stated=std > 0.0, free=np.zeros(3, bool), at=(np.array([0]),),
+        size=np.ones(3), without=lambda _: products,
+    )  # fmt: skip
+    fit = Simulator(d, (0,))
+    assert fit.x[1] == ORDINARY and 0.0 < fit.x[2] < ORDINARY * std[2]
+    assert np.abs(fit.errors[:, 1:] / std[1:]).max() <= ORDINARY + 1e-9  # 50 where unlimited
 
 
 @pytest.mark.slow
