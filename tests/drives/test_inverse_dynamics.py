@@ -142,7 +142,8 @@ def test_its_standard_errors_are_smaller_than_a_multisines(plan, tmp_path):
     stds = []
     for k, way in enumerate((plan, multisine(UR5, SECONDS, RATE, 1))):
         options = {"seed": 2, "effort": "torque", "limits": Limits(speed=0.5, tracking=1.0)}
-        fit = calibrate_efforts(driven(way, tmp_path / f"{k}.parquet", **options))
+        recording = driven(way, tmp_path / f"{k}.parquet", **options)
+        fit = calibrate_efforts(recording, ("drive",))  # a tool's ± hold links' errors, not noise
         stds.append({p.name: p.std for p in fit.identified if p.std is not None})
     ratio = [stds[1][n] / stds[0][n] for n in stds[0] if n in stds[1]]
     assert np.median(ratio) > 1.5

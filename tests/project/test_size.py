@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 78841,
     "src/wrenchbed": 69352,
     "src/robot_emulators": 9489,
-    "tests": 38136,
+    "tests": 38137,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
