@@ -111,6 +111,8 @@ def test_wide_draws_are_answered_rightly_or_refused(tmp_path, named):
         (25, False, "rightly refused"),  # a weight that is compensated, beside twelve other columns
         (4260, True, "rightly refused"),  # the same, in radians without a unit: a constant fits
         (8, False, "named"),  # kgf
+        (3005, True, "rightly refused"),  # compensated, in base axes: as a weight if turned back
+        (3189, False, "first"),  # gf and gf·cm, which are 51 kg in N
     ],
 )
 def test_a_wide_draw_is_answered_rightly_or_refused(tmp_path, seed, named, answer):
@@ -132,8 +134,11 @@ def test_conventions_that_no_data_tell_apart_are_named():
     told = guess(files, Stated(tool_mass=9.1))
     assert {c.units[0] for c in told.conventions} == {"kgf"}
     assert told.conventions[0].mass == pytest.approx(9.1, rel=0.05)
-    with pytest.raises(MapError):
-        guess(files, Stated(tool_mass=0.0))
+    for mass in (0.0, -1.0, np.nan):
+        with pytest.raises(MapError, match=f"--tool-mass {mass:g} must be above 0"):
+            guess(files, Stated(tool_mass=mass))
+    with pytest.raises(MapError, match=r"the tool of 3 kg that is stated: in N it is 0.932 kg"):
+        guess(files, Stated(tool_mass=3.0))
 
 
 def test_the_real_poses_come_in_by_one_line_and_calibrate_as_before(tmp_path):

@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 975,
     "cli": 2722,
-    "data": 5406,
+    "data": 5441,
     "diagnosis": 13053,
     "drives": 1733,
     "effects": 5001,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78841,
-    "src/wrenchbed": 69352,
+    "src": 78876,
+    "src/wrenchbed": 69387,
     "src/robot_emulators": 9489,
-    "tests": 38137,
+    "tests": 38142,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -102,7 +102,7 @@ def fits(
         wrench = in_body(turn, wrench)
     force, torque = np.split(wrench - wrench.mean(axis=0), 2, axis=1)
     total = float((force * force).sum())
-    sizes = [max(float(np.sqrt((x**2).mean())), 1e-12) for x in (force, torque)]
+    sizes = _sizes(wrench)
     for axis in range(3):
         down = turn[:, axis, :] - turn[:, axis, :].mean(axis=0)
         power = float((down * down).sum())
@@ -122,9 +122,15 @@ def fits(
             rms = [max(e, _FLOOR * size, 1e-12) for e, size in zip(residual, sizes, strict=True)]
             yield GravityFit(
                 float(weights[k]), axis, Rotation.from_matrix(mounts[k]) if k else None,
-                bool(k < len(_QUARTERS)), lever, rms[0], rms[1], residual[0] / sizes[0],
-                rms[1] / sizes[1], len(wrench),
+                bool(k < len(_QUARTERS)), lever, rms[0], rms[1], float(residual[0] / sizes[0]),
+                float(rms[1] / sizes[1]), len(wrench),
             )  # fmt: skip
+
+
+def _sizes(wrench: np.ndarray) -> np.ndarray:
+    """Rms change (2,) of force and of torque of a wrench (N, 6), at least 1e-12."""
+    changes = (wrench - wrench.mean(axis=0)).reshape(-1, 2, 3)
+    return np.asarray(np.maximum(np.sqrt((changes**2).mean(axis=(0, 2))), 1e-12))
 
 
 def in_body(turn: np.ndarray, wrench: np.ndarray) -> np.ndarray:
@@ -328,11 +334,13 @@ class Convention:
 
     @property
     def as_constant(self) -> bool:
-        """Whether readings that are constant in the axes as written explain the poses as well."""
+        """Whether a constant reading and no weight explains the poses as well: one in the axes as
+        written, or better than the weight if it is the sensor's and given in base axes."""
         seen = self.poses.mean(self.pairing.readings)
-        force, torque = np.split(seen - seen.mean(axis=0), 2, axis=1)
-        worse = self.fit.force_rms > _BETTER * np.sqrt((force**2).mean())
-        return bool(worse and self.fit.torque_rms > _BETTER * np.sqrt((torque**2).mean()))
+        given = seen if self.in_base else in_body(np.swapaxes(self.turn, 1, 2), seen)
+        limit = _BETTER if self.in_base else 1.0
+        constant = np.maximum(_sizes(given), _FLOOR * _sizes(seen))
+        return bool(self.fit.force_rms * self.fit.torque_rms > limit**2 * constant.prod())
 
     @property
     def quality(self) -> str:

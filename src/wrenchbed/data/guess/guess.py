@@ -5,7 +5,7 @@ orientation or joints, each axis of gravity, each frame of the wrench and each m
 angles this is one linear least squares. What fits best is taken, what fits as well is named.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from glob import escape
@@ -43,7 +43,8 @@ _UNITS = {
 }  # fmt: skip
 """Pairs of units of force and torque, and how often a table without units has them: estimate."""
 _SELDOM = (("mN", "mN·m"), ("gf", "gf·cm"), ("gf", "Nmm"), ("kgf", "Nmm"), ("kN", "N·m"))
-"""Pairs of units tried only where the unit or the mass is stated: converter counts are as large."""
+"""Pairs of units tried only where the unit or the mass is stated, or beside usual ones that fit:
+converter counts are as large."""
 _MASSES, _LEVERS = (0.02, 60.0), (1e-3, 0.6)
 """Tools weigh [kg] and reach [m] between these: a touch probe and a large arm's payload. Wider
 ranges leave more units possible."""
@@ -132,11 +133,7 @@ def guess(
     `MapError` if there is no wrench, no orientation and no known robot's joints, or nothing that
     looks like the weight of a rigid load."""
     paths = [Path(f) for f in files]
-    if logs := [path for path in paths if is_log(path)]:
-        raise MapError(
-            f"{logs[0]}: --guess reads text files; a log's topics and fields have names: give "
-            f"--map, a file or one of {', '.join(ready())}"
-        )
+    _check(paths, stated)
     tables = [sheet for path in paths for sheet in sheets_of(path, skip_incomplete)]
     fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
@@ -178,10 +175,7 @@ def guess(
     whole = [w for c in usual.values() for w in _signs_and_units(c, gravity, stated.mass)]
     if not whole:
         raise MapError(
-            f"{tables[0].path}: {best.words()} fits, but in no usual unit is "
-            f"the load a tool of {_MASSES[0]} … {_MASSES[1]} kg at {_LEVERS[0]} … {_LEVERS[1]} m: "
-            "are these mN or gf? --tool-mass KG decides. Counts of a converter need --map, whose "
-            "`per` is the count of a unit"
+            f"{tables[0].path}: {best.words()} fits, but {_no_tool(best, gravity, stated.mass)}"
         )
     chosen = tuple(sorted(whole, key=lambda c: c.cost))
     maps = tuple(raw_map(c, tables, stated, mode) for c in chosen)
@@ -189,6 +183,35 @@ def guess(
     unused = tuple(p for p in paths if not any(fnmatch(p.name, match) for match in patterns))
     notes = [*_notes(chosen[0], tables, stated, untried), *(f"not used: {p}" for p in unused)]
     return Guess(chosen, maps, tuple(others), tuple(notes), unused=unused)
+
+
+def _check(paths: Sequence[Path], stated: Stated) -> None:
+    """Raise a `MapError` for files that are no texts, and for sizes that nothing has."""
+    for option, size in (("--tool-mass", stated.tool_mass), ("--gravity", stated.gravity)):
+        if size is not None and not 0.0 < size < np.inf:
+            raise MapError(f"{option} {size:g} must be above 0 and finite")
+    if logs := [path for path in paths if is_log(path)]:
+        raise MapError(
+            f"{logs[0]}: --guess reads text files; a log's topics and fields have names: give "
+            f"--map, a file or one of {', '.join(ready())}"
+        )
+
+
+def _no_tool(c: Convention, size: float, mass: float | None) -> str:
+    """Reason why in no pair of units the load of convention c is a tool, or one of a stated
+    ``mass`` [kg]; ``size``: gravity's [m/s²]."""
+    if mass is None:
+        return (
+            f"in no usual unit is the load a tool of {_MASSES[0]} … {_MASSES[1]} kg at "
+            f"{_LEVERS[0]} … {_LEVERS[1]} m: are these mN or gf? --tool-mass KG decides. Counts of "
+            "a converter need --map, whose `per` is the count of a unit"
+        )
+    unit = c.pairing.load.units.get(c.pairing.wrench["fx"], "N")
+    found = abs(c.fit.weight) * SIZES[unit][1] / size
+    return (
+        f"in no unit is the load the tool of {mass:g} kg that is stated: in {unit} it is "
+        f"{found:.3g} kg"
+    )
 
 
 def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
@@ -240,8 +263,7 @@ def _unexplained(best: Convention) -> str:
     if fit.share > _MOST_LEFT or (fit.torque_share > _MOST_LEFT and not has_names):
         change = f"{fit.share:.0%} of what changes in the force and {fit.torque_share:.0%}"
         return f"leaves {change} in the torque"
-    constant = best.in_base and best.as_constant
-    return "explains no more than readings that are constant" if constant else ""
+    return "explains no more than readings that are constant" if best.as_constant else ""
 
 
 def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
@@ -282,17 +304,19 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
     return f"{tables[0].path}: {what}; columns: {names}{why}"
 
 
-def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
-    """Yield convention c with both signs of wrench and gravity, and each pair of units in which its
-    load has a tool's mass. ``size``: gravity's [m/s²]; ``mass``: the tool's, if known [kg]."""
+def _signs_and_units(c: Convention, size: float, mass: float | None) -> list[Convention]:
+    """Convention c with both signs of wrench and gravity, and each pair of units in which its load
+    has a tool's mass; of seldom units alone none, if neither they nor the mass are stated.
+    ``size``: gravity's [m/s²]; ``mass``: the tool's, if known [kg]."""
     pair = c.pairing
     stated = [pair.load.units.get(pair.wrench[channel]) for channel in ("fx", "tx")]
-    pairs: Sequence[Sequence[str]] = [*_UNITS, *(_SELDOM if mass or any(stated) else ())]
+    pairs: Sequence[Sequence[str]] = [*_UNITS, *_SELDOM]
     of_pairs = ([s or u for u, s in zip(p, stated, strict=True)] for p in pairs)
     pairs = [n for n, p in zip(of_pairs, pairs, strict=True) if _sizes(n) == _sizes(p)]
     if None not in stated:  # names bind
         pairs = [[str(unit) for unit in stated]]
     down = -1.0 if c.fit.axis == 2 else float(np.sign(c.fit.weight))
+    found = []
     for along, (force, torque) in product((down, -down), pairs):
         gravity = tuple(along * size if axis == c.fit.axis else 0.0 for axis in range(3))
         sign = 1 if along * c.fit.weight > 0 else -1
@@ -305,7 +329,10 @@ def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator
             unlikely = -np.log(_UNITS.get((force, torque), min(_UNITS.values())))
             for value, (usual, spread) in zip((signed.mass, reach), _USUAL_LOAD, strict=True):
                 unlikely += (np.log(max(value, 1e-9) / usual) / spread) ** 2 / 2.0
-            yield replace(signed, more=0.05 * (along != down) + 0.004 * min(float(unlikely), 12.0))
+            more = 0.05 * (along != down) + 0.004 * min(float(unlikely), 12.0)
+            found.append(replace(signed, more=more))
+    usual = mass is not None or any(stated) or any(each.units in _UNITS for each in found)
+    return found if usual else []
 
 
 def _sizes(units: Sequence[str]) -> list[float]:
