@@ -98,7 +98,7 @@ def test_a_log_is_imported_as_poses_and_its_moves_are_kept(tmp_path, capsys):
 
 def test_many_poses_are_poses_and_a_motion_without_a_hold_is_none(tmp_path):
     rng = np.random.default_rng(4)
-    check_at_rest(of_joints(rng.uniform(-1, 1, (500, 6))))
+    check_at_rest(of_joints(rng.uniform(-1, 1, (500, 6))), "a map without a clock")
     check_at_rest(of_joints(np.repeat(rng.uniform(-1, 1, (50, 6)), 10, axis=0)))
     t = np.arange(2000) / 100.0
     with pytest.raises(RecordingError, match=r"nothing rests for 0.4 s; .* mode = 'dynamic'"):

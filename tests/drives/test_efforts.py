@@ -230,6 +230,7 @@ def test_an_empty_hand_on_links_that_are_a_little_lighter_is_no_refusal(clean):
     mass = fit["tool.mass"]
     assert mass.value < 0.0 < mass.value + mass.interval95 < 1.0
     assert "% of each link's mass" in fit.status and fit["tool.cog.z"].std is None
+    assert f"known only to be below {mass.value + mass.interval95:.2g} kg" in fit.status
     with pytest.raises(CalibrationError, match=r"tool\.mass comes out as -\d"):
         fit_of(0.2)
 
@@ -291,6 +292,22 @@ def test_a_ur_rtde_file_of_currents_is_imported_and_fitted(clean, tmp_path):
     assert made.effort == "i" and len(made) == len(clean.t)
     assert made.metadata.sensor.noise_std is None  # of a wrench; this has none
     fit = calibrate_efforts(made)
+    assert abs(fit["tool.mass"].value - MASS) < fit["tool.mass"].interval95
+
+
+def test_a_motion_of_torques_without_a_clock_needs_its_rate(clean, tmp_path, capsys):
+    names = [f"{kind}_{j}" for kind in ("q", "tau") for j in range(6)]
+    csv, found = tmp_path / "robot.csv", tmp_path / "rec.map.toml"
+    table = np.column_stack([clean.q.v, clean.noisy(11)])
+    np.savetxt(csv, table, delimiter=",", header=",".join(names), comments="", fmt="%.9f")
+    line = ["import", str(csv), "--out", str(tmp_path / "rec.parquet")]
+    assert main([*line, "--guess", "--robot", "ur5"]) == 1
+    remedy = f"of {found} state rate_hz and mode = 'dynamic'"
+    assert remedy in capsys.readouterr().err
+    rate = f'mode = "dynamic"\nrate_hz = {1.0 / clean.t[1]}'
+    found.write_text(found.read_text().replace('mode = "static"', rate))
+    assert main([*line, "--map", str(found)]) == 0
+    fit = calibrate_efforts(Recording.read(tmp_path / "rec.parquet"))
     assert abs(fit["tool.mass"].value - MASS) < fit["tool.mass"].interval95
 
 

@@ -12,9 +12,9 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 975,
     "cli": 2722,
-    "data": 5441,
+    "data": 5455,
     "diagnosis": 13053,
-    "drives": 1733,
+    "drives": 1737,
     "effects": 5001,
     "environments": 588,
     "exports": 828,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78876,
-    "src/wrenchbed": 69387,
+    "src": 78894,
+    "src/wrenchbed": 69405,
     "src/robot_emulators": 9489,
-    "tests": 38142,
+    "tests": 38159,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -70,7 +70,7 @@ def import_(
         write_text(map_file, guesses.text(map_file.parent))
         guessed = {"guess": [*guesses.lines, f"map → {map_file}"]}
         some = [file for file in files if file not in guesses.unused]
-        imported = wb.import_files(some, _changed(guesses.column_map(), rows_read))
+        imported = wb.import_files(some, _changed(guesses.column_map(0, str(map_file)), rows_read))
     elif flags := [n.replace("_", "-") for n, value in vars(stated).items() if value is not None]:
         raise ParameterError(f"--{flags[0]} belongs to --guess; a map states it itself")
     elif wb.is_lerobot(files[0]):

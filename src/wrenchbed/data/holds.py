@@ -63,6 +63,13 @@ _BLOCK_S = 0.1
 _ENOUGH_TO_MOVE, _MOST_SINGLE, _NEXT = 200, 0.3, 0.01
 """A log of at least this many rows is in motion if more than this fraction of them are poses of
 their own and the median step is less than this fraction of the whole way."""
+_STRAIGHT = 0.5
+"""Bend of a path over its steps, as medians, below which rows without a clock are a motion: poses
+that were drawn at random bend by 1.7 steps."""
+_NO_CLOCK = (
+    "no clock says how fast: in [recording] of {} state rate_hz and mode = 'dynamic', or a "
+    f"rate_hz below {1.0 / LEAST_HOLD_S:g} where each row is a rest"
+)
 _ENOUGH_ROWS = 50
 """Least degrees of freedom of rows at rest that show the noise of one row, to 10 %."""
 
@@ -263,9 +270,10 @@ def split(recording: Recording, slow: bool = False) -> Split:
     return holds
 
 
-def check_at_rest(recording: Recording) -> None:
+def check_at_rest(recording: Recording, clockless: str = "") -> None:
     """Raise `RecordingError` for a log of moves stated as poses at rest, in which most rows are in
-    motion: each row is then a pose close to the one before."""
+    motion: each row is then a pose close to the one before, or to where a straight way leads from
+    the two before it if there is no clock (``clockless``: name of the map that states none)."""
     q = _smooth(recording)
     if len(q) < _ENOUGH_TO_MOVE:
         return
@@ -273,10 +281,14 @@ def check_at_rest(recording: Recording) -> None:
     way = np.abs(np.diff(q, axis=0)).max(axis=1)
     close = np.median(way) < _NEXT * max(float(np.ptp(q, axis=0).max()), 1e-9)
     quick = np.median(np.diff(recording.t)) < LEAST_HOLD_S  # else there was time to rest
+    if clockless:
+        bend, quick = np.abs(np.diff(q, n=2, axis=0)).max(axis=1), np.True_
+        close |= np.median(bend) < _STRAIGHT * np.median(way)
     if poses > _MOST_SINGLE * len(q) and close and quick:
+        remedy = "--mode auto splits it into holds and moves"
         raise RecordingError(
             f"{recording.name}: {poses:,} poses in {len(q):,} rows: this is a log in motion, not "
-            "poses at rest (mode static); --mode auto splits it into holds and moves"
+            f"poses at rest (mode static); {_NO_CLOCK.format(clockless) if clockless else remedy}"
         )
 
 

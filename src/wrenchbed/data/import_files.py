@@ -75,7 +75,9 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
     metadata = column_map.metadata
     if column_map.mode == "static" or column_map.by_accelerometer:
         recording = _recording(data, replace(metadata, mode="static"), name)
-        check_at_rest(recording)
+        has_clock = any(source.target == "t" for source in column_map.files[0].columns)
+        timed = has_clock or column_map.rate_hz is not None
+        check_at_rest(recording, "" if timed else column_map.name)
         return Imported(recording, left_out, skipped)
     if column_map.mode != AUTO:
         data, notes = evened(data)

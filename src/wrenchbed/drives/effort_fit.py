@@ -132,6 +132,10 @@ class DriveFit(WrittenFit):
         names = {p.name.partition(".")[0] for p in self.identified}
         data = "this motion does" if self.rest is None else "these poses do"
         untold_text = f"; {data} not tell {', '.join(untold)}" if untold else ""
+        for p in self.identified:
+            if p.name == "tool.mass" and p.interval95 is not None and p.value < p.interval95:
+                most = p.value + p.interval95
+                untold_text += f"; the tool's mass is known only to be below {most:.2g} kg (95 %)"
         if self.rest is not None:
             low, high = min(self.rest.noise), max(self.rest.noise)
             return (

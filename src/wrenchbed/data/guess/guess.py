@@ -87,10 +87,10 @@ class Guess:
     by_names: str = ""
     unused: tuple[Path, ...] = ()
 
-    def column_map(self, k: int = 0) -> ColumnMap:
-        """Make the checked column map of the k-th best convention."""
-        fields = Fields(self.maps[k], "guessed map: ", MapError)
-        return from_fields(fields, "guessed map", Path())
+    def column_map(self, k: int = 0, name: str = "guessed map") -> ColumnMap:
+        """Make the checked column map of the k-th best convention; errors call it ``name``."""
+        fields = Fields(self.maps[k], f"{name}: ", MapError)
+        return from_fields(fields, name, Path())
 
     def text(self, folder: Path, k: int = 0) -> str:
         """TOML text of the k-th map for a file in ``folder``, to which its paths are relative."""
