@@ -15,20 +15,22 @@ from test_report import found, recorded
 import wrenchbed as wb
 from chromium import BINARY, tab
 from pictures import unless
+from wrenchbed.benchmark.efforts import case
 from wrenchbed.benchmark.referee.case import make
 from wrenchbed.campaigns import summary
 from wrenchbed.campaigns.monte_carlo import Fleet, schema
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.pages.document import Document, Figure, Section, Table, provenance
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.pages.study_charts import components, histograms
-from wrenchbed.reports.diagnosis_page import diagnosis_page
+from wrenchbed.reports.diagnosis_page import diagnosis_page, effort_page
 from wrenchbed.reports.fit_page import fit_page
 from wrenchbed.reports.recording_page import recording_page
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
 
-KINDS = ("diagnosis", "unknown", "recording", "fit", "campaign", "study")
+KINDS = ("diagnosis", "efforts", "unknown", "recording", "fit", "campaign", "study")
 
 
 class Pages:
@@ -48,9 +50,15 @@ class Pages:
         return self._written("clean", diagnosis_page(found(folder)))
 
     @cached_property
+    def efforts(self):
+        arm = wb.load("robots", "ur5")
+        findings = diagnose_efforts(case.make([arm], 90, 0, False, 0).recording)
+        return self._written("efforts", effort_page(findings))
+
+    @cached_property
     def unknown(self):
-        case = make("ur5", "static", "outside", (41, 3))  # a fault that is no effect of the library
-        findings = diagnose(case.recording)
+        odd = make("ur5", "static", "outside", (41, 3))  # a fault that is no effect of the library
+        findings = diagnose(odd.recording)
         assert findings.diagnosis.verdict == "unknown"
         return self._written("unknown", diagnosis_page(findings))
 
@@ -150,7 +158,8 @@ def test_every_figure_answers_and_nothing_complains(page, pages, kind):
     assert page.run(alive) == count
     assert page.console == []
     assert set(page.requests.values()) == {pages[kind].as_uri()}
-    assert pages[kind].stat().st_size < 3_000_000
+    assert pages[kind].stat().st_size < 4_000_000
+    assert ("#differ" in pages[kind].read_text()) == (kind == "recording")
     mute = page.run(
         "[...document.querySelectorAll('figure svg')].filter(s => !s.getAttribute('aria-label')"
         " && !s.closest('figure').querySelector('figcaption, .title')).length"
@@ -335,13 +344,29 @@ A4_PX = 688
 
 
 @pytest.mark.parametrize(("width", "medium"), [(1280, ""), (390, ""), (A4_PX, "print")])
-def test_the_residual_of_every_channel_is_in_view(page, pages, width, medium):
-    shown(page, pages["recording"], width)
+@pytest.mark.parametrize(
+    ("kind", "heading", "rows"), [("recording", "differ", 6), ("efforts", "parameters", 2)]
+)
+def test_residuals_of_channels_and_parameters_of_causes_are_in_view(
+    page, pages, kind, heading, rows, width, medium
+):
+    shown(page, pages[kind], width)
     page.call("Emulation.setEmulatedMedia", media=medium)
-    table = "document.querySelector('#differ ~ .scroll')"
+    table = f"document.querySelector('#{heading} ~ .scroll')"
     assert page.run(f"{table}.scrollWidth <= {table}.clientWidth")
-    assert page.run(f"{table}.querySelectorAll('tbody tr').length") == 6
+    assert page.run(f"{table}.querySelectorAll('tbody tr').length") == rows
     page.call("Emulation.setEmulatedMedia", media="")
+
+
+def test_the_residual_map_of_efforts_is_beside_the_robot(page, pages):
+    shown(page, pages["efforts"])
+    box = (
+        "(n => (r => [r.left, r.top, r.right])(document.querySelector(n).getBoundingClientRect()))"
+    )
+    robot, heat = (page.run(f"{box}('#{name}')") for name in ("robot", "heat"))
+    assert heat[1] == robot[1] and robot[2] < heat[0] < heat[2] < 1280
+    data = json.loads(page.run("document.getElementById('charts').textContent"))["heat"]
+    assert data["panels"][0]["matrix"]["rows"] == [f"i{k}" for k in range(1, 7)]
 
 
 def test_a_script_that_is_not_the_pages_own_does_not_run(page, pages):
@@ -370,8 +395,22 @@ def test_paper_has_the_still_figures(page, pages, kind):
     boxes = re.findall(rb"/MediaBox \[([\d. ]+)\]", pdf)
     sizes = {tuple(round(float(x)) for x in box.split()[2:]) for box in boxes}
     assert sizes and all(abs(w - 595) <= 1 and abs(h - 842) <= 1 for w, h in sizes)  # A4
-    if kind == "diagnosis":
-        assert pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") <= 8
+    if kind in ("diagnosis", "efforts"):
+        assert pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") <= 6
+    if kind == "recording":  # figures begin on the first page
+        assert (
+            re.findall(rb"/(?:each|data) \[(\d+) 0 R", pdf)[0] == re.findall(rb"/Pg (\d+)", pdf)[0]
+        )
+    elements = re.findall(rb"\n(\d+) 0 obj\n<</Type /StructElem\n/S /(\w+)\n/P (\d+)(.*?)\nendobj",
+                          pdf, flags=re.DOTALL)  # fmt: skip
+    above = {name: (role, parent) for name, role, parent, _ in elements}
+    sheets = {}
+    for name, *_, rest in elements:
+        while name in above and above[name][0] != b"L":
+            name = above[name][1]
+        if name in above:
+            sheets.setdefault(name, set()).update(re.findall(rb"/Pg (\d+)", rest))
+    assert all(len(own) == 1 for own in sheets.values())  # no list is divided
 
 
 def test_the_first_screen_answers_where_which_and_how_far(page, pages):
@@ -381,8 +420,10 @@ def test_the_first_screen_answers_where_which_and_how_far(page, pages):
         ".map(c => c.getBoundingClientRect().bottom)"
     )
     assert len(bottoms) == 3 and max(bottoms) < 800
-    steps = page.run("document.querySelector('.cards + p').getBoundingClientRect().bottom")
-    assert steps < 800 and page.run("document.querySelector('.cards + p b').innerText") == "Next"
+    for width in (390, 1280):
+        page.open(pages["diagnosis"], width, 800)
+        step = page.run("document.querySelector('.step').getBoundingClientRect().bottom")
+        assert step < 400 and page.run("document.querySelector('.step b').innerText") == "Next"
     assert page.run("document.querySelector('.verdict').offsetHeight") < 70  # two lines at most
     page.run("document.querySelector('#data').scrollIntoView()")
     top = page.run("document.querySelector('nav.contents').getBoundingClientRect().top")

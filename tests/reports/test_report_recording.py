@@ -48,9 +48,10 @@ def test_a_fit_that_agrees_says_so_with_its_figures(folder):
     recording = wb.Recording.read(folder / "rec.parquet")
     page = recording_page(recording, [folder / "fit.json"], "the command")
     told, fit = text(page), json.loads((folder / "fit.json").read_text())
-    for wanted in ("fit agrees with the recording in every", "40 poses at rest", "the command"):
+    stated = "noise of one row (as stated)"
+    for wanted in ("fit agrees with the recording in every", "40 poses at rest", stated):
         assert wanted in told
-    assert f"{fit['tool']['mass']:.4g} kg" in told
+    assert f"{fit['tool']['mass']:.4g} kg" in told and "the command" in told
     assert hashlib.sha256((folder / "rec.parquet").read_bytes()).hexdigest() in told
     assert f"wrenchbed {version('wrenchbed')}" in told and " UTC by " in told
     ratio = float(re.search(r"([\d.]+) × noise", told)[1])
@@ -111,7 +112,7 @@ def test_without_a_model_the_readings_alone_are_shown():
     assert [f.chart.name for f in page.figures] == list(CHANNELS)
     told = text(page)
     assert "Readings alone: there is no model of robot kuka-lbr-med14" in told
-    assert "agree" not in told
+    assert "agree" not in told and "noise of a row 0.035 N, as stated" in told
     (panel,) = page.figures[2].chart.panels
     assert np.array_equal(panel.series[0].y, recording.wrench[:, 2])
     assert panel.series[0].kind == "points"  # nothing is known of the way between two rows at rest

@@ -319,7 +319,7 @@ def _gaps(g: Told) -> Iterator[str]:
     for label, key in GAPS.items():
         label = "rows' own scatter" if key == "floor" and g[key] >= LEAST_SCATTER else label
         if g[key] is not None:
-            yield f"{label} {numbers.gap(max(g[key], 0.0) if key == 'floor' else g[key])}"
+            yield f"{label} {numbers.gap(g[key])}"
     if g["closed"] is not None and g["closed"] > 0.0:
         yield f"{numbers.percent(min(g['closed'], 1.0))} % closed"
         yield " … ".join(numbers.percent(min(x, 1.0)) for x in g["closed_ci95"]) + " %"

@@ -232,8 +232,9 @@ class _Remaining(bars.ProgressColumn):
 def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Callable[..., None]]:
     """Show a progress bar called ``what`` if stderr is a terminal; yield a function (steps, label).
 
-    It shows the remaining time, by the mean time of a step; the elapsed time if ``total`` is None
-    or steps are not ``alike``. A first report of other than 1 step counts an earlier run's.
+    It shows the remaining time, by the mean time of a step after the first, which loads and
+    compiles; the elapsed time if ``total`` is None or steps are not ``alike``. A first report of
+    other than 1 step counts an earlier run's.
     """
     console = Console(stderr=True)
     time = _Remaining() if alike and total is not None else bars.TimeElapsedColumn()
@@ -242,16 +243,19 @@ def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Ca
     bar = bars.Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
     with bar:
         bar.add_task(what, total=total, ends=math.inf)
-        (task,), begun, earlier = bar.tasks, bar.get_time(), math.nan
+        (task,), begun, first, earlier = bar.tasks, math.nan, 0.0, math.nan
 
         def report(n: int, label: str = "") -> None:
-            nonlocal earlier
+            nonlocal begun, first, earlier
             bar.update(task.id, advance=n, description=f"{what}: {label}" if label else what)
             if math.isnan(earlier):
                 earlier = 0 if n == 1 else n
-            if (done := task.completed - earlier) > 0:
-                took = bar.get_time() - begun
-                bar.update(task.id, ends=begun + took * (1.0 + (task.remaining or 0.0) / done))
+            done, now = task.completed - earlier, bar.get_time()
+            if math.isnan(begun) and done > 0:
+                begun, first = now, done
+            elif done >= first + 2:  # two processes finish their first steps at once
+                a_step = (now - begun) / (done - first)
+                bar.update(task.id, ends=now + a_step * (task.remaining or 0.0))
 
         yield report
 

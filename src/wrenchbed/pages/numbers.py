@@ -31,12 +31,10 @@ POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def gap(value: float) -> str:
-    """Text of a gap (mean squared residual over a row's noise variance): two decimals or fewer."""
-    size = abs(value)
-    if size < 0.005:
-        return "0.00"
-    digits = 2 if size < 10 else 1 if size < 100 else 0
-    return minus(f"{value:,.{digits}f}")
+    """Text of a gap (mean squared residual over a row's noise variance, less 1): two decimals or
+    fewer; 0.00 where less than the noise is left."""
+    value = max(value, 0.0)
+    return f"{value:,.{2 if value < 10 else 1 if value < 100 else 0}f}"
 
 
 def percent(x: float) -> str:

@@ -243,7 +243,7 @@ class Answer(ABC):
         if g.with_effects is not None:
             rows.append(("with the effects", g.with_effects.value))
         alone = "rows' own scatter" if g.floor >= LEAST_SCATTER else "noise alone"
-        rows.append((alone, max(g.floor, 0.0)))
+        rows.append((alone, g.floor))
         return [(label, numbers.gap(value)) for label, value in rows]
 
     @property

@@ -15,8 +15,8 @@ from wrenchbed.pages.document import Facts, provenance
 from wrenchbed.pages.draw import Drawn, draw
 from wrenchbed.reports import cause_charts, figures
 from wrenchbed.reports.answer import BADGES, Answer
-from wrenchbed.reports.compared_readings import HeldOutReadings
-from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
+from wrenchbed.reports.compared_readings import HeldOutReadings, along
+from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts, effort_map
 from wrenchbed.reports.robot_scene import effort_scene, wrench_scene
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
@@ -35,11 +35,14 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
     stated without options if empty. A `MissingExtraError` without matplotlib."""
     registry.require("matplotlib", "report")
     words, readings = WrenchAnswer(findings), HeldOutReadings(findings)
-    scene = wrench_scene(readings)
+    scene, p = wrench_scene(readings), readings.prepared
+    of = readings.names, readings.residuals, readings.ids
+    heat = figures.residual_map(*of, along(p), p.observed)
     more = {
         "robot": None if scene is None else draw(scene),
-        "heat": draw(figures.residual_map(readings)),
-        "observed": findings.analysis.prepared.observed,
+        "heat": draw(heat),
+        "noise": p.noise_source,
+        "observed": p.observed,
         "rows": words.row_sentences,
         "next": words.d.next,
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
@@ -56,7 +59,12 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
     names = [words.d.recording]
     data = [("recording", names[0]), ("robot", words.d.robot)]
     data += provenance(names, seed=findings.seed)
-    more = {"what": f"the {words.channels} of ", "robot": draw(effort_scene(findings))}
+    more = {
+        "what": f"the {words.channels} of ",
+        "robot": draw(effort_scene(findings)),
+        "heat": draw(effort_map(findings)),
+        "noise": words.noise,
+    }
     return _page(words, command, data, charts, more)
 
 

@@ -18,6 +18,7 @@ from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
 from wrenchbed.reports.answer import TOO_MANY, Answer, the
 from wrenchbed.reports.claim import Claim
+from wrenchbed.reports.figures import residual_map
 
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]: several reversals of each joint are in view."""
@@ -60,6 +61,13 @@ class EffortAnswer(Answer):
             for e in (entry, *entry["rivals"])
         )
         return Claim(entry, first[1], others)
+
+    @property
+    def noise(self) -> str:
+        """Words for the source of a row's noise."""
+        healthy = any(np.isclose(c.std, c.least) for c in self.findings.d.channels)
+        least = ", at least what a healthy robot's fit left" if healthy else ""
+        return f"from what all effects together leave{least}"
 
     @property
     def no_claim(self) -> str:
@@ -155,6 +163,13 @@ def residuals_of(findings: EffortFindings) -> dict[str, np.ndarray]:
     if findings.verdict.causes:
         fits["with the effects"] = findings.fit.each
     return {name: np.where(counted, remaining(d, each), np.nan) for name, each in fits.items()}
+
+
+def effort_map(findings: EffortFindings) -> Chart:
+    """Map of the residuals of all channels over the time of the motion."""
+    scene, residuals = findings.d.scene, residuals_of(findings)
+    t, names = scene.signals.t[scene.kept()], [column for _, column, _ in scene.channels]
+    return residual_map(names, residuals, np.arange(len(t)), (t, Axis("time", "s")), "rows")
 
 
 def _joints(findings: EffortFindings) -> list[int]:

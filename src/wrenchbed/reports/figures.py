@@ -1,39 +1,51 @@
 """Figures of a report as charts: measured is blue, simulated without the effects orange, with them
 green."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from wrenchbed.effects.chain import effects
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import NOISE, Axis, Chart, Matrix, Panel, Series, thinned
-from wrenchbed.reports.compared_readings import Cause, HeldOutReadings, along, largest
+from wrenchbed.reports.compared_readings import Cause, HeldOutReadings, largest
 from wrenchbed.twin.simulator_predictions import binned_rms, bins
 
 BINS = 8
 """Columns of the map of residuals."""
 
 
-def residual_map(e: HeldOutReadings) -> Chart:
-    """Map of residuals' rms [noise of a row] by channel, over poses or time, of the simulators
-    without and with the effects."""
-    (over, axis), panels = along(e.prepared), []
+def residual_map(
+    names: Sequence[str], residuals: Mapping[str, np.ndarray], ids: np.ndarray,
+    along: tuple[np.ndarray, Axis], observed: str,
+) -> Chart:  # fmt: skip
+    """Map of residuals' rms [noise of a row] by channel over poses or time.
+
+    Args:
+        names: of the C channels.
+        residuals: simulator → residual (H, C) [noise of a row], NaN where it does not count.
+        ids: numbers of the observations (H,).
+        along: values (H,) and axis over which they are shown.
+        observed: word for the observations, such as poses.
+    """
+    (over, axis), panels = along, []
     groups = bins(over, BINS)
-    names = [numbers.minus(f"{over[g].min():.0f}…\n{over[g].max():.0f}") for g in groups]
-    spans = [[int(e.ids[g].min()), int(e.ids[g].max())] for g in groups]
-    for title, residual in e.residuals.items():
-        values = binned_rms(residual, groups)
+    figures = 0 if float(np.ptp(over)) > 2 * BINS else 1
+    ends = [(f"{over[g].min():.{figures}f}", f"{over[g].max():.{figures}f}") for g in groups]
+    columns = tuple(numbers.minus("…\n".join(dict.fromkeys(span))) for span in ends)
+    spans = [[int(ids[g].min()), int(ids[g].max())] for g in groups]
+    for title, residual in residuals.items():
+        values, size = binned_rms(residual, groups), np.nan_to_num(np.abs(residual))
         cells = tuple(
             tuple("–" if v != v else f"{v:.1f}" if v < 9.95 else f"{v:.0f}" for v in row)
             for row in values.tolist()
         )
-        worst = np.stack([e.ids[g][np.abs(residual[g]).argmax(axis=0)] for g in groups], axis=1)
-        matrix = Matrix(
-            e.names, tuple(names), values, NOISE, cells, ids=worst.tolist(), spans=spans
-        )
+        worst = np.stack([ids[g][size[g].argmax(axis=0)] for g in groups], axis=1).tolist()
+        matrix = Matrix(tuple(names), columns, values, NOISE, cells, ids=worst, spans=spans)
         panels.append(Panel(Axis(axis.text), Axis(""), title=title, matrix=matrix))
     caption = (
-        f"Measured minus simulated, all {e.prepared.observed}, in units of the noise of a row: 1 "
-        "is as large as the noise of a single row."
+        f"Measured minus simulated, all {observed}, in units of the noise of a row: 1 is as large "
+        "as the noise of a single row."
     )
     return Chart("heat", "Residual of each channel", tuple(panels), caption=caption)
 

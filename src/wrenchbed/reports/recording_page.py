@@ -133,6 +133,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "simulators": judged,
         "channels": dict(zip(CHANNELS, UNITS, strict=True)),
         "noise": noise,
+        "noise_source": _source(recording),
         "tool": robot_of(recording).tool(fits[-1].theta) if fits else None,
         "agrees_below": AGREES,
         "each": [d for d in drawn if d.chart.name in CHANNELS],
@@ -141,6 +142,12 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "command": command,
     }
     return ReportPage(context, "recording.html", drawn)
+
+
+def _source(recording: Recording) -> str:
+    """Words for the source of the noise of a recording's rows."""
+    stated = min(recording.metadata.sensor.noise_std or [0.0]) > 0.0
+    return "as stated" if stated else "from how neighbouring rows differ"
 
 
 class _Over:
@@ -187,7 +194,8 @@ def _charts(
         if known:
             rows = {name: residual[:, k] for name, residual in residuals.items()}
             panels.append(_panel(over, Axis("residual", "noise"), rows, 0.8))
-        caption = _sentence(over, k, measured[:, k], noise[k], nearest)
+        means, noisy = over.means(measured[:, k])[0], f"{noise[k]:.2g} {UNITS[k]}"
+        caption = _sentence(means, k, f"{noisy}, {_source(recording)}", nearest)
         charts.append(Chart(channel, channel, tuple(panels), 1, True, caption))
     if modelled(recording):
         joints = enumerate(robot_of(recording).joints, start=1)
@@ -217,19 +225,13 @@ def _panel(over: _Over, axis: Axis, curves: Mapping[str, np.ndarray], height: fl
     return Panel(over.axis, axis, kept, zero=not beside, height=height)
 
 
-def _sentence(
-    over: _Over, k: int, rows: np.ndarray, noise: float, nearest: Agreement | None
-) -> str:
-    """Caption of channel k: range of its readings ``rows`` (N,), ``noise``, residual of
-    ``nearest``."""
-    means, _ = over.means(rows)
+def _sentence(means: np.ndarray, k: int, noise: str, nearest: Agreement | None) -> str:
+    """Caption of channel k: range of its ``means`` (M,), ``noise``, residual of ``nearest``."""
     unit, low, high = UNITS[k], float(np.nanmin(means)), float(np.nanmax(means))
-    text = f"{low:.3g} … {high:.3g} {unit}; noise of a row {noise:.2g} {unit}."
+    text = f"{low:.3g} … {high:.3g} {unit}; noise of a row {noise}."
     if nearest is not None:
         ratio, rms = nearest.ratios[k], nearest.rms[k]
         much = "slightly" if ratio < NEAR else "much"
         verb = "agrees with" if ratio < AGREES else f"differs {much} from"
         text += f" It {verb} {nearest.name}: residual {ratio:.2f} × noise ({rms:.2g} {unit}), rms."
-    if over.groups:
-        text += " Upright lines: how the rows of a pose scatter."
     return numbers.minus(text)

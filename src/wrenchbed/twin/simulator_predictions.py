@@ -91,9 +91,12 @@ def bins(order: np.ndarray, count: int) -> list[np.ndarray]:
 
 
 def binned_rms(residual: np.ndarray, groups: Sequence[np.ndarray]) -> np.ndarray:
-    """Rms (6, B) of residuals (N, 6) in each of B groups of row indices; NaN rows are left out."""
+    """Rms (C, B) of residuals (N, C) in each of B groups of row indices, without NaN; NaN where all
+    are."""
+    squares = [residual[g] ** 2 for g in groups]
     with np.errstate(invalid="ignore"):
-        return np.sqrt(np.stack([np.nanmean(residual[g] ** 2, axis=0) for g in groups], axis=1))
+        means = [np.nansum(s, axis=0) / np.isfinite(s).sum(axis=0) for s in squares]
+    return np.sqrt(np.stack(means, axis=1))
 
 
 def _read(path: Path, model: Model) -> tuple[Twin, bool]:
