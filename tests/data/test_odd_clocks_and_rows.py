@@ -74,8 +74,12 @@ def seconds_and_parts(moment):
         ("time", lambda s: f"{MIDNIGHT + timedelta(seconds=s):%H:%M:%S:%f}"),
         ("secs,nsecs", lambda s: ",".join(seconds_and_parts(round(s * 1e9)))),
         ("stamp.sec,stamp.nanosec", lambda s: ",".join(seconds_and_parts(round(s * 1e9)))),
+        (
+            "runtime_state,timestamp_us",
+            lambda s: f"7,{(2**32 - 5_000_000 + round(s * 1e6)) % 2**32}",
+        ),
     ],
-    ids=["iso", "slashes", "over midnight", "secs", "ros 2"],
+    ids=["iso", "slashes", "over midnight", "secs", "ros 2", "a counter that overflows"],
 )
 def test_a_clock_of_text_or_of_two_columns_is_a_clock(tmp_path, log, names, stamp):
     t, values = log
@@ -107,31 +111,47 @@ def test_rows_without_a_value_are_left_out_where_that_is_asked_for(tmp_path, log
     assert "3 rows without a value left out" in capsys.readouterr().out
 
 
-def test_topics_with_rows_of_their_own_in_one_table_are_put_together_by_the_clock(tmp_path, log):
-    """As PlotJuggler exports them: a row for each stamp, no value in the other topic's columns."""
+@pytest.mark.parametrize("beside", [0, 3])
+def test_topics_with_rows_of_their_own_in_one_table_are_put_together_by_the_clock(
+    tmp_path, log, beside
+):
+    """As PlotJuggler exports them: a row for each stamp, no value in the other topic's columns;
+    or one clock for both, with joints in one of four rows."""
     t, values = log
     names = [f"/joint_states/{k}/position" for k in wb.load("robots", "ur5").joint_names]
     names += [f"/ft/wrench/{kind}/{axis}" for kind in ("force", "torque") for axis in "xyz"]
     lines = [",".join(["__time", *names])]
     for stamp, row in zip(t.tolist(), values.tolist(), strict=True):
         cells = [repr(x) for x in row]
-        lines.append(",".join([f"{1.7e9 + stamp:.6f}", *cells[:6], *[""] * 6]))
-        lines.append(",".join([f"{1.7e9 + stamp + 0.004:.6f}", *[""] * 6, *cells[6:]]))
+        first = cells[6:] if beside else [""] * 6
+        lines.append(",".join([f"{1.7e9 + stamp:.6f}", *cells[:6], *first]))
+        for k in range(1, beside or 2):
+            lines.append(",".join([f"{1.7e9 + stamp + 0.004 * k:.6f}", *[""] * 6, *cells[6:]]))
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     out = tmp_path / "rec.parquet"
     line = ["import", str(tmp_path / "log.csv"), "--skip-incomplete", "--out", str(out)]
     assert main([*line, "--guess", "--robot", "ur5", "--mode", "static"]) == 0
     recording = Recording.read(out)
-    assert np.array_equal(recording.wrench, values[:-1, 6:])  # the last one comes after all joints
-    assert np.abs(recording.q - values[:-1, :6]).max() < 0.01  # 4 ms into a pause of 3 s
+    each = np.repeat(values, beside or 1, axis=0)[: 1 - beside if beside else -1]
+    assert np.array_equal(recording.wrench, each[:, 6:])  # the last ones come after all joints
+    assert np.abs(recording.q - each[:, :6]).max() < 0.02  # some ms into a pause of 3 s
     assert main([*line[:-1], str(out), "--force", "--map", str(tmp_path / "rec.map.toml")]) == 0
 
 
-@pytest.mark.parametrize("stems", [("q_", "tau_"), ("pos_ur5_joint", "eff_ur5_joint")], ids=str)
+@pytest.mark.parametrize(
+    "stems",
+    [
+        ("q_{}", "tau_{}"), ("pos_ur5_joint{}", "eff_ur5_joint{}"), ("q[{}]", "tau_J[{}]"),
+        ("measured_joint_pos_A{}", "measured_torque_A{}", "external_torque_A{}"),
+        ("actual_q_{}", "actual_torque_{}", "target_moment_{}"),
+    ],
+    ids=str,
+)  # fmt: skip
 def test_torques_of_joints_are_never_a_wrench(tmp_path, log, capsys, stems):
     _, values = log
-    names = [f"{stem}{k}" for stem in stems for k in range(6)]
-    rows = [",".join(map(repr, row)) for row in values.tolist()]
+    names = [stem.format(k) for stem in (*stems[2:], *stems[:2]) for k in range(6)]
+    other = 6 * (len(stems) - 2)  # those that nobody measured stand first
+    rows = [",".join(map(repr, row[:other] + row)) for row in values.tolist()]
     (tmp_path / "log.csv").write_text("\n".join([",".join(names), *rows]) + "\n")
     line = ["import", str(tmp_path / "log.csv"), "--guess", "--out", str(tmp_path / "rec.parquet")]
     assert main(line) == 1

@@ -88,7 +88,7 @@ def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.
     """Convert clock values (N,) in units of ``size`` [s], counted from ``zero``, to times (N,)
     [ns]; a `MapError`, which begins with ``where``, if they do not advance or have another unit."""
     if values.dtype.kind in "iu":
-        t = (values.astype(np.int64) - round(zero)) * round(size * PER_S)
+        t = (continued(values) - round(zero)) * round(size * PER_S)
     else:
         seconds = (values - zero) * size
         if np.abs(seconds).max(initial=0.0) > _LATEST_S:
@@ -96,8 +96,20 @@ def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.
         t = np.rint(seconds * PER_S).astype(np.int64)
     bad = np.flatnonzero(np.diff(t) <= 0)
     if len(bad):
-        raise MapError(f"{where}, row {bad[0] + 1}: the clock does not advance")
+        raise MapError(
+            f"{where}, row {bad[0] + 1}: the clock does not advance; if the rows come evenly, "
+            "leave t out of the map and state rate_hz"
+        )
     return np.asarray(t)
+
+
+def continued(values: np.ndarray) -> np.ndarray:
+    """Counts (N,) of a clock, continued where its counter of 16 or 32 bits begins again at 0."""
+    counts = values.astype(np.int64)
+    for size in (2**16, 2**32):
+        fall = counts[:-1] - counts[1:]
+        counts[1:] += size * np.cumsum((fall > 0.9 * size) & (fall < size))
+    return np.asarray(counts)
 
 
 def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | None:

@@ -27,7 +27,8 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
     """Return all conventions (ways to read the columns) that explain most of the force, and a
     sentence on those not tried."""
     pairs = [*_pairs(tables, stated)]
-    notes = [
+    notes = [sheet.stalled for sheet in tables if sheet.stalled]
+    notes += [
         f"of {len(sheet.values)} columns the first {MOST_UNNAMED} without a name that says what "
         "they are were tried"
         for sheet in tables

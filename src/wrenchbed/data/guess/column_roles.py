@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wrenchbed.data.clock import continued
 from wrenchbed.data.column_map import ACCELERATION, ANGLES, ROTATION, UNITS
 from wrenchbed.data.recording import QUATERNION
 from wrenchbed.data.text_table import SKIP, Columns, read_text
@@ -36,17 +37,21 @@ _TOGETHER = (CHANNELS, QUATERNION, ROTATION, *ANGLES, ACCELERATION, ("gx", "gy",
 _INDEXED = re.compile(r"^(.*?)_?(\d+)$")
 _WRENCH_STEM = re.compile(r"wrench|force|(?:^|_)ft|f_ext|loadcell|gauge")
 _JOINT_STEM = re.compile(
-    r"^(?:.*_)?(?:q|joints?|j|axis|theta|jpos|jnt_?pos|(?:joint_?)?(?:positions?|angles?))$"
+    r"^(?:.*_)?(?:q|joints?|j|axis|axe|achse|theta|jpos|jnt_?pos|(?:joint_?)?(?:positions?|angles?)"
+    r"|joint_pos)(?:_[aj])?$"
 )
 NO_JOINT = re.compile(r"target|desired|command|vel|speed|current|torque|effort|qd|acc|_d$")
 _OTHER = re.compile(r"target|desired|command|vel|speed|current|gyro|omega|acc|temp|volt|power")
 """Names of what is no joint value; and of what is neither an orientation nor a wrench."""
 _OF_JOINTS = {
-    "tau": re.compile(r"^(?:.*_)?(?:tau(?:_?j)?|torques?|eff(?:orts?)?|moments?)$"),
-    "i": re.compile(r"^(?:.*_)?currents?$"),
-    "qd": re.compile(r"^(?:.*_)?(?:qd|dq|vel|velocit(?:y|ies)|speeds?)$"),
+    "tau": re.compile(r"^(?:.*_)?(?:tau|torques?|eff(?:orts?)?|moments?)(?:_?[aj])?$"),
+    "i": re.compile(r"^(?:.*_)?currents?(?:_[aj])?$"),
+    "qd": re.compile(r"^(?:.*_)?(?:qd|dq|vel|velocit(?:y|ies)|speeds?)(?:_[aj])?$"),
 }
 """Column of a recording → stem of numbered columns of joint torques, currents or speeds."""
+_NOT_MEASURED = re.compile(r"(?:^|_)(?:target|desired|command(?:ed)?|cmd|ext|external|des)(?:_|$)")
+_TORQUE = re.compile(r"torque|tau|moment")
+"""Names of what a controller wants or estimates, and of what is never a force."""
 _OF_A_JOINT = re.compile(
     r"^(eff|effort|tau|torque|current|vel|velocity)(?:_(?!ext)[a-z0-9]+)?_joint$"
 )
@@ -60,7 +65,7 @@ _SHORT_UNITS = {"ms": "ms", "us": "us", "ns": "ns", "deg": "deg", "rad": "rad", 
                 "mn": "mN", "mnm": "mN·m"}  # fmt: skip
 _BRACKETS = re.compile(r"[\[(]\s*([^\W\d][^\])]+?)\s*[\])]\s*$")
 """A unit, known or not, at the end of a name; one letter may be an axis."""
-_UNIT_NAMES = {unit.lower(): unit for unit in UNITS} | {
+_UNIT_NAMES = {unit.lower(): unit for unit in UNITS if not unit.isdigit()} | {
     "radian": "rad", "radians": "rad",
     "n-m": "N·m", "n m": "N·m", "n-mm": "Nmm", "°": "deg", "degrees": "deg", "grad": "deg",
     "sec": "s", "seconds": "s", "µs": "us", "m/s2": "m/s²", "in-lbf": "lbf-in", "kgf-m": "kgf·m",
@@ -133,6 +138,14 @@ class Sheet:
                 return Clock(name, values * UNITS[unit][1], unit)
         return None
 
+    @property
+    def stalled(self) -> str:
+        """Sentence on a column that is called a clock and is none; empty if there is none."""
+        if "t" not in self.roles or self.clock is not None or len(self) < 2:
+            return ""
+        row = int(np.argmin(np.diff(self.values[self.roles["t"]]) > 0)) + 1
+        return f"column {self.roles['t']!r} is no clock, as it does not advance at row {row}"
+
     @cached_property
     def largest(self) -> Mapping[str, float]:
         """Column → its largest absolute value."""
@@ -148,9 +161,12 @@ class Sheet:
         return rule(self.block(names, every)) and rule(self.block(names))
 
     def may_be(self, names: Sequence[str], *quantities: str) -> bool:
-        """Whether units of these columns, where stated, are of quantities such as ``force``."""
+        """Whether units of these columns, where stated, are of quantities such as ``force``, and no
+        name says that it is a torque if none of them is."""
         units = (self.units.get(name) for name in names)
-        return all(unit is None or UNITS[unit][0] in quantities for unit in units)
+        if not all(unit is None or UNITS[unit][0] in quantities for unit in units):
+            return False
+        return "torque" in quantities or not any(_TORQUE.search(plain(name)) for name in names)
 
     def windows(self, width: int, *quantities: str) -> Iterator[list[str]]:
         """Yield the names of every ``width`` adjacent columns without a role whose units, where
@@ -171,17 +187,24 @@ def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
         return [sheet_of(text)]
     names, rows = text.table.column_names, text.table.num_rows
     lacks = {name: text.lacks(name) for name in names}
-    frequent = text.complete([name for name in names if lacks[name].mean() <= 0.5])
+    rare = [name for name in names if lacks[name].mean() > 0.5]
+    frequent = text.complete([name for name in names if name not in rare])
+    tables = list[Sheet]()
     if frequent.table.num_rows > rows // 2:
-        return [sheet_of(frequent, frequent.table.num_rows < rows)]
+        tables, names = [sheet_of(frequent, frequent.table.num_rows < rows)], rare
+        clock = tables[0].clock
+        always = [clock.column, *filter(None, [tables[0].nanoseconds])] if clock else []
+    else:
+        always = [name for name in names if not lacks[name].any()]
     together: dict[bytes, list[str]] = {}
-    for name in names:
+    for name in names if always else ():
         if 0 < lacks[name].sum() < rows:
             together.setdefault(lacks[name].tobytes(), []).append(name)
-    always = [name for name in names if not lacks[name].any()]
-    parts = [[n for n in names if n in {*always, *group}] for group in together.values()]
-    wide = (text.complete(part).table.select(part) for part in parts)
-    return [sheet_of(replace(text, table=table, skipped=None), True) for table in wide]
+    for group in together.values():
+        part = [name for name in text.table.column_names if name in {*always, *group}]
+        table = text.complete(part).table.select(part)
+        tables.append(sheet_of(replace(text, table=table, skipped=None), True))
+    return tables
 
 
 def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
@@ -209,6 +232,8 @@ def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
     if not values:
         raise MapError(unread[0])
     roles = _roles(values)
+    if "t" in roles and values[roles["t"]].dtype.kind == "i":
+        values[roles["t"]] = continued(values[roles["t"]])
     parts = next((n for n in values if _PARTS.search(plain(n))), None)
     if (
         parts is not None
@@ -277,7 +302,9 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
         short = plain(name)
         hits = ((pattern.search(short), role) for pattern, role in _NAMED)
         match, role = next(((m, role) for m, role in hits if m), (None, ""))
-        if match:
+        if role == "t" and not _PARTS.search(short) and not _advances(values[roles.get("t", name)]):
+            roles["t"] = name  # of several names the first one whose values are a clock's
+        elif match:
             roles.setdefault(role.format(*match.groups()), name)
     for stem, names in _numbered(values, roles.values()).items():
         stem = _OF_A_JOINT.sub(r"\1", stem)
@@ -285,7 +312,8 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
         if joints and "q1" not in roles:
             roles |= {f"q{k}": name for k, name in enumerate(names, start=1)}
         for target, pattern in _OF_JOINTS.items() if len(names) > 4 else ():
-            if pattern.match(stem) and f"{target}1" not in roles:
+            measured = pattern.match(stem) and not _NOT_MEASURED.search(stem)
+            if measured and f"{target}1" not in roles:
                 roles |= {f"{target}{k}": name for k, name in enumerate(names, start=1)}
     from_zero = {f"r{i}{j}": f"r{i + 1}{j + 1}" for i in range(3) for j in range(3)}
     if from_zero.keys() <= roles.keys():
@@ -319,7 +347,7 @@ def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
 
 def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
     """Unit (s, ms, us, ns) of a clock: as stated, else by size and steps; None if it is none."""
-    if len(values) < 2 or not (np.diff(values) > 0).all():
+    if len(values) < 2 or not _advances(values):
         return None
     if stated in ("s", "ms", "us", "ns"):
         return stated
@@ -330,6 +358,12 @@ def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
     if values.dtype.kind != "i" or step < 1.0:
         return "s"
     return "ms" if step < 200.0 else "us" if step < 2e5 else "ns"
+
+
+def _advances(values: np.ndarray) -> bool:
+    """Whether each value is larger than the one before, for a counter that may overflow."""
+    values = continued(values) if values.dtype.kind == "i" else values
+    return bool((np.diff(values) > 0).all())
 
 
 def _steady(values: np.ndarray) -> bool:

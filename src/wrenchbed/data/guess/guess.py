@@ -137,9 +137,8 @@ def guess(
     tables = [sheet for path in paths for sheet in sheets_of(path, skip_incomplete)]
     fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
-    if not fitting and len(tables) == 1:
-        named = _by_names(tables[0], stated, mode)
-        if named is not None:
+    for sheet in tables if len(paths) == 1 and not fitting else ():
+        if (named := _by_names(sheet, stated, mode)) is not None:
             return Guess((), (named[0],), (), by_names=named[1])
     if not fitting:
         raise MapError(f"{_nothing(tables, stated.robot)}{more}")
@@ -238,9 +237,7 @@ def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str,
     q = sheet.block(reading.names).astype(float)
     rows = gather(None if clock is None else clock.t, q, np.zeros((len(sheet), 6)))
     unit = next((u for c in efforts.values() if (u := sheet.units.get(c))), None)
-    columns: dict[str, Mapping[str, Any]] = {}
-    if clock is not None:
-        columns["t"] = {"column": clock.column, "unit": clock.unit}
+    columns = _clock_entry(sheet)
     for joint, (target, column) in zip(robot.joints, reading.targets.items(), strict=True):
         size = reading.unit if joint.unit == "rad" else "m"
         columns[target] = {"column": column, "unit": size}
@@ -249,12 +246,14 @@ def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str,
     if stated.tool_mass is not None:
         recording["tool"] = {"mass": stated.tool_mass}
     taken = "" if unit else ", as no name states a unit"
-    sentence = (
-        f"{reading.kind}, {what} in {unit or _USUAL_EFFORT[kind]}{taken}, no wrench: by the names"
-    )
+    sentence = f"{reading.kind}, {what} in {unit or _USUAL_EFFORT[kind]}{taken}, no wrench"
+    sentence += ": by the names"
+    if sheet.loads:
+        sentence += f"; not used: a wrench, {sheet.loads[0]['fx']} …, that no weight explains"
     if clock is None and recording["mode"] == "static":
         sentence += "; no clock: each row is a pose at rest, else state mode and rate_hz in the map"
-    return {"recording": recording, "file": [{"match": "*", "columns": columns}]}, sentence
+    skip = {"skip_incomplete": True} if sheet.incomplete else {}
+    return {"recording": recording, "file": [{"match": "*", **skip, "columns": columns}]}, sentence
 
 
 def _unexplained(best: Convention) -> str:
@@ -362,10 +361,8 @@ def raw_map(
         columns = dict(wrench) if sheet is load else {}
         if sheet is c.pairing.sheet:
             columns |= _turn_columns(c)
-        time = sheet.clock
-        if time is not None and time.column not in {x["column"] for x in columns.values()}:
-            parts = {} if sheet.nanoseconds is None else {"nanoseconds": sheet.nanoseconds}
-            columns = {"t": {"column": time.column, "unit": time.unit} | parts} | columns
+        if sheet.clock and sheet.clock.column not in {x["column"] for x in columns.values()}:
+            columns = _clock_entry(sheet) | columns
         if "temperature" in sheet.roles:
             columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
         if "segment" in sheet.roles and sheet is load:
@@ -378,6 +375,14 @@ def raw_map(
     axes = {"wrench": {"axes": "base"}} if c.in_base else {}
     inverse = {"orientation": {"inverse": True}} if c.inverse else {}
     return {"recording": recording} | axes | inverse | {"file": entries}
+
+
+def _clock_entry(sheet: Sheet) -> dict[str, dict[str, Any]]:
+    """Map entry of a table's clock; empty if it has none."""
+    if sheet.clock is None:
+        return {}
+    parts = {} if sheet.nanoseconds is None else {"nanoseconds": sheet.nanoseconds}
+    return {"t": {"column": sheet.clock.column, "unit": sheet.clock.unit} | parts}
 
 
 def _pattern(name: str, names: Sequence[str]) -> str:
