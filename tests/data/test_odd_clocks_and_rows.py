@@ -70,8 +70,16 @@ def seconds_and_parts(moment):
     ("names", "stamp"),
     [
         ("t", lambda s: (MIDNIGHT + timedelta(seconds=s)).isoformat() + "Z"),
-        ("stamp", lambda s: f"{MIDNIGHT + timedelta(seconds=s):%Y/%m/%d %H:%M:%S.%f}"),
-        ("time", lambda s: f"{MIDNIGHT + timedelta(seconds=s):%H:%M:%S:%f}"),
+        *(
+            ("stamp", lambda s, form=form: f"{MIDNIGHT + timedelta(seconds=s):{form}}")
+            for form in (
+                "%Y/%m/%d %H:%M:%S.%f",
+                "%H:%M:%S:%f",
+                "%d.%m.%Y %H:%M:%S.%f",
+                "%m/%d/%Y %I:%M:%S.%f %p",
+                "%d-%b-%Y %H:%M:%S.%f",
+            )
+        ),
         ("secs,nsecs", lambda s: ",".join(seconds_and_parts(round(s * 1e9)))),
         ("stamp.sec,stamp.nanosec", lambda s: ",".join(seconds_and_parts(round(s * 1e9)))),
         (
@@ -79,7 +87,17 @@ def seconds_and_parts(moment):
             lambda s: f"7,{(2**32 - 5_000_000 + round(s * 1e6)) % 2**32}",
         ),
     ],
-    ids=["iso", "slashes", "over midnight", "secs", "ros 2", "a counter that overflows"],
+    ids=[
+        "iso",
+        "slashes",
+        "over midnight",
+        "German",
+        "of Excel",
+        "of MATLAB",
+        "secs",
+        "ros 2",
+        "a counter that overflows",
+    ],
 )
 def test_a_clock_of_text_or_of_two_columns_is_a_clock(tmp_path, log, names, stamp):
     t, values = log
@@ -100,7 +118,7 @@ def test_rows_without_a_value_are_left_out_where_that_is_asked_for(tmp_path, log
     t, values = log
     path = write(
         tmp_path / "log.csv", [",".join(("t", *NAMES))], map(repr, t.tolist()), values,
-        lambda cells, row: [*cells[:8], "" if row in (7, 50) else cells[8], *cells[9:]],
+        lambda cells, row: [*cells[:8], {7: "", 50: "-"}.get(row, cells[8]), *cells[9:]],
     )  # fmt: skip
     path.write_text(path.read_text()[:-30])  # stopped within the last row
     out = str(tmp_path / "rec.parquet")
@@ -141,7 +159,8 @@ def test_topics_with_rows_of_their_own_in_one_table_are_put_together_by_the_cloc
 @pytest.mark.parametrize(
     "stems",
     [
-        ("q_{}", "tau_{}"), ("pos_ur5_joint{}", "eff_ur5_joint{}"), ("q[{}]", "tau_J[{}]"),
+        ("q_{}", "tau_{}"), ("angle_{}", "torque_{}"), ("q[{}]", "tau_J[{}]"),
+        ("pos_ur5_joint{}", "eff_ur5_joint{}"),
         ("measured_joint_pos_A{}", "measured_torque_A{}", "external_torque_A{}"),
         ("actual_q_{}", "actual_torque_{}", "target_moment_{}"),
     ],

@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 975,
     "cli": 2726,
-    "data": 5507,
+    "data": 5487,
     "diagnosis": 13053,
     "drives": 1737,
     "effects": 5001,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78988,
-    "src/wrenchbed": 69499,
+    "src": 78968,
+    "src/wrenchbed": 69479,
     "src/robot_emulators": 9489,
-    "tests": 38222,
+    "tests": 38241,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -6,6 +6,7 @@ seconds would lose the last of them.
 
 import re
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime, time, timedelta
 from itertools import pairwise
 
@@ -43,6 +44,13 @@ _LATEST_S = 9e9
 """Largest time [s], in the year 2255: a larger one is in another unit."""
 _MARK = re.compile(r"(:\d\d:\d\d)[:,](?=\d)")
 """Where some programs write a colon or comma before the parts of a second."""
+_WHOLE = re.compile(r"(:\d\d:\d\d)(?![.\d])")
+_LOCAL = [
+    f"{day}{hour}"
+    for day in ("%d.%m.%Y ", "%m-%d-%Y ", "%d-%m-%Y ", "%d-%b-%Y ", "")
+    for hour in ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
+]
+"""Time stamps that are not of ISO 8601: of Excel in two countries, of MATLAB, and with AM or PM."""
 _DAY = 86_400 * 1_000_000_000
 """A day [ns]."""
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -61,9 +69,12 @@ def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
         return np.asarray(stamps.to_numpy())
     if not pa.types.is_string(kind) and not pa.types.is_time(kind):
         return None
-    try:
-        moments = [_moment(str(text)) for text in column.to_pylist()]
-    except ValueError:
+    moments = list[datetime]()
+    for form in ("", *_LOCAL):
+        with suppress(ValueError):
+            moments = [_moment(str(text), form) for text in column.to_pylist()]
+            break
+    if not moments:
         return None
     t = np.array([(m - _EPOCH) // timedelta(microseconds=1) for m in moments]) * 1_000
     if max(moments) - _EPOCH > timedelta(days=1):
@@ -72,11 +83,14 @@ def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
     return np.asarray(t + _DAY * passed)
 
 
-def _moment(text: str) -> datetime:
-    """Parse a time stamp; without a date it is of 1 January 1970. A `ValueError` if it is none."""
+def _moment(text: str, form: str) -> datetime:
+    """Parse a stamp of ISO 8601 or of a ``form``; without a date it is of 1970. A `ValueError`."""
     text = _MARK.sub(r"\1.", text.strip().replace("/", "-"))
     if ":" not in text:
         raise ValueError(f"{text} is no stamp of time")
+    if form:
+        moment = datetime.strptime(_WHOLE.sub(r"\1.0", text), form).replace(tzinfo=UTC)
+        return moment if moment.year > _EPOCH.year else moment.replace(year=_EPOCH.year)
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
@@ -97,8 +111,8 @@ def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.
     bad = np.flatnonzero(np.diff(t) <= 0)
     if len(bad):
         raise MapError(
-            f"{where}, row {bad[0] + 1}: the clock does not advance; if the rows come evenly, "
-            "leave t out of the map and state rate_hz"
+            f"{where}, row {bad[0] + 1}: the clock does not advance: leave out rows that repeat "
+            "others, or if all come evenly leave t out of the map and state rate_hz"
         )
     return np.asarray(t)
 
@@ -225,8 +239,7 @@ def own_clock(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple
 
 
 def _one_earlier(frame: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Correct frame numbers (N,): the row behind a lost frame gets the lost frame's number if the
-    joints q (N, J) show that it was only late."""
+    """Frame numbers (N,), lower by 1 where the joints q (N, J) show that a frame was only late."""
     row = 1 + np.flatnonzero(np.diff(frame)[:-1] >= 2)
     before, behind = q[row - 1], q[row + 1]
     misses = []

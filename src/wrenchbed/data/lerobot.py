@@ -204,8 +204,7 @@ def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarra
 
 
 def _pairs(stated: checked.Fields, key: str, joints: int, what: str) -> np.ndarray:
-    """Two different numbers for each of ``joints`` joints (J, 2), as the map states them under
-    ``key``; ``what`` says in an error what they are."""
+    """Pairs (J, 2) of different numbers, a joint each, under ``key``; ``what`` is for an error."""
     try:
         result = np.asarray(stated.raw.get(key), dtype=float)
     except (TypeError, ValueError):

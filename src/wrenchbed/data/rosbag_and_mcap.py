@@ -139,8 +139,7 @@ class MessageRows:
 
 
 def _at(message: Any, path: Sequence[str], names: Sequence[str]) -> Any:
-    """Value at a path of field names in a message, None if missing; in a list, a joint's name
-    stands for its index in ``names``."""
+    """Value at a path of fields in a message, or None; in a list, of ``names``, a joint's name."""
     value = message
     for depth, part in enumerate(path):
         inner = _get(value, part)
@@ -197,11 +196,12 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
     topics: dict[str, str] = {}
     decoders: dict[Channel, Callable[[bytes], Any]] = {}
     where = "not a log that can be read"
+    messages = _of_mcap if path.suffix == ".mcap" else _of_bag
     try:
         if topic is None:
-            deque(_messages(path, None, topics), maxlen=0)
+            deque(messages(path, None, topics), maxlen=0)
             topic = _chosen(path, topic, topics)
-        for channel, now, data in _messages(path, topic, topics):
+        for channel, now, data in messages(path, topic, topics):
             where = f"topic {topic!r} ({channel.kind}), message {rows.seen + 1}"
             if channel not in decoders:
                 decoders[channel] = _decoder(channel)
@@ -254,15 +254,8 @@ def _line(error: Exception) -> str:
     return (str(error) or type(error).__name__).splitlines()[0]
 
 
-def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield a topic's encoded messages in the order of the file; none if ``topic`` is None. The
-    dict ``topics`` is filled: name of every topic → type of its messages."""
-    return (_of_mcap if path.suffix == ".mcap" else _of_bag)(path, topic, topics)
-
-
 def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield a topic's messages from an MCAP file, in file order; none if ``topic`` is None. Fill
-    the dict ``topics``: name of every topic → message type."""
+    """Yield a topic's messages of an MCAP file in its order; fill ``topics``: topic → type."""
     library = registry.require("mcap.stream_reader", "logs")
     kinds = registry.require("mcap.records", "logs")
     schemas: dict[int, Any] = {}
@@ -304,8 +297,7 @@ def _channel_of_mcap(record: Any, schema: Any) -> Channel:
 
 
 def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Yield a topic's messages from a ROS 1 or 2 bag, in file order; none if ``topic`` is None.
-    Fill the dict ``topics``: name of every topic → message type."""
+    """Yield a topic's messages of a ROS bag in its order; fill ``topics``: topic → type."""
     bag1 = path.suffix == ".bag"
     library = registry.require(f"rosbags.rosbag{1 if bag1 else 2}.reader", "logs")
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path

@@ -35,7 +35,7 @@ BLANKS = " "
 """The separator that stands for any number of blanks and tabs."""
 _COMMENT = re.compile(r"^\s*(?:#+|%+|//)\s*")
 _COMMA_NUMBER = re.compile(r"^[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?$")
-_NULLS = ["", *"nan NaN NAN null NULL none None NA N/A #N/A -nan -NaN -nan(ind)".split()]
+_NULLS = ["", *"nan NaN NAN null NULL none None NA N/A #N/A - -nan -NaN -nan(ind)".split()]
 """Texts that programs write for a missing number."""
 SKIP = "; --skip-incomplete leaves such rows out"
 """End of a message about a missing number in an import: the remedy."""
@@ -177,8 +177,7 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
 
 
 def _check_cut(path: Path, layout: Layout, cells: int) -> None:
-    """Raise `MapError` for a row with more or fewer cells than ``cells``, but the last if cut
-    off."""
+    """Raise `MapError` for a row of other than ``cells`` cells, but for the last if cut off."""
     rows = enumerate(_rows(path, layout.skipped))
     for row, (line, text) in rows:
         count = len(split(text, layout.separator))

@@ -90,8 +90,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
-    """Yield conventions, each with its fit, of a wrench and a reading as its orientation:
-    orientation inverse or not, wrench in base or body axes, each mount."""
+    """Yield fitted conventions: orientation inverse or not, wrench in base or body axes, mounts."""
     poses = pairing.poses(reading)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:
@@ -111,8 +110,7 @@ def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Conv
 
 
 def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
-    """Fraction of the force (P,) that each of P pairs leaves unexplained, by a few of its rows;
-    infinite where the columns are no rotation."""
+    """Fraction of the force (P,) that each pair leaves in a few rows; infinite if no rotation."""
     shares = np.full(len(pairs), np.inf)
     of_reading: dict[tuple[int, int, str, tuple[str, ...]], list[int]] = {}
     for k, (pairing, reading) in enumerate(pairs):

@@ -100,17 +100,17 @@ def orientations(sheet: Sheet) -> Iterator[Reading]:
 
 def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
     """Yield the ways to read 16 columns as a pose matrix (4, 4), row by row or column by column."""
-    for what, order in (("by rows", (0, 1, 2)), ("by columns", (0, 2, 1))):
+    by_columns = [name for k in range(4) for name in names[k::4]]
+    for what, order in (("by rows", names), ("by columns", by_columns)):
+        if sheet.obeys(order, _is_pose):
+            turn = [*order[:3], *order[4:7], *order[8:11]]
+            yield Reading(f"pose {what}", dict(zip(ROTATION, turn, strict=True)))
 
-        def is_pose(m: np.ndarray, order: tuple[int, ...] = order) -> bool:
-            pose = m.reshape(-1, 4, 4).transpose(order)
-            last = np.abs(pose[:, 3] - [0, 0, 0, 1]).max() < _NORM
-            return bool(last and _turns(pose[:, :3, :3]))
 
-        if sheet.obeys(names, is_pose):
-            place = np.arange(16).reshape(1, 4, 4).transpose(order)[0, :3, :3].ravel()
-            columns = {r: names[p] for r, p in zip(ROTATION, place.tolist(), strict=True)}
-            yield Reading(f"pose {what}", columns)
+def _is_pose(columns: np.ndarray) -> bool:
+    """Whether all matrices in ``columns`` (N, 16) are poses."""
+    pose = columns.reshape(-1, 4, 4)
+    return bool(np.abs(pose[:, 3] - [0, 0, 0, 1]).max() < _NORM and _turns(pose[:, :3, :3]))
 
 
 def _matrices(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:

@@ -60,9 +60,7 @@ _PARTS = re.compile(r"_?n(?:ano)?_?sec(?:ond)?s?$")
 """End of the name of a column with the parts of a second, and of one with whole seconds."""
 _SECONDS = re.compile(r"_?sec(?:ond)?s?$")
 _UNIT_AT_END = re.compile(r"^(.*?)\s*[\[(/]\s*([^\])]+?)\s*[\])]?\s*$")
-_SHORT_UNITS = {"ms": "ms", "us": "us", "ns": "ns", "deg": "deg", "rad": "rad", "sec": "s",
-                "degrees": "deg", "nmm": "Nmm", "nm": "Nm", "kgf": "kgf", "lbf": "lbf",
-                "mn": "mN", "mnm": "mN·m"}  # fmt: skip
+_SHORT_UNITS = "ms us ns deg rad sec degrees nmm nm kgf lbf mn mnm".split()
 _BRACKETS = re.compile(r"[\[(]\s*([^\W\d][^\])]+?)\s*[\])]\s*$")
 """A unit, known or not, at the end of a name; one letter may be an axis."""
 _UNIT_NAMES = {unit.lower(): unit for unit in UNITS if not unit.isdigit()} | {
@@ -234,15 +232,11 @@ def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
     roles = _roles(values)
     if "t" in roles and values[roles["t"]].dtype.kind == "i":
         values[roles["t"]] = continued(values[roles["t"]])
-    parts = next((n for n in values if _PARTS.search(plain(n))), None)
-    if (
-        parts is not None
-        and "t" in roles
-        and _PARTS.sub("", plain(parts)) == _SECONDS.sub("", plain(roles["t"]))
-    ):
+    whole = _SECONDS.sub("", plain(roles["t"])) if "t" in roles else None
+    ends = (name for name in values if _PARTS.search(plain(name)))
+    parts = next((name for name in ends if _PARTS.sub("", plain(name)) == whole), None)
+    if parts is not None:
         values[roles["t"]], units[roles["t"]] = values[roles["t"]] + 1e-9 * values[parts], "s"
-    else:
-        parts = None
     loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
     loads += _numbered_wrenches(values)
     for name in (c for load in loads for c in load.values()):
@@ -292,7 +286,7 @@ def unit_of(name: str) -> str | None:
     if match and match[1] and match[2].lower() in _UNIT_NAMES:
         return _UNIT_NAMES[match[2].lower()]
     end = re.sub(r"[^a-z0-9]+", "_", name.lower()).rpartition("_")[2]
-    return _SHORT_UNITS.get(end) if end != name.lower() else None
+    return _UNIT_NAMES[end] if end in _SHORT_UNITS and end != name.lower() else None
 
 
 def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
@@ -326,8 +320,7 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 
 def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, list[str]]:
-    """Stem → columns whose names are this stem and a number, in the order of the numbers; columns
-    in ``taken`` are left out."""
+    """Stem → columns, not in ``taken``, named by it and a number, in the order of the numbers."""
     stems: dict[str, dict[int, str]] = {}
     for name in values:
         match = _INDEXED.match(plain(name))
@@ -340,7 +333,8 @@ def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
     """Yield wrenches, channel → column, of six numbered columns each; robots log several."""
     stems = _numbered(values)
     sixes = [names for stem, names in stems.items() if _WRENCH_STEM.search(stem)]
-    for names in [*sixes, [*stems.get("force", ()), *stems.get("torque", ())]]:
+    threes = [names for stem in ("force", "torque") if len(names := stems.get(stem, [])) == 3]
+    for names in [*sixes, [name for three in threes for name in three]]:
         if len(names) == 6:
             yield dict(zip(CHANNELS, names, strict=True))
 

@@ -20,7 +20,7 @@ from wrenchbed import registry
 from wrenchbed.data.column_map import ACCELERATION, ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.candidates import candidates
-from wrenchbed.data.guess.column_readings import joints, orientations, wrenches
+from wrenchbed.data.guess.column_readings import Reading, joints, orientations, wrenches
 from wrenchbed.data.guess.column_roles import Sheet, is_of_wrench, sheets_of
 from wrenchbed.data.guess.convention import Convention, Pairing, gather
 from wrenchbed.data.guess.user_facts import NOTHING, Stated
@@ -173,8 +173,14 @@ def guess(
     gravity = stated.gravity_size(tables)
     whole = [w for c in usual.values() for w in _signs_and_units(c, gravity, stated.mass)]
     if not whole:
+        unit = pair.load.units.get(pair.wrench["fx"], "N")
+        tool = f"{_MASSES[0]} … {_MASSES[1]} kg" if stated.mass is None else f"{stated.mass:g} kg"
         raise MapError(
-            f"{tables[0].path}: {best.words()} fits, but {_no_tool(best, gravity, stated.mass)}"
+            f"{tables[0].path}: {best.words()} fits, but in no usual unit is the load a tool of "
+            f"{tool} at {_LEVERS[0]} … {_LEVERS[1]} m; in {unit} it is "
+            f"{abs(best.fit.weight) * SIZES[unit][1] / gravity:.3g} kg: are these mN or gf? "
+            "--tool-mass KG decides. Counts of a converter need --map, whose `per` is the count of "
+            "a unit"
         )
     chosen = tuple(sorted(whole, key=lambda c: c.cost))
     maps = tuple(raw_map(c, tables, stated, mode) for c in chosen)
@@ -194,23 +200,6 @@ def _check(paths: Sequence[Path], stated: Stated) -> None:
             f"{logs[0]}: --guess reads text files; a log's topics and fields have names: give "
             f"--map, a file or one of {', '.join(ready())}"
         )
-
-
-def _no_tool(c: Convention, size: float, mass: float | None) -> str:
-    """Reason why in no pair of units the load of convention c is a tool, or one of a stated
-    ``mass`` [kg]; ``size``: gravity's [m/s²]."""
-    if mass is None:
-        return (
-            f"in no usual unit is the load a tool of {_MASSES[0]} … {_MASSES[1]} kg at "
-            f"{_LEVERS[0]} … {_LEVERS[1]} m: are these mN or gf? --tool-mass KG decides. Counts of "
-            "a converter need --map, whose `per` is the count of a unit"
-        )
-    unit = c.pairing.load.units.get(c.pairing.wrench["fx"], "N")
-    found = abs(c.fit.weight) * SIZES[unit][1] / size
-    return (
-        f"in no unit is the load the tool of {mass:g} kg that is stated: in {unit} it is "
-        f"{found:.3g} kg"
-    )
 
 
 def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
@@ -233,24 +222,19 @@ def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str,
         raise MapError(
             f"{sheet.path}: {len(efforts)} {what}; {stated.robot} has {len(robot.joints)} joints"
         )
-    clock = sheet.clock
-    q = sheet.block(reading.names).astype(float)
-    rows = gather(None if clock is None else clock.t, q, np.zeros((len(sheet), 6)))
+    t = None if sheet.clock is None else sheet.clock.t
+    rows = gather(t, sheet.block(reading.names).astype(float), np.zeros((len(sheet), 6)))
     unit = next((u for c in efforts.values() if (u := sheet.units.get(c))), None)
-    columns = _clock_entry(sheet)
-    for joint, (target, column) in zip(robot.joints, reading.targets.items(), strict=True):
-        size = reading.unit if joint.unit == "rad" else "m"
-        columns[target] = {"column": column, "unit": size}
+    words = unit or f"{_USUAL_EFFORT[kind]}, as no name states a unit"
+    columns = _clock_entry(sheet) | _turn_columns(reading)
     columns |= {t: {"column": c, "unit": unit or _USUAL_EFFORT[kind]} for t, c in efforts.items()}
     recording: dict[str, Any] = {"robot": stated.robot, "mode": mode or rows.mode}
     if stated.tool_mass is not None:
         recording["tool"] = {"mass": stated.tool_mass}
-    taken = "" if unit else ", as no name states a unit"
-    sentence = f"{reading.kind}, {what} in {unit or _USUAL_EFFORT[kind]}{taken}, no wrench"
-    sentence += ": by the names"
+    sentence = f"{reading.kind}, {what} in {words}, no wrench: by the names"
     if sheet.loads:
         sentence += f"; not used: a wrench, {sheet.loads[0]['fx']} …, that no weight explains"
-    if clock is None and recording["mode"] == "static":
+    if t is None and recording["mode"] == "static":
         sentence += "; no clock: each row is a pose at rest, else state mode and rate_hz in the map"
     skip = {"skip_incomplete": True} if sheet.incomplete else {}
     return {"recording": recording, "file": [{"match": "*", **skip, "columns": columns}]}, sentence
@@ -266,11 +250,11 @@ def _unexplained(best: Convention) -> str:
 
 
 def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
-    """Sentences on what was assumed, columns not used, and ``untried``, that on what was not
-    tried."""
+    """Sentences on what was assumed, not used, and ``untried``, that on what was not tried."""
     notes = [untried] if untried else []
     if c.reading.robot is not None and stated.robot is None:
         notes.append(f"no --robot is stated: {c.reading.robot}'s joints explain it")
+    notes += [f"not used: {why.partition(': ')[2]}" for s in tables for why in s.unread[:3]]
     used = set(c.pairing.wrench.values())
     if unused := [n for sheet in tables for n in sheet.values if is_of_wrench(n) and n not in used]:
         names = f"{unused[0]} … {unused[-1]}"
@@ -360,7 +344,7 @@ def raw_map(
     for sheet in sorted(tables, key=lambda sheet: sheet is not load):
         columns = dict(wrench) if sheet is load else {}
         if sheet is c.pairing.sheet:
-            columns |= _turn_columns(c)
+            columns |= _turn_columns(c.reading)
         if sheet.clock and sheet.clock.column not in {x["column"] for x in columns.values()}:
             columns = _clock_entry(sheet) | columns
         if "temperature" in sheet.roles:
@@ -395,11 +379,12 @@ def _pattern(name: str, names: Sequence[str]) -> str:
     return f"*{escape(name[same:])}" if same and apart else escape(name)
 
 
-def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
-    targets, unit = c.reading.targets, c.reading.unit
+def _turn_columns(reading: Reading) -> dict[str, dict[str, Any]]:
+    """Map entries of the columns of an orientation or of joints."""
+    targets, unit = reading.targets, reading.unit
     units = dict.fromkeys(targets, unit)
-    if c.reading.robot is not None:
-        joints = registry.load("robots", c.reading.robot).joints
+    if reading.robot is not None:
+        joints = registry.load("robots", reading.robot).joints
         units = {t: unit if j.unit == "rad" else "m" for t, j in zip(targets, joints, strict=True)}
     return {t: {"column": n} | ({"unit": units[t]} if unit else {}) for t, n in targets.items()}
 
