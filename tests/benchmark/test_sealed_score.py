@@ -73,7 +73,14 @@ def test_probabilities_and_targets_stand_on_the_first_screen(family, tmp_path):
     text = re.sub(r"<script.*?</script>|<svg.*?</svg>", "", html, flags=re.DOTALL)
     assert "`" not in text and "<code>unknown</code>" in text
     assert "<p>None.</p>" in text and "<tbody>\n</tbody>" not in text
-    (targets,) = found.cards
+    *good, targets = found.cards
+    assert [card.figure.split()[-1] for card in good] == [
+        "right",
+        "isolated",
+        "unknown",
+        "otherwise",
+    ]
+    assert all(card.figure in found.lead and "; target " in card.text for card in good)
     marks = [row[1] for row in tables[0].rows]
     met, marked = sum(m.endswith(" ✓") for m in marks), sum("✓" in m or "✗" in m for m in marks)
     assert targets.figure == f"{met} of {marked} met" and 0 < met < marked

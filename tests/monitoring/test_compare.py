@@ -135,7 +135,10 @@ def test_the_terminal_page_and_json_say_the_same(fits, capsys):
     assert f"{mass['sigmas']:+.1f}" in shown and told["changed"] is True
     assert "…" not in shown and " -" not in shown  # nothing is cut at 80 columns
     html = page.read_text(encoding="utf-8")
-    assert "◔ changed" in html and "1 of 13 numbers" in html and f"{mass['sigmas']:.1f} σ" in html
+    assert (
+        "◔ changed" in html and "1 of 13 numbers" in html and f"{mass['sigmas']:.1f} σ</p>" in html
+    )
+    assert "of 13 it counts from 3.4 σ on" in html.replace("\u00a0", " ")
     assert html.count('<tr class="best">') == 1
 
 
@@ -147,4 +150,5 @@ def test_what_no_compared_number_explains_is_a_change(tmp_path):
     assert found.changed and not any(c.changed for c in found.changes)
     assert found.sentences[0].startswith("what these numbers do not explain went from 1.")
     assert len(found.sentences[0]) < 85 and "diagnose" in found.sentences[1]  # two lines on A4
-    assert re.search("No number by.*No number decides.*Find the", found.page().html(), re.S)
+    ratio = re.search(r'"big">([\d.]+) ×</p>.*it counts from 3 times on', found.page().html(), re.S)
+    assert float(ratio[1]) > 3.0

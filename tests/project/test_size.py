@@ -7,13 +7,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 538,
-    "benchmark": 7723,
+    "benchmark": 7737,
     "calibration": 5106,
     "campaigns": 1145,
     "channels": 975,
     "cli": 2726,
     "data": 5487,
-    "diagnosis": 13053,
+    "diagnosis": 13055,
     "drives": 1737,
     "effects": 5001,
     "environments": 588,
@@ -21,12 +21,12 @@ WRENCHBED = {
     "files": 576,
     "hardware": 6669,
     "jobs": 556,
-    "monitoring": 1378,
-    "pages": 1253,
+    "monitoring": 1407,
+    "pages": 1254,
     "physics": 1043,
     "planning": 1037,
     "plant": 761,
-    "reports": 2132,
+    "reports": 2146,
     "robots": 4360,
     "sensors": 301,
     "simulation": 1343,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78968,
-    "src/wrenchbed": 69479,
+    "src": 79028,
+    "src/wrenchbed": 69539,
     "src/robot_emulators": 9489,
-    "tests": 38241,
+    "tests": 38258,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

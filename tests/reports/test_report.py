@@ -178,6 +178,10 @@ def test_a_claim_names_its_elements_and_no_other(springy):
         assert sentence in words.headline and words.place == f"In {place}"
         assert "free" not in words.headline
     assert set(blame(words.d.to_json())) == {"joint 2", "joint 3", "joint 4"}
+    seen = [Finding("joint 2", 0.2, 1e-3, "Joint 2 is seen.")]
+    page = undrawn(replace(changed(springy, which=[words.d.which[0]]), places=seen))
+    assert "Joint 2 is seen" not in page and "error of joint 2" not in page
+    assert re.search("joint.compliance, joint 2, 3 or 4[^<]*: probability", page)
 
 
 def test_the_first_screen_says_no_more_than_is_there(springy):

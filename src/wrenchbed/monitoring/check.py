@@ -20,7 +20,7 @@ from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import HistoryError, PlanError
 from wrenchbed.monitoring import history
-from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of, significant
+from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of, largest, significant
 from wrenchbed.monitoring.history import Check
 from wrenchbed.monitoring.steps import FITTED, History, tangents
 from wrenchbed.pages import ReportPage
@@ -171,7 +171,11 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
     else:
         headline = f"healthy: no change in {n} checks since {first.time:%Y-%m-%d}"
     ends = f"{begin} checks from {first.day}", f"{n - begin} checks to {checks[-1].day}"
-    comparison = Comparison("checks", *ends, changes, None, (), (headline,), changed)
+    decides = largest(changes, level, series.step(begin).freedom) if begin else ("", "")
+    if changed and not any(c.changed for c in changes):
+        p = p_value(series.step(begin).misfit)
+        decides = f"p {p}", f"What these numbers do not explain; it counts below p {LEVEL:g}."
+    comparison = Comparison("checks", *ends, changes, None, (), (headline,), changed, decides)
     return Judgement(verdict, comparison, series, judged, begin, alarms)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc, stdtr  # scipy.stats takes a second to load
+from scipy.special import chdtrc, stdtr, stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.data.overwrite_rules import Kind, kind_of
@@ -29,6 +29,8 @@ MISFIT_GROWS = 3.0
 """Least ratio of both misfits that is a change: that of 24 healthy poses of a UR5 reaches 1.6."""
 _KINDS = {"a fit": "fits", "a recording": "recordings"}
 _UNEXPLAINED = "what these numbers do not explain went from {:.1f} to {:.1f} times the noise"
+_GROWN = f"{{}}; it counts from {MISFIT_GROWS:g} times on. No number by itself changed."
+_TOGETHER = f"All {{}} numbers together; it counts below p {LEVEL:g}. No number by itself changed."
 _SUSPECTS = "a joint, the base, a cable or a contact may have changed, see `wrenchbed diagnose`"
 _SINGULAR = 1e-10
 """Relative eigenvalue below which a combination of numbers is not determined by both fits."""
@@ -88,6 +90,8 @@ class Comparison:
         left: sentences on what could not be compared, and why.
         sentences: summary for people, the most important first.
         changed: whether anything changed.
+        decides: the figure that decides, as ``4.1 σ``, and a sentence with the limit from which it
+            counts; both empty where no number is compared.
     """
 
     kind: str
@@ -98,6 +102,7 @@ class Comparison:
     left: tuple[str, ...]
     sentences: tuple[str, ...]
     changed: bool
+    decides: tuple[str, str] = ("", "")
 
     def to_json(self) -> dict[str, Any]:
         """Convert to a JSON object, as `wrenchbed compare --json` prints it."""
@@ -185,8 +190,13 @@ def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) 
         sentences[:0] = [_UNEXPLAINED.format(*left), _SUSPECTS]
     if changed or not grown:
         sentences.insert(0, _headline(changes, together))
-    changed |= grown
-    return Comparison(kind, *names, changes, together, tuple(uncompared), tuple(sentences), changed)
+    decides = largest(changes)
+    if not any(c.changed for c in changes) and grown:
+        decides = f"{max(left) / min(left):.1f} ×", _GROWN.format(sentences[0])
+    elif not any(c.changed for c in changes) and changed:
+        decides = f"p {p_value(together['p'])}", _TOGETHER.format(len(changes))
+    left_out, texts = tuple(uncompared), tuple(sentences)
+    return Comparison(kind, *names, changes, together, left_out, texts, changed or grown, decides)
 
 
 def _misfit(fit: checked.Fields) -> float:
@@ -247,6 +257,19 @@ def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
     return passed
 
 
+def largest(
+    changes: Sequence[Change], level: float = LEVEL, freedom: float = np.inf
+) -> tuple[str, str]:
+    """Text of the largest difference in σ, and a sentence that names it and the limit from which it
+    counts at a ``level``, by Student's t with ``freedom``; empty without changes."""
+    if not changes:
+        return "", ""
+    most, count = max(changes, key=lambda c: c.size), len(changes)
+    limit = -float(stdtrit(freedom, level / (2 * count)))
+    text = f"Largest difference: {most.name}. As the largest of {count} it counts from"
+    return f"{most.size:.1f} σ", f"{text} {limit:.1f} σ on."
+
+
 def significant(changes: Sequence[Change]) -> list[str]:
     """Sentences on the significant ones of some changes, the largest in σ first."""
     return [c.sentence for c in sorted(changes, key=lambda c: -c.size) if c.changed]
@@ -286,5 +309,7 @@ def _of_diagnoses(fields: Sequence[checked.Fields], names: tuple[str, str]) -> C
     changes = changes_of(units, before, after, np.hypot(*std))
     sentences += [c.sentence for c in changes if c.changed]
     same = f"no change: both {verdicts[0]}, the same causes, {len(changes)} numbers agree"
-    texts = tuple(sentences or [same])
-    return Comparison("diagnoses", *names, changes, None, (), texts, bool(sentences))
+    texts, decides = tuple(sentences or [same]), largest(changes)
+    if sentences and not any(c.changed for c in changes):
+        decides = "No number", "Verdict, causes or gap differ, as stated above."
+    return Comparison("diagnoses", *names, changes, None, (), texts, bool(sentences), decides)

@@ -63,7 +63,8 @@ def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> st
     value, std = entry.get("value"), entry.get("std")
     if not _is_number(value) or "unit" not in entry:
         shown, rivals = f"{value:g}" if _is_number(value) else str(value), entry.get("rivals")
-        return f"{shown} (or {', '.join(map(str, rivals))})" if rivals else shown
+        *others, last = map(str, sorted([value, *rivals])) if rivals else [shown]
+        return f"{', '.join(others)} or {last}" if others else last
     factor, unit = human(name, value or 0.0, str(entry["unit"]))
     spread = None if std is None else factor * float(std)
     shown = measured(factor * float(value or 0.0), spread, signed=signed)

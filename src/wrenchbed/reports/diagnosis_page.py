@@ -15,6 +15,7 @@ from wrenchbed.pages.document import Facts, provenance
 from wrenchbed.pages.draw import Drawn, draw
 from wrenchbed.reports import cause_charts, figures
 from wrenchbed.reports.answer import BADGES, Answer
+from wrenchbed.reports.claim import joints_or
 from wrenchbed.reports.compared_readings import HeldOutReadings, along
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts, effort_map
 from wrenchbed.reports.robot_scene import effort_scene, wrench_scene
@@ -94,8 +95,10 @@ def _page(
 def _of_causes(words: WrenchAnswer, e: HeldOutReadings) -> list[Chart]:
     """Charts of each cause in their order, or of the residual if no cause is claimed."""
     charts: list[Chart | None] = []
+    alike = {w["effect"] for w in words.d.which if joints_or(w)[1:]}
     for k, cause in enumerate(e.causes()):
-        charts.append(cause_charts.own_chart(e, cause, f"cause-{k}"))
+        if cause.name not in alike:  # a chart over one joint, of several that explain it
+            charts.append(cause_charts.own_chart(e, cause, f"cause-{k}"))
         charts.append(figures.of_cause(e, cause, f"effect-{k}"))
     for k, entry in enumerate(words.d.which):
         charts.append(cause_charts.curve_chart(entry, f"curve-{k}"))

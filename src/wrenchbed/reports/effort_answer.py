@@ -24,6 +24,11 @@ _SHOWN_S = 15.0
 """Time of a motion that is shown [s]: several reversals of each joint are in view."""
 _BINS = 24
 """Number of bins of speed in which friction is averaged."""
+_SERVOS = {
+    "drive.constant": "the servo of joint {joint} is {how}, its stiffness divided by 1 + gain",
+    "drive.delay": "the servo of joint {joint} acts late on its command",
+}
+"""Titles of drive effects where efforts are tracking errors times stiffness, by name."""
 _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
     ("measured", "points", "measured"), ("stated", "line", "before"),
     ("with the effects", "line", "after"),
@@ -39,8 +44,9 @@ class EffortAnswer(Answer):
     def __init__(self, findings: EffortFindings) -> None:
         super().__init__(findings.diagnosis, findings.verdict.alike)
         self.findings = findings
-        alone = findings.d.scene.wrench is None
-        self.channels = "joint efforts" if alone else "joint efforts and wrench"
+        scene = findings.d.scene
+        self.channels = "joint efforts" if scene.wrench is None else "joint efforts and wrench"
+        self.channels = "commands and joint values" if scene.commanded else self.channels
 
     @property
     def about(self) -> str:
@@ -48,11 +54,14 @@ class EffortAnswer(Answer):
 
     @cached_property
     def causes(self) -> Sequence[Claim]:
-        claims = []
+        claims, servos = [], _SERVOS if self.findings.d.scene.commanded else {}
         for cause, entry in zip(self.findings.verdict.causes, self.d.which, strict=True):
             first, *others = cause.keys
-            rivals = [(k[0] if k[0] != first[0] else place_of(k), title(*k)) for k in others]
-            claims.append(Claim(entry, title(*first), rivals))
+            gain = entry["parameters"].get("gain", {}).get("value", 0.0)
+            said = {"how": "softer" if gain > 0.0 else "stiffer"}
+            words = {k: servos.get(k[0], title(*k)).format(joint=k[1], **said) for k in cause.keys}
+            rivals = [(k[0] if k[0] != first[0] else place_of(k), words[k]) for k in others]
+            claims.append(Claim(entry, words[first], rivals))
         return claims
 
     def claim_of(self, entry: Mapping[str, Any]) -> Claim:
@@ -175,7 +184,7 @@ def effort_map(findings: EffortFindings) -> Chart:
 def _joints(findings: EffortFindings) -> list[int]:
     """Joints, from 0, whose friction is drawn: those of claimed causes, else the one of largest
     gap."""
-    keys = (cause.part.key for cause in findings.verdict.causes)
+    keys = (key for cause in findings.verdict.causes for key in cause.keys)
     named = [j - 1 for name, j in keys if j is not None and name.startswith("drive.")]
     if named or findings.diagnosis.verdict == "none":
         return list(dict.fromkeys(named))[:2]

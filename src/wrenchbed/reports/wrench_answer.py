@@ -11,7 +11,7 @@ from wrenchbed.diagnosis.next.blind import unseen
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import MOST_HEADLINE, TOO_MANY, Answer, the
-from wrenchbed.reports.claim import capital, listed
+from wrenchbed.reports.claim import capital, joints_or, listed
 from wrenchbed.reports.claim import place as place_of
 
 LEAST_SHARE = 0.006
@@ -130,7 +130,9 @@ class WrenchAnswer(Answer):
     def where(self) -> Sequence[str]:
         phrases = [str(w["sentence"]) for w in self.d.where]
         if self.d.which:
-            seen = [f.sentence for f in self.findings.places if f.seen and f.share > LEAST_SHARE]
+            alike = {e for w in self.d.which if joints_or(w)[1:] for e in w["elements"]}
+            seen = [f.sentence for f in self.findings.places if f.seen and f.share > LEAST_SHARE
+                    and not any(e in f.variable for e in alike)]  # fmt: skip
             return phrases if self.only_rows or small(self.d.gap) else phrases + seen[:2]
         phrases = phrases[:2]
         if self.d.verdict == UNKNOWN and self._agrees:

@@ -16,6 +16,12 @@ from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
 """Edges of stated probabilities that are shown together."""
+_ANSWERS = {
+    "sure": ("Claims with p > 0.9", "right"), "isolation": ("Effects that show", "isolated"),
+    "unknown": ("Outside the library", "called unknown"),
+    "false_alarm": ("No gap", "answered otherwise"),
+}  # fmt: skip
+"""Label and verb of the metrics of the first screen, by key in `METRICS`."""
 _ORACLE = (
     "The oracle is told the exact form and size of all that may be there; it names what the same "
     "data holds, with every effect that could imitate it there."
@@ -46,12 +52,12 @@ def page(score: Score, command: str = "") -> Document:
     kinds = Counter(r.truth.kind for r in rows)
     counts = ", ".join(f"{kinds[k]} {k}" for k in ("single", "none", "outside", "pair"))
     missing = f" {score.unclaimed} cases have no claim: they count as wrong."
-    lead = (
-        f"{len(rows)} sealed cases: {counts}.{missing if score.unclaimed else ''} Every recording "
-        "and every answer is the one that was committed to."
+    about = (
+        f"{len(rows)} sealed cases: {counts}. Every recording and every answer is the one that was "
+        "committed to. "
     )
     title = f"Sealed benchmark: {score.main} on {len(rows)} robots ({some.robot}, {some.mode})"
-    about = _ORACLE if ORACLE in score.beside else ""
+    oracle = _ORACLE if ORACLE in score.beside else ""
     figures = metrics.figures(rows, (OURS, *score.beside))
     marks = {k: marked(m, x) for k, m in METRICS.items() if (x := figures[OURS][k]) is not None}
     head = ["", "target", f"{score.main} (95 %)", "n", *score.beside]
@@ -65,9 +71,9 @@ def page(score: Score, command: str = "") -> Document:
     sections = (
         Section(
             "Figures",
-            "Intervals are 95 %: exact of shares of cases (Clopper & Pearson), else by bootstrap "
-            "over cases. ✓: target met, ✗: missed; in brackets where the interval allows "
-            "both: too few cases to tell. " + about,
+            f"{about}Intervals are 95 %: exact of shares of cases (Clopper & Pearson), else by "
+            "bootstrap over cases. ✓: target met, ✗: missed; in brackets where the interval allows "
+            f"both: too few cases to tell. {oracle}",
             (Table.of("Every figure", head, lines),),
         ),
         Section(
@@ -85,8 +91,16 @@ def page(score: Score, command: str = "") -> Document:
         Section("Wrong answers", "Every case whose first answer is wrong.", (_wrong(rows),)),
     )
     data = [("SHA-256 of the commitments", score.root), *provenance([], command)]
-    card, badge = _targets(marks)
-    return Document(title, lead, sections, "", summary(score, figures), data, (card,), badge)
+    cards = [
+        Card(label, f"{x.counted} {verb}", f"{m.text(x)}; target {m.target} {marks[key]}")
+        for key, (label, verb) in _ANSWERS.items()
+        if (m := METRICS[key]) and (x := figures[OURS][key]) is not None
+    ]
+    lead = "; ".join(f"{card.label.lower()}: {card.figure}" for card in cards)
+    lead = f"{lead[:1].upper()}{lead[1:]}.{missing if score.unclaimed else ''}"
+    targets, badge = _targets(marks)
+    of_json, every = summary(score, figures), (*cards, targets)
+    return Document(title, lead, sections, "", of_json, data, every, badge)
 
 
 def _targets(marks: Mapping[str, str]) -> tuple[Card, tuple[str, str]]:

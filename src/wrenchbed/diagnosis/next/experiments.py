@@ -313,6 +313,9 @@ def separate(
         pairs = pairs or [best]
         apart = tuple(dict.fromkeys(names[k] for pair in pairs for k in pair))
         what = listed([f"{labels[a]} from {labels[b]}" for a, b in pairs], "and")
+        some = sorted({labels[k] for pair in pairs for k in pair})
+        if len(some) > 2 and 2 * len(pairs) == len(some) * (len(some) - 1):
+            what = f"{listed(some, 'and')} from each other"
         now, then = before[best], after[best]
         shows = (
             f"it separates {what}; the probability of naming the right one rises from "
@@ -332,6 +335,5 @@ def explore(prepared: Prepared, kernel: str, seed: int = 0) -> tuple[Experiment,
 
 
 def _proposed(action: Action, separates: tuple[str, ...], gain: float, shows: str) -> Experiment:
-    text = f"{action.text[0].upper()}{action.text[1:]}"
-    sentence = f"{text} ({action.minutes:.1f} min): {shows}."
+    sentence = f"{action.text[0].upper()}{action.text[1:]} ({action.minutes:.1f} min): {shows}."
     return Experiment(action.text, separates, gain, action.minutes, action.plan, sentence)
