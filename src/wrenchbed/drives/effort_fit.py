@@ -13,6 +13,8 @@ EFFORT_FIT, COMMAND_FIT = "effort", "command"
 """What was fitted: joint efforts, or tracking errors of servos."""
 LEAST_SHOWN = 0.01
 """Least size of links' errors, in ordinary ones (`LINK_MASS`, `LINK_CENTRE`), that is stated."""
+LINKS = "by_links"
+"""Field of a fit's file: ``size`` of links' errors in ordinary ones, and `DriveFit.by_links`."""
 _INERTIA = tuple(f"tool.inertia.{a}" for a in ("xx", "yy", "zz"))
 POSITIVE = (
     "tool.mass", "drive.constant", "drive.coulomb", "drive.viscous", "servo.stiffness", *_INERTIA,
@@ -79,6 +81,8 @@ class DriveFit(WrittenFit):
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
         cannot_tell: sentences on what a fit of servo commands cannot determine.
         link_errors: size of links' errors that uncertainties include, over ordinary ones.
+        by_links: change of the identified parameters (4 L, K) by an ordinary error of the mass and
+            of each coordinate of the centre of each of L links; None where it is not known.
         gravity: other than the stated one that explains the efforts far better [m/s²], or None.
     """
 
@@ -97,6 +101,7 @@ class DriveFit(WrittenFit):
     channels: str = EFFORT_FIT
     cannot_tell: tuple[str, ...] = ()
     link_errors: float = 0.0
+    by_links: np.ndarray | None = None
     gravity: tuple[float, ...] | None = None
 
     @property
@@ -163,6 +168,10 @@ class DriveFit(WrittenFit):
             text += "; the tool and drive constants hold as far as the model's link masses do"
         return text + untold_text
 
+    def _links(self, changes: np.ndarray) -> dict[str, Any]:
+        names = [p.name for p in self.identified]
+        return {"size": self.link_errors, **dict(zip(names, changes.T.tolist(), strict=True))}
+
     def to_json(self) -> dict[str, Any]:
         """Contents of the fit's JSON file."""
         return head(self.recording, self.robot, self.status, self.refuted) | {
@@ -177,6 +186,7 @@ class DriveFit(WrittenFit):
             **({"cannot_tell": list(self.cannot_tell)} if self.cannot_tell else {}),
             "joints": [asdict(e) | {"explained": e.explained} for e in self.joints],
             "covariance": self.covariance.tolist(),
+            **({} if self.by_links is None else {LINKS: self._links(self.by_links)}),
         }
 
 

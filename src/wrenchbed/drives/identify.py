@@ -124,9 +124,9 @@ def _calibrate_in_motion(
     covariance = jackknife(np.array([published(problem, x, starts) for x in solution.folds]))
     identified = values_of(problem, solution, starts, joints, covariance)
     errors = errors_of(problem, solution, [joint.own(EFFORT_UNITS[prefix]) for joint in joints])
-    refuted, size = refutation(errors, identified), 0.0
+    refuted, size, away = refutation(errors, identified), 0.0, None
     if problem.changes == LOAD:
-        torques = np.concatenate([_of_link_errors(recording, s) for s in signals])
+        torques = np.concatenate([of_link_errors(recording, s) for s in signals])
         moved = moved_by(problem, solution, torques)
         shown = sizes_shown(problem, solution, torques, moved)
         away = np.array([published(problem, x, starts) for x in moved])
@@ -141,7 +141,7 @@ def _calibrate_in_motion(
     fit = DriveFit(
         recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified, errors,
         covariance, signals[0].cutoff, sum(float(np.ptp(s.t)) for s in signals), len(problem.use),
-        refuted, link_errors=size,
+        refuted, link_errors=size, by_links=away,
     )  # fmt: skip
     pull = np.concatenate([s.filtered(_of_gravity(recording, s), s.coarse) for s in signals])
     stated = np.asarray(Model.of(arm_of(recording), recording.metadata).gravity)
@@ -155,16 +155,21 @@ def _of_gravity(recording: Recording, signals: DriveSignals) -> np.ndarray:
     return np.stack([-robot.gravity_torque(q, theta, axis) for axis in np.eye(3)], axis=2)
 
 
-def _of_link_errors(recording: Recording, signals: DriveSignals) -> np.ndarray:
-    """Filtered torques (M, J, 4 L) by ordinary errors of the mass and centre of each of L links."""
+def of_link_errors(recording: Recording, signals: DriveSignals) -> np.ndarray:
+    """Filtered torques (M, J, 4 L) by `link_errors`."""
     _, inertias, _, y = _rigid(recording, signals)
-    phi = inertias.phi
+    return signals.filtered(y @ link_errors(inertias.phi), signals.coarse)
+
+
+def link_errors(phi: np.ndarray) -> np.ndarray:
+    """Changes (10 L, 4 L) of the inertial parameters phi (L, 10) of L links by an ordinary error of
+    the mass of each, and of each coordinate of its centre (`LINK_MASS`, `LINK_CENTRE`)."""
     errors = np.zeros((len(phi), INERTIAL, len(phi), 4))
     for k, link in enumerate(phi):
         centre = link[1:4] / max(link[0], 1e-9)
         moves = [LINK_CENTRE * link[0] * of_moment(centre, axis) for axis in np.eye(3)]
         errors[k, :, k] = np.transpose([LINK_MASS * link, *moves])
-    return signals.filtered(y @ errors.reshape(phi.size, -1), signals.coarse)
+    return errors.reshape(phi.size, -1)
 
 
 def _rigid(r: Recording, s: DriveSignals) -> tuple[np.ndarray, LinkInertias, Jet, np.ndarray]:

@@ -23,13 +23,14 @@ from wrenchbed.drives.identify import (
     check_moves,
     errors_of,
     jackknife,
+    of_link_errors,
     problem_of,
     published,
     refutation,
     values_of,
 )
 from wrenchbed.drives.identify_at_rest import CONSTANT
-from wrenchbed.drives.joint_least_squares import Problem, Solution, parts, solve
+from wrenchbed.drives.joint_least_squares import Problem, Solution, moved_by, parts, solve
 from wrenchbed.drives.signals import DriveSignals, encoder_noise, motion_signals, signals_of_pieces
 from wrenchbed.errors import CalibrationError, ParameterError
 from wrenchbed.robots.base import Joint
@@ -257,12 +258,16 @@ def _fit(
         names, of_commands(solution.x), std, np.zeros(last), known, WIDE
     )
     errors = errors_of(problem, solution, [joint.unit for joint in joints])
-    signals = [p.signals for p in pieces]
+    signals, by_links = [p.signals for p in pieces], None
+    if problem.changes:
+        torques = np.concatenate([of_link_errors(recording, s) for s in signals])
+        changed = [all_published(x) for x in moved_by(problem, solution, torques)]
+        by_links = np.array(changed) - all_published(solution.x)
     return DriveFit(
         recording.name, recording.metadata.robot, "rad", tuple(identified), errors, covariance,
         signals[0].cutoff, sum(float(s.t[-1] - s.t[0]) for s in signals),
         sum(len(s.t) for s in signals), refutation(errors, identified), channels=COMMAND_FIT,
-        cannot_tell=_ratios(problem, solution, identified, joints),
+        cannot_tell=_ratios(problem, solution, identified, joints), by_links=by_links,
     )  # fmt: skip
 
 

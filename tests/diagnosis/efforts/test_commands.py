@@ -88,7 +88,9 @@ def test_a_load_is_named_although_ordinary_errors_of_the_servos_could_take_it(ar
     found = diagnose_efforts(heavier, drives=file).diagnosis
     assert found.gap.calibrated.value < 0.5 < 5.0 < found.gap.configured
     assert [w["effect"] for w in found.which] == ["tool.mass"]
-    assert found.which[0]["parameters"]["mass"]["value"] == approx(0.03, rel=0.3)
+    mass = found.which[0]["parameters"]["mass"]
+    assert mass["value"] == approx(0.03, rel=0.3)
+    assert mass["std"] < 0.003  # 0.0042 where links' errors count beside a fit that holds them
 
 
 @pytest.mark.slow

@@ -10,9 +10,12 @@ from arm_torques import COULOMB, MASS, NOISE, VISCOUS
 from file_arms import IIWA, UR10
 from file_arms import case as by_file
 
+from wrenchbed.diagnosis.efforts.columns import of_arm
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.fitted_causes import ORDINARY, Simulator
-from wrenchbed.drives.identify import calibrate_efforts
+from wrenchbed.diagnosis.efforts.scene import effort_scene
+from wrenchbed.diagnosis.efforts.stated_drives import stated_drives, with_tool
+from wrenchbed.drives.identify import calibrate_efforts, link_errors
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 
 pytestmark = pytest.mark.usefixtures("fresh_registry")
@@ -161,3 +164,29 @@ def test_a_wrong_sensor_is_named_with_its_value(seed, joint, gain, zero):
     assert only["parameters"]["joint"]["value"] == joint and not only["rivals"]
     number = only["parameters"]["gain" if gain else "offset"]
     assert abs(number["value"] - (gain or zero)) < 3.0 * number["std"] < abs(gain or zero)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_small_load_beside_a_healthy_fit_is_named(tmp_path, seed):
+    calibrate_efforts(by_file(UR10, tmp_path, seed, 100 + seed)).write(tmp_path / "fit.json")
+    loaded = by_file(UR10, tmp_path, seed, seed, 0.25)
+    found = claimed(diagnose_efforts(loaded, drives=tmp_path / "fit.json"))
+    assert set(found) == {"tool.mass"} and found["tool.mass"]["probability"] > 0.85
+    assert holds(found["tool.mass"]["parameters"]["mass"], 0.25, 0.04)
+
+
+def test_links_beside_what_they_changed_in_the_healthy_fit_predict_its_motion(tmp_path):
+    healthy, path = by_file(UR10, tmp_path, 1, 101), tmp_path / "healthy.json"
+    calibrate_efforts(healthy).write(path)
+    drives = stated_drives(healthy, path)
+    scene = effort_scene(with_tool(healthy, drives), drives)
+    alone = np.moveaxis(scene.regressor @ link_errors(scene.inertias.phi), -1, 0)
+    beside = {c.name: c.data for c in of_arm(scene)[0] if c.name.startswith("links.")}
+    left = {}
+    for name, data in beside.items():
+        _, link, number = name.split(".")
+        each = alone[4 * (int(link) - 1) + int(number)], data
+        before, after = (np.std(scene.thin(x)[scene.moving()]) for x in each)
+        left[name] = after / before
+    assert max(left.values()) < 0.9 and max(left[f"links.{k}.0"] for k in (3, 4, 5)) < 0.25

@@ -15,6 +15,7 @@ from scipy.linalg import polar
 from wrenchbed import registry
 from wrenchbed.channels.effort import TARED, ZERO
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
+from wrenchbed.diagnosis.efforts.links_of_fit import beside_fit
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.efforts.stated_drives import COMMANDED
 from wrenchbed.diagnosis.explain.verdict import Key
@@ -269,6 +270,8 @@ def of_arm(scene: EffortScene) -> Made:
     for more, causes in (_tool(scene), _tilt(scene)):
         columns += more
         blocks += causes
+    if scene.drives.by_links:
+        columns = beside_fit(scene, columns)
     largest = {c.name: float(np.abs(c.data).max()) for c in columns}
     seen = {name for name, size in largest.items() if size > _NOTHING * max(largest.values())}
     visible = [replace(b, columns=tuple(n for n in b.columns if n in seen)) for b in blocks]

@@ -50,7 +50,7 @@ def wide(d: Dictionary, rms: float = AMPLITUDE) -> np.ndarray:
 
 def ordinary(d: Dictionary) -> list[np.ndarray]:
     """Prior standard deviations (P,) of ordinary errors to choose from."""
-    links = np.array([name.startswith("link.") for name in d.names])
+    links = np.array([name.startswith("link") for name in d.names])
     effects = ~d.stated & ~d.free & (d.joint >= 0)
     most = BACKGROUND**2 * np.bincount(d.joint[effects], minlength=len(d.channels))
     gap = np.array([np.var(c.y[c.use]) / c.std**2 for c in d.channels])

@@ -6,7 +6,7 @@ named from commands too; a wrong stiffness appears as a drive constant, a late s
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.data.recording import COMMAND, EFFORT_UNITS, Recording
 from wrenchbed.diagnosis.prepare.configured_simulator import LOAD
 from wrenchbed.diagnosis.prepare.scenes import at_rows
+from wrenchbed.drives.effort_fit import LINKS
 from wrenchbed.drives.servo import DELAY, SERVO, SETPOINT, STIFFNESS, calibrate_servos, pieces_of
 from wrenchbed.drives.signals import encoder_noise
 from wrenchbed.errors import CalibrationError, DiagnosisError
@@ -41,6 +42,8 @@ class Drives:
         load: mass [kg] and CoG [m] of the tool fitted with them, and their std (2, 4), or None.
         left: rms (J,) that their fit left on rows that it did not see [N·m; of commands rad].
         least: least noise of a row (J,) [N·m], as no drive obeys its law exactly.
+        by_links: change (4 L,) of each fitted value by ordinary errors of L links, in the order of
+            `link_errors`, by its name, such as ``drive.offset.2``; empty if it is not known.
     """
 
     value: Mapping[str, np.ndarray]
@@ -48,6 +51,7 @@ class Drives:
     load: np.ndarray | None = None
     left: np.ndarray | float = 0.0
     least: np.ndarray | float = 0.0
+    by_links: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def beyond(self, per_unit: np.ndarray, least: float = 0.0) -> "Drives":
         """Copy whose noise is at least ``least`` [N·m] and what the healthy fit left, where one
@@ -79,7 +83,7 @@ def stated_drives(recording: Recording, path: str | Path | None = None) -> Drive
     _state(value, checked.Fields(raw, where, DiagnosisError, FIELD))
     if path is None:
         return Drives(value, std)
-    return Drives(value, std, *_from_fit(recording, Path(path), value, std))
+    return _from_fit(recording, Path(path), value, std)
 
 
 def with_tool(recording: Recording, drives: Drives) -> Recording:
@@ -104,14 +108,13 @@ def _state(value: Mapping[str, np.ndarray], stated: checked.Fields) -> None:
 
 def _from_fit(
     recording: Recording, path: Path, value: dict[str, np.ndarray], std: dict[str, np.ndarray]
-) -> tuple[np.ndarray | None, np.ndarray | float]:
-    """Write a fit's file into ``value`` and ``std`` (J,) by kind; return `Drives.load` and
-    `Drives.left` from it."""
+) -> Drives:
+    """Stated values by those of a fit's file, else ``value`` and ``std`` (J,) by kind."""
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis
         _state(value, fields.part(FIELD))
-        return None, 0.0
+        return Drives(value, std)
     channels = "command" if recording.only_commanded else "effort"
     if fields.raw.get("channels") != channels:
         raise fields.error("channels", f"must be {channels!r}: give a fit of such a recording")
@@ -119,7 +122,7 @@ def _from_fit(
         raise fields.error("robot", f"must be {recording.metadata.robot!r}, as in the recording")
     constants = value["drive.constant"]
     constants[:] = fields.numbers("constants", len(constants)) or constants
-    known = _parameters(fields.part("parameters"))
+    known, by_links = _parameters(fields)
     for kind, values in value.items():
         for j in range(len(values)):
             if (name := f"{kind}.{j + 1}") in known:
@@ -130,19 +133,32 @@ def _from_fit(
     if fields.raw.get("unit") == EFFORT_UNITS["i"]:
         left = left * np.nan_to_num(constants)
     moved = len(left) == len(constants) and "poses" not in fields.raw  # else friction's sign is new
-    return np.array(load).T if whole else None, left if moved else 0.0
+    of_tool = whole and recording.metadata.tool.mass is None  # else the fit's tool predicts nothing
+    return Drives(
+        value, std, np.array(load).T if whole else None, left if moved else 0.0,
+        by_links=by_links if of_tool else {},
+    )  # fmt: skip
 
 
-def _parameters(parameters: checked.Fields) -> dict[str, tuple[float, float]]:
-    """Values and standard uncertainties of a fit's parameters, without undetermined ones."""
-    result = {}
+def _parameters(
+    fields: checked.Fields,
+) -> tuple[dict[str, tuple[float, float]], dict[str, np.ndarray]]:
+    """Values of a fit's parameters, without undetermined ones, with standard uncertainties beside
+    links of known errors, and their changes by these errors (`Drives.by_links`), from its file."""
+    parameters, links = fields.part("parameters"), fields.part(LINKS)
+    size = links.number("size", "", nonnegative=True) or 0.0
+    result, by_links = dict[str, tuple[float, float]](), dict[str, np.ndarray]()
     for name in parameters.raw:
         if name in LOAD or name.startswith(KINDS):
             entry = parameters.part(name)
             number, spread = entry.number("value", ""), entry.number("std", "", nonnegative=True)
             if number is not None and spread is not None:
+                if isinstance(changes := links.raw.get(name), list):
+                    by_links[name] = np.array(links.stated_numbers(name, len(changes)))
+                    of_links = size**2 * float(by_links[name] @ by_links[name])
+                    spread = float(np.sqrt(max(spread**2 - of_links, 0.0)))
                 result[name] = number, spread
-    return result
+    return result, by_links
 
 
 def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives]:
