@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.calibration.fit import IdentifiedValue, WrittenFit, entries, head
+from wrenchbed.channels.effort import GAIN
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 
 EFFORT_FIT, COMMAND_FIT = "effort", "command"
 """What was fitted: joint efforts, or tracking errors of servos."""
 LEAST_SHOWN = 0.01
 """Least size of links' errors, in ordinary ones (`LINK_MASS`, `LINK_CENTRE`), that is stated."""
-LINKS = "by_links"
-"""Field of a fit's file: ``size`` of links' errors in ordinary ones, and `DriveFit.by_links`."""
+BY_ERRORS = "by_errors"
+"""Field of a fit's file: ``size`` of errors, `DriveFit.link_errors`, and `DriveFit.by_errors`."""
 _INERTIA = tuple(f"tool.inertia.{a}" for a in ("xx", "yy", "zz"))
 POSITIVE = (
     "tool.mass", "drive.constant", "drive.coulomb", "drive.viscous", "servo.stiffness", *_INERTIA,
@@ -80,9 +81,10 @@ class DriveFit(WrittenFit):
         constants: drive constants, where they were stated (J,) [N·m/A, of slides N/A].
         channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
         cannot_tell: sentences on what a fit of servo commands cannot determine.
-        link_errors: size of links' errors that uncertainties include, over ordinary ones.
-        by_links: change of the identified parameters (4 L, K) by an ordinary error of the mass and
-            of each coordinate of the centre of each of L links; None where it is not known.
+        link_errors: size of errors of links and sensors that uncertainties include, over ordinary.
+        by_errors: change of the identified parameters (H, K) by an ordinary error of the mass and
+            of each coordinate of the centre of each link, and of each torque sensor's gain; None
+            where it is not known.
         gravity: other than the stated one that explains the efforts far better [m/s²], or None.
     """
 
@@ -101,7 +103,7 @@ class DriveFit(WrittenFit):
     channels: str = EFFORT_FIT
     cannot_tell: tuple[str, ...] = ()
     link_errors: float = 0.0
-    by_links: np.ndarray | None = None
+    by_errors: np.ndarray | None = None
     gravity: tuple[float, ...] | None = None
 
     @property
@@ -160,15 +162,18 @@ class DriveFit(WrittenFit):
                 "is the damping of servo and joint together"
             )
         elif self.link_errors >= LEAST_SHOWN:
+            size = self.link_errors
             text += (
-                f"; uncertainties hold errors of {100 * LINK_MASS * self.link_errors:.2g} % of "
-                f"each link's mass and {1e3 * LINK_CENTRE * self.link_errors:.2g} mm of its centre"
+                f"; uncertainties hold errors of {100 * LINK_MASS * size:.2g} % of each link's "
+                f"mass and {1e3 * LINK_CENTRE * size:.2g} mm of its centre"
             )
+            if not any(p.name.startswith("drive.constant") for p in self.identified):
+                text += f", and {100 * GAIN * size:.2g} % of each torque's gain"
         elif "link" not in names and "tool" in names:
             text += "; the tool and drive constants hold as far as the model's link masses do"
         return text + untold_text
 
-    def _links(self, changes: np.ndarray) -> dict[str, Any]:
+    def _changes(self, changes: np.ndarray) -> dict[str, Any]:
         names = [p.name for p in self.identified]
         return {"size": self.link_errors, **dict(zip(names, changes.T.tolist(), strict=True))}
 
@@ -186,7 +191,7 @@ class DriveFit(WrittenFit):
             **({"cannot_tell": list(self.cannot_tell)} if self.cannot_tell else {}),
             "joints": [asdict(e) | {"explained": e.explained} for e in self.joints],
             "covariance": self.covariance.tolist(),
-            **({} if self.by_links is None else {LINKS: self._links(self.by_links)}),
+            **({} if self.by_errors is None else {BY_ERRORS: self._changes(self.by_errors)}),
         }
 
 

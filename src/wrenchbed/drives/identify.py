@@ -14,6 +14,7 @@ from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.checks.mistakes import MENDED, TURNED, along_another_axis
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
+from wrenchbed.channels.effort import GAIN
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.drives.base_parameters import BaseParameters
@@ -126,7 +127,7 @@ def _calibrate_in_motion(
     errors = errors_of(problem, solution, [joint.own(EFFORT_UNITS[prefix]) for joint in joints])
     refuted, size, away = refutation(errors, identified), 0.0, None
     if problem.changes == LOAD:
-        torques = np.concatenate([of_link_errors(recording, s) for s in signals])
+        torques = ordinary_errors(recording, signals, problem, solution)
         moved = moved_by(problem, solution, torques)
         shown = sizes_shown(problem, solution, torques, moved)
         away = np.array([published(problem, x, starts) for x in moved])
@@ -141,7 +142,7 @@ def _calibrate_in_motion(
     fit = DriveFit(
         recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified, errors,
         covariance, signals[0].cutoff, sum(float(np.ptp(s.t)) for s in signals), len(problem.use),
-        refuted, link_errors=size, by_links=away,
+        refuted, link_errors=size, by_errors=away,
     )  # fmt: skip
     pull = np.concatenate([s.filtered(_of_gravity(recording, s), s.coarse) for s in signals])
     stated = np.asarray(Model.of(arm_of(recording), recording.metadata).gravity)
@@ -155,10 +156,19 @@ def _of_gravity(recording: Recording, signals: DriveSignals) -> np.ndarray:
     return np.stack([-robot.gravity_torque(q, theta, axis) for axis in np.eye(3)], axis=2)
 
 
-def of_link_errors(recording: Recording, signals: DriveSignals) -> np.ndarray:
-    """Filtered torques (M, J, 4 L) by `link_errors`."""
-    _, inertias, _, y = _rigid(recording, signals)
-    return signals.filtered(y @ link_errors(inertias.phi), signals.coarse)
+def ordinary_errors(
+    recording: Recording, signals: Sequence[DriveSignals], problem: Problem, solution: Solution
+) -> np.ndarray:
+    """Filtered efforts (M, J, H) by errors that every arm has, each of its ordinary size: of links
+    (`link_errors`), then of each torque sensor's gain, unless constants of drives are free."""
+    rigid = (_rigid(recording, s) for s in signals)
+    links = [
+        s.filtered(y @ link_errors(inertias.phi), s.coarse)
+        for s, (_, inertias, _, y) in zip(signals, rigid, strict=True)
+    ]
+    fitted = problem.y - residual(problem, solution.x)
+    gains = GAIN * fitted[..., None] * np.eye(fitted.shape[1])
+    return np.concatenate([np.concatenate(links), *([] if problem.gains else [gains])], axis=2)
 
 
 def link_errors(phi: np.ndarray) -> np.ndarray:

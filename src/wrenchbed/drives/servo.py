@@ -23,7 +23,7 @@ from wrenchbed.drives.identify import (
     check_moves,
     errors_of,
     jackknife,
-    of_link_errors,
+    ordinary_errors,
     problem_of,
     published,
     refutation,
@@ -258,16 +258,16 @@ def _fit(
         names, of_commands(solution.x), std, np.zeros(last), known, WIDE
     )
     errors = errors_of(problem, solution, [joint.unit for joint in joints])
-    signals, by_links = [p.signals for p in pieces], None
+    signals, by_errors = [p.signals for p in pieces], None
     if problem.changes:
-        torques = np.concatenate([of_link_errors(recording, s) for s in signals])
+        torques = ordinary_errors(recording, signals, problem, solution)
         changed = [all_published(x) for x in moved_by(problem, solution, torques)]
-        by_links = np.array(changed) - all_published(solution.x)
+        by_errors = np.array(changed) - all_published(solution.x)
     return DriveFit(
         recording.name, recording.metadata.robot, "rad", tuple(identified), errors, covariance,
         signals[0].cutoff, sum(float(s.t[-1] - s.t[0]) for s in signals),
         sum(len(s.t) for s in signals), refutation(errors, identified), channels=COMMAND_FIT,
-        cannot_tell=_ratios(problem, solution, identified, joints), by_links=by_links,
+        cannot_tell=_ratios(problem, solution, identified, joints), by_errors=by_errors,
     )  # fmt: skip
 
 

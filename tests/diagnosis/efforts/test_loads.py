@@ -10,8 +10,10 @@ from arm_torques import COULOMB, MASS, NOISE, VISCOUS
 from file_arms import IIWA, UR10
 from file_arms import case as by_file
 
+from wrenchbed.channels.effort import GAIN
 from wrenchbed.diagnosis.efforts.columns import of_arm
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.diagnosis.efforts.errors_of_fit import ERROR
 from wrenchbed.diagnosis.efforts.fitted_causes import ORDINARY, Simulator
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.stated_drives import stated_drives, with_tool
@@ -181,12 +183,17 @@ def test_links_beside_what_they_changed_in_the_healthy_fit_predict_its_motion(tm
     calibrate_efforts(healthy).write(path)
     drives = stated_drives(healthy, path)
     scene = effort_scene(with_tool(healthy, drives), drives)
-    alone = np.moveaxis(scene.regressor @ link_errors(scene.inertias.phi), -1, 0)
-    beside = {c.name: c.data for c in of_arm(scene)[0] if c.name.startswith("links.")}
+    phi, joints = scene.inertias.phi, np.eye(scene.joints)
+    alone = np.concatenate(
+        [scene.regressor @ link_errors(phi), GAIN * scene.total[..., None] * joints], axis=2
+    )
     left = {}
-    for name, data in beside.items():
-        _, link, number = name.split(".")
-        each = alone[4 * (int(link) - 1) + int(number)], data
+    for column in (c for c in of_arm(scene)[0] if c.name.startswith(ERROR)):
+        number = int(column.name.removeprefix(ERROR))
+        each = alone[..., number], column.data
         before, after = (np.std(scene.thin(x)[scene.moving()]) for x in each)
-        left[name] = after / before
-    assert max(left.values()) < 0.9 and max(left[f"links.{k}.0"] for k in (3, 4, 5)) < 0.25
+        left[number] = after / before
+    masses, gains = [8, 12, 16], range(4 * len(phi), 4 * len(phi) + scene.joints)
+    assert max(left.values()) < 0.9 and max(left[k] for k in masses) < 0.25
+    assert not {4 * scene.robot.carrier, 4 * scene.robot.carrier + 3} & set(left)
+    assert max(left[k] for k in gains) < 0.9, left

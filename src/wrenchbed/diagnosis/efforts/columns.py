@@ -15,7 +15,7 @@ from scipy.linalg import polar
 from wrenchbed import registry
 from wrenchbed.channels.effort import TARED, ZERO
 from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
-from wrenchbed.diagnosis.efforts.links_of_fit import beside_fit
+from wrenchbed.diagnosis.efforts.errors_of_fit import SAME, beside_fit
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.efforts.stated_drives import COMMANDED
 from wrenchbed.diagnosis.explain.verdict import Key
@@ -68,6 +68,8 @@ limit drops small but real causes, a smaller one than 1e-15 keeps rounding of do
 _LAST = -2.0
 """Log prior odds of a fault of the last link against one of the tool that hangs on it: tools change
 daily, links do not (1 : 7)."""
+_REBUILT = -2.0
+"""Log prior odds of a link that changed since a healthy fit of the arm, against a wrong model."""
 _OFFSET, _ROTOR, _CONSTANT = "drive.offset", "drive.inertia", "drive.constant"
 _SERVO_DELAY = 5e-4
 """Ordinary change of a fitted servo's delay from one day to another [s]: half a cycle of a bus at
@@ -183,7 +185,7 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
     drive constant); None if it is not stated."""
     drives, kind = scene.drives, effect.name
     if kind == _CONSTANT and not (scene.currents or scene.commanded):  # a torque sensor's is 1
-        return effect.relative
+        return effect.relative * (SAME if scene.drives.by_errors else 1.0)
     known, value = drives.known(kind)[j], abs(float(drives.of(kind)[j]))
     zero = TARED if known else ZERO  # a constant torque that is stated was measured
     if kind in (_OFFSET, _ROTOR):  # where friction is stated no zero is, and the model's rotor
@@ -270,7 +272,7 @@ def of_arm(scene: EffortScene) -> Made:
     for more, causes in (_tool(scene), _tilt(scene)):
         columns += more
         blocks += causes
-    if scene.drives.by_links:
+    if scene.drives.by_errors:
         columns = beside_fit(scene, columns)
     largest = {c.name: float(np.abs(c.data).max()) for c in columns}
     seen = {name for name, size in largest.items() if size > _NOTHING * max(largest.values())}
@@ -295,7 +297,7 @@ def _links(scene: EffortScene) -> Made:
             names = tuple(f"link.{kind}.{k + 1}.{end}" for end in ends)
             both = zip(names, forms, strict=True)
             columns += [Column(n, y @ form, std * level) for n, form in both]
-            prior = _LAST * last
+            prior = _LAST * last + _REBUILT * bool(scene.drives.by_errors)
             blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=prior, level=level))
     return columns, blocks
 

@@ -14,6 +14,7 @@ from scipy.special import softmax
 
 from wrenchbed.diagnosis.efforts.columns import BACKGROUND, drive_effects
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.diagnosis.efforts.errors_of_fit import ERROR
 from wrenchbed.diagnosis.evidence.likelihood import Products, log_sum
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN, Candidates, batches
 
@@ -50,7 +51,7 @@ def wide(d: Dictionary, rms: float = AMPLITUDE) -> np.ndarray:
 
 def ordinary(d: Dictionary) -> list[np.ndarray]:
     """Prior standard deviations (P,) of ordinary errors to choose from."""
-    links = np.array([name.startswith("link") for name in d.names])
+    links = np.array([name.startswith(("link.", ERROR)) for name in d.names])
     effects = ~d.stated & ~d.free & (d.joint >= 0)
     most = BACKGROUND**2 * np.bincount(d.joint[effects], minlength=len(d.channels))
     gap = np.array([np.var(c.y[c.use]) / c.std**2 for c in d.channels])

@@ -15,7 +15,7 @@ from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.data.recording import COMMAND, EFFORT_UNITS, Recording
 from wrenchbed.diagnosis.prepare.configured_simulator import LOAD
 from wrenchbed.diagnosis.prepare.scenes import at_rows
-from wrenchbed.drives.effort_fit import LINKS
+from wrenchbed.drives.effort_fit import BY_ERRORS
 from wrenchbed.drives.servo import DELAY, SERVO, SETPOINT, STIFFNESS, calibrate_servos, pieces_of
 from wrenchbed.drives.signals import encoder_noise
 from wrenchbed.errors import CalibrationError, DiagnosisError
@@ -42,8 +42,8 @@ class Drives:
         load: mass [kg] and CoG [m] of the tool fitted with them, and their std (2, 4), or None.
         left: rms (J,) that their fit left on rows that it did not see [N·m; of commands rad].
         least: least noise of a row (J,) [N·m], as no drive obeys its law exactly.
-        by_links: change (4 L,) of each fitted value by ordinary errors of L links, in the order of
-            `link_errors`, by its name, such as ``drive.offset.2``; empty if it is not known.
+        by_errors: change (H,) of each fitted value by ordinary errors (`DriveFit.by_errors`), by
+            its name, such as ``drive.offset.2``; empty if it is not known.
     """
 
     value: Mapping[str, np.ndarray]
@@ -51,7 +51,7 @@ class Drives:
     load: np.ndarray | None = None
     left: np.ndarray | float = 0.0
     least: np.ndarray | float = 0.0
-    by_links: Mapping[str, np.ndarray] = field(default_factory=dict)
+    by_errors: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def beyond(self, per_unit: np.ndarray, least: float = 0.0) -> "Drives":
         """Copy whose noise is at least ``least`` [N·m] and what the healthy fit left, where one
@@ -122,7 +122,7 @@ def _from_fit(
         raise fields.error("robot", f"must be {recording.metadata.robot!r}, as in the recording")
     constants = value["drive.constant"]
     constants[:] = fields.numbers("constants", len(constants)) or constants
-    known, by_links = _parameters(fields)
+    known, by_errors = _parameters(fields)
     for kind, values in value.items():
         for j in range(len(values)):
             if (name := f"{kind}.{j + 1}") in known:
@@ -136,7 +136,7 @@ def _from_fit(
     of_tool = whole and recording.metadata.tool.mass is None  # else the fit's tool predicts nothing
     return Drives(
         value, std, np.array(load).T if whole else None, left if moved else 0.0,
-        by_links=by_links if of_tool else {},
+        by_errors=by_errors if of_tool else {},
     )  # fmt: skip
 
 
@@ -144,21 +144,21 @@ def _parameters(
     fields: checked.Fields,
 ) -> tuple[dict[str, tuple[float, float]], dict[str, np.ndarray]]:
     """Values of a fit's parameters, without undetermined ones, with standard uncertainties beside
-    links of known errors, and their changes by these errors (`Drives.by_links`), from its file."""
-    parameters, links = fields.part("parameters"), fields.part(LINKS)
-    size = links.number("size", "", nonnegative=True) or 0.0
-    result, by_links = dict[str, tuple[float, float]](), dict[str, np.ndarray]()
+    known ordinary errors, and their changes by these errors (`Drives.by_errors`), from its file."""
+    parameters, errors = fields.part("parameters"), fields.part(BY_ERRORS)
+    size = errors.number("size", "", nonnegative=True) or 0.0
+    result, by_errors = dict[str, tuple[float, float]](), dict[str, np.ndarray]()
     for name in parameters.raw:
         if name in LOAD or name.startswith(KINDS):
             entry = parameters.part(name)
             number, spread = entry.number("value", ""), entry.number("std", "", nonnegative=True)
             if number is not None and spread is not None:
-                if isinstance(changes := links.raw.get(name), list):
-                    by_links[name] = np.array(links.stated_numbers(name, len(changes)))
-                    of_links = size**2 * float(by_links[name] @ by_links[name])
-                    spread = float(np.sqrt(max(spread**2 - of_links, 0.0)))
+                if isinstance(changes := errors.raw.get(name), list):
+                    by_errors[name] = np.array(errors.stated_numbers(name, len(changes)))
+                    of_errors = size**2 * float(by_errors[name] @ by_errors[name])
+                    spread = float(np.sqrt(max(spread**2 - of_errors, 0.0)))
                 result[name] = number, spread
-    return result, by_links
+    return result, by_errors
 
 
 def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives]:

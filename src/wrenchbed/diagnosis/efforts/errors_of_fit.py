@@ -1,14 +1,15 @@
-"""Ordinary errors of links together with what they changed in the values of the healthy fit.
+"""Ordinary errors of links and sensors together with what they changed in the healthy fit.
 
 A link that is heavier than its model makes the fitted tool lighter and shifts fitted friction. All
 of it together predicted the healthy motion, so only what another motion adds remains uncertain: the
-joint posterior of links and fitted values, not that of each alone.
+joint posterior of these errors and the fitted values, not that of each alone.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
+from wrenchbed.channels.effort import GAIN
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.drives.identify import link_errors
 from wrenchbed.drives.identify_at_rest import CONSTANT
@@ -17,31 +18,29 @@ from wrenchbed.effects.drives.base import Column
 from wrenchbed.effects.drives.operators import direction
 from wrenchbed.errors import DiagnosisError
 
-_SAME = 0.1
-"""Ordinary change of a link since the healthy fit, over the ordinary error of its model: estimate.
-"""
-_CHANGED = ("link.mass.", "link.cog.")
+ERROR = "error."
+"""Prefix of the names of columns of such errors; the number follows."""
+SAME = 0.1
+"""Ordinary change since the healthy fit, over the ordinary error of a model: estimate."""
+_LINKS = ("link.mass.", "link.cog.")
 _MOMENT = "tool.cog."
 
 
 def beside_fit(scene: EffortScene, columns: list[Column]) -> list[Column]:
-    """Columns of an arm (N, C), with those of ordinary errors of links beside the changed fit, and
-    small ordinary changes of links since then.
+    """Columns of an arm (N, C), with those of ordinary errors beside the changed fit, and small
+    ordinary changes of links since then (`SAME`).
 
     The link that carries the tool has none: the fitted tool made up for all of its error.
 
     Raises:
-        DiagnosisError: the fit is of an arm with another number of links.
+        DiagnosisError: the fit is of another arm.
     """
-    fit, phi = scene.drives.by_links, scene.inertias.phi
-    errors = np.zeros((len(scene.q.v), len(scene.channels), 4 * len(phi)))
-    errors[:, : scene.joints] = scene.regressor @ link_errors(phi)
-    made = {c.name: c.data for c in columns}
-    for name, changes in fit.items():
+    errors, made = _errors(scene), {c.name: c.data for c in columns}
+    for name, changes in scene.drives.by_errors.items():
         if len(changes) != errors.shape[-1]:
             raise DiagnosisError(
-                f"the fit given by --drives has {len(changes)} errors of links by {name}, but this "
-                f"arm has {errors.shape[-1]}: fit a healthy recording of it again"
+                f"the fit given by --drives has {len(changes)} changes of {name}, but this arm has "
+                f"{errors.shape[-1]} errors of links and sensors: fit a healthy recording of it"
             )
         kind, _, joint = name.rpartition(".")
         if name in made:  # of the tool; a moment's column is for 1 kg·m
@@ -50,11 +49,22 @@ def beside_fit(scene: EffortScene, columns: list[Column]) -> list[Column]:
         elif kind.startswith("drive.") or kind == STIFFNESS:
             j = int(joint) - 1
             errors[:, j] -= _per_unit(scene, kind, j)[:, None] * changes
-    result = [replace(c, std=_SAME * (c.std or 0.0)) if c.name.startswith(_CHANGED) else c
-              for c in columns]  # fmt: skip
-    shown = (k for k in np.flatnonzero(phi[:, 0] > 0.0).tolist() if k != scene.robot.carrier)
-    each = ((k, i) for k in shown for i in range(4))
-    return result + [Column(f"links.{k + 1}.{i}", errors[..., 4 * k + i], 1.0) for k, i in each]
+    result = [
+        replace(c, std=SAME * (c.std or 0.0)) if c.name.startswith(_LINKS) else c for c in columns
+    ]
+    carrier = range(4 * scene.robot.carrier, 4 * scene.robot.carrier + 4)
+    many = (k for k in range(errors.shape[-1]) if k not in carrier)
+    return result + [Column(f"{ERROR}{k}", errors[..., k], 1.0) for k in many]
+
+
+def _errors(scene: EffortScene) -> np.ndarray:
+    """Changes (N, C, H) of C channels by ordinary errors, in the order of a fit's."""
+    links = scene.regressor @ link_errors(scene.inertias.phi)
+    gains = GAIN * scene.total[..., None] * np.eye(scene.joints)
+    fitted = scene.currents or scene.commanded  # constants of the drives
+    efforts = links if fitted else np.concatenate([links, gains], axis=2)
+    none = np.zeros((len(links), len(scene.channels) - scene.joints, efforts.shape[2]))
+    return np.concatenate([efforts, none], axis=1)
 
 
 def _per_unit(scene: EffortScene, kind: str, j: int) -> np.ndarray:
