@@ -305,6 +305,15 @@ def test_what_other_channels_uphold_keeps_its_probability_and_no_cause_beside_it
     assert [c.probability for c in told.causes] == pytest.approx([0.9, 0.8 * 0.9])
 
 
+@pytest.mark.parametrize(("apart", "second"), [(False, 1.0), (True, 0.4)])
+def test_a_cause_in_a_device_of_its_own_is_as_sure_as_it_would_be_alone(apart, second):
+    sure = {TILT: 1.0, GAIN: 0.4}
+    facts = SimpleNamespace(right=lambda v, _: sure[v.causes[0].part.name], seen=())
+    measured = replace(gap({TILT: 9.0, GAIN: 3.0}, 0.9), apart=apart)
+    told = reliable(facts, claimed(TILT, GAIN), measured)
+    assert [c.probability for c in told.causes] == pytest.approx([0.9, second * 0.9])
+
+
 def test_a_claim_with_hardly_a_gap_or_few_poses_is_none_or_doubtful():
     assert surely(Interval(0.5, 0.01, 2.0)) and surely(about(3.0))
     assert not surely(Interval(0.5, 0.0, 2.0)) and not surely(Interval(0.49, 0.4, 0.6))

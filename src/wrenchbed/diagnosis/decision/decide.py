@@ -234,11 +234,13 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
     What the leading answer loses goes to ``unknown``; a claim that is then no likelier than
     ``unknown`` becomes it. Causes that channels beside the wrench confirm are kept as they are.
+    Where each channel has its own device, each cause is judged as if it were the leading one.
     """
     right, lead = facts.right(verdict, gap), key_of(verdict)
+    alone = [replace(verdict, causes=(c,)) if gap.apart else verdict for c in verdict.causes]
     causes = tuple(
-        c if _stands(facts, c, gap) else replace(c, probability=c.probability * right)
-        for c in verdict.causes
+        c if _stands(facts, c, gap) else replace(c, probability=c.probability * facts.right(v, gap))
+        for c, v in zip(verdict.causes, alone, strict=True)
     )
     if causes and _stands(facts, causes[0], gap):
         return replace(verdict, causes=causes)
