@@ -14,8 +14,6 @@ from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.checks.mistakes import MENDED, TURNED, along_another_axis
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
-from wrenchbed.channels.effort import GAIN
-from wrenchbed.channels.holding_torques import LINK_CENTRE, LINK_MASS
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.drives.base_parameters import BaseParameters
 from wrenchbed.drives.effort_fit import DriveFit, JointError, impossible, joint_errors
@@ -33,11 +31,12 @@ from wrenchbed.drives.joint_least_squares import (
     solve,
     start,
 )
+from wrenchbed.drives.ordinary_errors import after_reversal, by_each, link_errors
 from wrenchbed.drives.signals import DriveSignals, as_torques, efforts_of, signals_of_pieces
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.rigid_load_regressor import INERTIAL
 from wrenchbed.physics.taylor_jets import Jet
-from wrenchbed.physics.wrench import about_centre, six_of, symmetric
+from wrenchbed.physics.wrench import about_centre, of_mass, of_moment, six_of, symmetric
 from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjspec_edits import LinkInertias, at_home, link_inertias
@@ -127,7 +126,7 @@ def _calibrate_in_motion(
     errors = errors_of(problem, solution, [joint.own(EFFORT_UNITS[prefix]) for joint in joints])
     refuted, size, away = refutation(errors, identified), 0.0, None
     if problem.changes == LOAD:
-        torques = ordinary_errors(recording, signals, problem, solution)
+        torques = by_ordinary_errors(recording, signals, problem, solution)
         moved = moved_by(problem, solution, torques)
         shown = sizes_shown(problem, solution, torques, moved)
         away = np.array([published(problem, x, starts) for x in moved])
@@ -156,30 +155,22 @@ def _of_gravity(recording: Recording, signals: DriveSignals) -> np.ndarray:
     return np.stack([-robot.gravity_torque(q, theta, axis) for axis in np.eye(3)], axis=2)
 
 
-def ordinary_errors(
+def by_ordinary_errors(
     recording: Recording, signals: Sequence[DriveSignals], problem: Problem, solution: Solution
 ) -> np.ndarray:
-    """Filtered efforts (M, J, H) by errors that every arm has, each of its ordinary size: of links
-    (`link_errors`), then of each torque sensor's gain, unless constants of drives are free."""
-    rigid = (_rigid(recording, s) for s in signals)
-    links = [
-        s.filtered(y @ link_errors(inertias.phi), s.coarse)
-        for s, (_, inertias, _, y) in zip(signals, rigid, strict=True)
-    ]
-    fitted = problem.y - residual(problem, solution.x)
-    gains = GAIN * fitted[..., None] * np.eye(fitted.shape[1])
-    return np.concatenate([np.concatenate(links), *([] if problem.gains else [gains])], axis=2)
-
-
-def link_errors(phi: np.ndarray) -> np.ndarray:
-    """Changes (10 L, 4 L) of the inertial parameters phi (L, 10) of L links by an ordinary error of
-    the mass of each, and of each coordinate of its centre (`LINK_MASS`, `LINK_CENTRE`)."""
-    errors = np.zeros((len(phi), INERTIAL, len(phi), 4))
-    for k, link in enumerate(phi):
-        centre = link[1:4] / max(link[0], 1e-9)
-        moves = [LINK_CENTRE * link[0] * of_moment(centre, axis) for axis in np.eye(3)]
-        errors[k, :, k] = np.transpose([LINK_MASS * link, *moves])
-    return errors.reshape(phi.size, -1)
+    """Filtered efforts (M, J, H) by one ordinary error each, of links, of torques' gains and of
+    friction (`by_each`); 0 of gains that are free, and of friction that is not."""
+    gain, _, friction = parts(problem, solution.x)
+    level = np.zeros(len(gain))
+    if FRICTION[0] in problem.kinds:
+        level = friction[:, problem.kinds.index(FRICTION[0])] / gain
+    total = (problem.y - residual(problem, solution.x)) * (not problem.gains)
+    of_links, after_reversals = [], []
+    for s in signals:
+        _, inertias, _, y = _rigid(recording, s)
+        of_links.append(s.filtered(y @ link_errors(inertias.phi), s.coarse))
+        after_reversals.append(s.filtered(after_reversal(s.q, level)))
+    return by_each(np.concatenate(of_links), np.concatenate(after_reversals), total)
 
 
 def _rigid(r: Recording, s: DriveSignals) -> tuple[np.ndarray, LinkInertias, Jet, np.ndarray]:
@@ -305,22 +296,6 @@ def load_torques(y: np.ndarray, robot: SimulatedRobot, theta: np.ndarray) -> np.
     result[4:, 4:] = np.stack(turned, axis=1)
     carrier = slice(INERTIAL * robot.carrier, INERTIAL * (robot.carrier + 1))
     return np.asarray(y[..., carrier] @ result)
-
-
-def of_mass(place: np.ndarray) -> np.ndarray:
-    """Inertial parameters (10,), mass and its moments, of 1 kg at a place (3,) [m]."""
-    return np.array([1.0, *place, *six_of(_second(place, place))])
-
-
-def of_moment(place: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Change of inertial parameters (10,) as a mass at a place (3,) [m] moves along a unit vector
-    ``way`` (3,), per 1 kg·m of mass times distance."""
-    return np.array([0.0, *way, *six_of(2.0 * _second(place, way))])
-
-
-def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3): with a = b the inertia of a unit mass at place a (3,)."""
-    return np.asarray((a @ b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
 
 
 def values_of(

@@ -20,10 +20,10 @@ from wrenchbed.drives.identify import (
     FRICTION,
     WIDE,
     arm_of,
+    by_ordinary_errors,
     check_moves,
     errors_of,
     jackknife,
-    ordinary_errors,
     problem_of,
     published,
     refutation,
@@ -260,7 +260,7 @@ def _fit(
     errors = errors_of(problem, solution, [joint.unit for joint in joints])
     signals, by_errors = [p.signals for p in pieces], None
     if problem.changes:
-        torques = ordinary_errors(recording, signals, problem, solution)
+        torques = by_ordinary_errors(recording, signals, problem, solution)
         changed = [all_published(x) for x in moved_by(problem, solution, torques)]
         by_errors = np.array(changed) - all_published(solution.x)
     return DriveFit(

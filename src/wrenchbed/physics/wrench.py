@@ -96,3 +96,19 @@ def physical_inertia(inertia: Sequence[float] | np.ndarray) -> bool:
     a, b, c = np.linalg.eigvalsh(symmetric(inertia))
     slack = 1e-9 * max(abs(c), 1e-12)
     return bool(a >= -slack and a + b >= c - slack)
+
+
+def of_mass(place: np.ndarray) -> np.ndarray:
+    """Inertial parameters (10,), mass and its moments, of 1 kg at a place (3,) [m]."""
+    return np.array([1.0, *place, *six_of(_second(place, place))])
+
+
+def of_moment(place: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """Change of inertial parameters (10,) as a mass at a place (3,) [m] moves along a unit vector
+    ``way`` (3,), per 1 kg·m of mass times distance."""
+    return np.array([0.0, *way, *six_of(2.0 * _second(place, way))])
+
+
+def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3): with a = b the inertia of a unit mass at place a (3,)."""
+    return np.asarray((a @ b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))

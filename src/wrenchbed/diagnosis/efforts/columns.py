@@ -20,12 +20,12 @@ from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.efforts.stated_drives import COMMANDED
 from wrenchbed.diagnosis.explain.verdict import Key
 from wrenchbed.diagnosis.prepare.bias_and_load_fit import COG_M, MASS_SHARE, states_tool
-from wrenchbed.drives.identify import load_torques, of_mass, of_moment
+from wrenchbed.drives.identify import load_torques
 from wrenchbed.drives.servo import DELAY
 from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveRows, Size, StatedNumber
 from wrenchbed.effects.drives.operators import late, slow
 from wrenchbed.physics.rigid_load_regressor import INERTIAL
-from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.physics.wrench import CHANNELS, of_mass, of_moment
 from wrenchbed.robots.base import INERTIA_AXES
 
 FREE = 1e3

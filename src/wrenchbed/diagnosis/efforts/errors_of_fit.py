@@ -9,10 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.channels.effort import GAIN
 from wrenchbed.diagnosis.efforts.scene import EffortScene
-from wrenchbed.drives.identify import link_errors
 from wrenchbed.drives.identify_at_rest import CONSTANT
+from wrenchbed.drives.ordinary_errors import after_reversal, by_each, link_errors, of_link
 from wrenchbed.drives.servo import STIFFNESS
 from wrenchbed.effects.drives.base import Column
 from wrenchbed.effects.drives.operators import direction
@@ -52,18 +51,18 @@ def beside_fit(scene: EffortScene, columns: list[Column]) -> list[Column]:
     result = [
         replace(c, std=SAME * (c.std or 0.0)) if c.name.startswith(_LINKS) else c for c in columns
     ]
-    carrier = range(4 * scene.robot.carrier, 4 * scene.robot.carrier + 4)
+    carrier = of_link(scene.robot.carrier)
     many = (k for k in range(errors.shape[-1]) if k not in carrier)
     return result + [Column(f"{ERROR}{k}", errors[..., k], 1.0) for k in many]
 
 
 def _errors(scene: EffortScene) -> np.ndarray:
     """Changes (N, C, H) of C channels by ordinary errors, in the order of a fit's."""
-    links = scene.regressor @ link_errors(scene.inertias.phi)
-    gains = GAIN * scene.total[..., None] * np.eye(scene.joints)
-    fitted = scene.currents or scene.commanded  # constants of the drives
-    efforts = links if fitted else np.concatenate([links, gains], axis=2)
-    none = np.zeros((len(links), len(scene.channels) - scene.joints, efforts.shape[2]))
+    fitted = any(n.startswith((CONSTANT, STIFFNESS)) for n in scene.drives.by_errors)
+    of_links = scene.regressor @ link_errors(scene.inertias.phi)
+    after = after_reversal(scene.q, scene.drives.of("drive.coulomb"))
+    efforts = by_each(of_links, after, scene.total * (not fitted))
+    none = np.zeros((len(efforts), len(scene.channels) - scene.joints, efforts.shape[2]))
     return np.concatenate([efforts, none], axis=1)
 
 
