@@ -10,14 +10,14 @@ from arm_torques import COULOMB, MASS, NOISE, VISCOUS
 from file_arms import IIWA, UR10
 from file_arms import case as by_file
 
-from wrenchbed.channels.effort import GAIN
 from wrenchbed.diagnosis.efforts.columns import of_arm
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
-from wrenchbed.diagnosis.efforts.errors_of_fit import ERROR
+from wrenchbed.diagnosis.efforts.errors_of_fit import ERROR, errors_alone
 from wrenchbed.diagnosis.efforts.fitted_causes import ORDINARY, Simulator
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.stated_drives import stated_drives, with_tool
-from wrenchbed.drives.identify import calibrate_efforts, link_errors
+from wrenchbed.drives.identify import calibrate_efforts
+from wrenchbed.drives.ordinary_errors import of_link
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 
 pytestmark = pytest.mark.usefixtures("fresh_registry")
@@ -183,17 +183,14 @@ def test_links_beside_what_they_changed_in_the_healthy_fit_predict_its_motion(tm
     calibrate_efforts(healthy).write(path)
     drives = stated_drives(healthy, path)
     scene = effort_scene(with_tool(healthy, drives), drives)
-    phi, joints = scene.inertias.phi, np.eye(scene.joints)
-    alone = np.concatenate(
-        [scene.regressor @ link_errors(phi), GAIN * scene.total[..., None] * joints], axis=2
-    )
-    left = {}
+    alone, left = errors_alone(scene), {}
     for column in (c for c in of_arm(scene)[0] if c.name.startswith(ERROR)):
         number = int(column.name.removeprefix(ERROR))
         each = alone[..., number], column.data
         before, after = (np.std(scene.thin(x)[scene.moving()]) for x in each)
         left[number] = after / before
-    masses, gains = [8, 12, 16], range(4 * len(phi), 4 * len(phi) + scene.joints)
-    assert max(left.values()) < 0.9 and max(left[k] for k in masses) < 0.25
-    assert not {4 * scene.robot.carrier, 4 * scene.robot.carrier + 3} & set(left)
-    assert max(left[k] for k in gains) < 0.9, left
+    masses, links = [of_link(k)[0] for k in (2, 3, 4)], len(scene.inertias.phi)
+    gains = [n for n in left if n >= 4 * links + scene.joints]  # friction: rows near rest are out
+    assert len(gains) == scene.joints and max(left[k] for k in masses) < 0.25
+    assert max(left[k] for k in (*gains, *(n for n in left if n < 4 * links))) < 0.9
+    assert not set(left) & set(of_link(scene.robot.carrier))

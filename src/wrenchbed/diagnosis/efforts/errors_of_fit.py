@@ -34,7 +34,7 @@ def beside_fit(scene: EffortScene, columns: list[Column]) -> list[Column]:
     Raises:
         DiagnosisError: the fit is of another arm.
     """
-    errors, made = _errors(scene), {c.name: c.data for c in columns}
+    errors, made = errors_alone(scene), {c.name: c.data for c in columns}
     for name, changes in scene.drives.by_errors.items():
         if len(changes) != errors.shape[-1]:
             raise DiagnosisError(
@@ -56,7 +56,7 @@ def beside_fit(scene: EffortScene, columns: list[Column]) -> list[Column]:
     return result + [Column(f"{ERROR}{k}", errors[..., k], 1.0) for k in many]
 
 
-def _errors(scene: EffortScene) -> np.ndarray:
+def errors_alone(scene: EffortScene) -> np.ndarray:
     """Changes (N, C, H) of C channels by ordinary errors, in the order of a fit's."""
     fitted = any(n.startswith((CONSTANT, STIFFNESS)) for n in scene.drives.by_errors)
     of_links = scene.regressor @ link_errors(scene.inertias.phi)
