@@ -13,8 +13,8 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2726,
     "data": 5487,
-    "diagnosis": 13055,
-    "drives": 1737,
+    "diagnosis": 13157,
+    "drives": 1800,
     "effects": 5001,
     "environments": 588,
     "exports": 828,
@@ -23,7 +23,7 @@ WRENCHBED = {
     "jobs": 556,
     "monitoring": 1407,
     "pages": 1254,
-    "physics": 1043,
+    "physics": 1059,
     "planning": 1037,
     "plant": 761,
     "reports": 2146,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79028,
-    "src/wrenchbed": 69539,
+    "src": 79209,
+    "src/wrenchbed": 69720,
     "src/robot_emulators": 9489,
-    "tests": 38258,
+    "tests": 38302,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
