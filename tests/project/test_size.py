@@ -43,7 +43,7 @@ IN_ALL = {
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 463
+MOST_FILES = 465
 """Files of Python below src at most."""
 
 
