@@ -241,7 +241,7 @@ def harder(rec, rise):
 
 def said_of(finding):
     entry = cause(finding.effect, finding.probability, finding.parameters)
-    return Claim(entry | {"size": finding.size}).sentence
+    return Claim(entry | {"size": finding.size}).sentence()
 
 
 @pytest.mark.parametrize(

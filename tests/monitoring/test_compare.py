@@ -138,7 +138,7 @@ def test_the_terminal_page_and_json_say_the_same(fits, capsys):
     assert (
         "◔ changed" in html and "1 of 13 numbers" in html and f"{mass['sigmas']:.1f} σ</p>" in html
     )
-    assert "of 13 it counts from 3.4 σ on" in html.replace("\u00a0", " ")
+    assert "of 13 counts from 3.4 σ on" in html.replace("\u00a0", " ")
     assert html.count('<tr class="best">') == 1
 
 

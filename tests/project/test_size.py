@@ -21,25 +21,25 @@ WRENCHBED = {
     "files": 576,
     "hardware": 6669,
     "jobs": 556,
-    "monitoring": 1407,
-    "pages": 1254,
+    "monitoring": 1408,
+    "pages": 1246,
     "physics": 1059,
     "planning": 1037,
     "plant": 761,
-    "reports": 2146,
+    "reports": 2115,
     "robots": 4360,
     "sensors": 301,
     "simulation": 1343,
     "studies": 1336,
-    "twin": 1080,
+    "twin": 1077,
     "viewer": 747,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79209,
-    "src/wrenchbed": 69720,
+    "src": 79168,
+    "src/wrenchbed": 69679,
     "src/robot_emulators": 9489,
-    "tests": 38302,
+    "tests": 38294,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

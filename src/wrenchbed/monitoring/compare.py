@@ -29,8 +29,7 @@ MISFIT_GROWS = 3.0
 """Least ratio of both misfits that is a change: that of 24 healthy poses of a UR5 reaches 1.6."""
 _KINDS = {"a fit": "fits", "a recording": "recordings"}
 _UNEXPLAINED = "what these numbers do not explain went from {:.1f} to {:.1f} times the noise"
-_GROWN = f"{{}}; it counts from {MISFIT_GROWS:g} times on. No number by itself changed."
-_TOGETHER = f"All {{}} numbers together; it counts below p {LEVEL:g}. No number by itself changed."
+_GROWN = f"{_UNEXPLAINED}; it counts from {MISFIT_GROWS:g} times on."
 _SUSPECTS = "a joint, the base, a cable or a contact may have changed, see `wrenchbed diagnose`"
 _SINGULAR = 1e-10
 """Relative eigenvalue below which a combination of numbers is not determined by both fits."""
@@ -185,18 +184,21 @@ def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) 
     if kind == "fits" and recordings[0] == recordings[1]:
         shared = "fits of the same rows share their noise, and σ is then too large"
         sentences.insert(0, f"both are of {recordings[0]}: {shared}")
-    changed, left = any(c.changed for c in changes) or together["p"] < LEVEL, [*map(_misfit, fits)]
+    moved, left = any(c.changed for c in changes), [*map(_misfit, fits)]
+    changed, decides = moved or together["p"] < LEVEL, largest(changes)
+    if changed and not moved:
+        decides = (
+            f"p {p_value(together['p'])}",
+            f"All numbers together: a change below p {LEVEL:g}.",
+        )
     if grown := max(left) >= MISFIT_GROWS * min(left):
         sentences[:0] = [_UNEXPLAINED.format(*left), _SUSPECTS]
+        if not moved:
+            decides = f"{max(left) / min(left):.1f} ×", _GROWN.format(*left)
     if changed or not grown:
         sentences.insert(0, _headline(changes, together))
-    decides = largest(changes)
-    if not any(c.changed for c in changes) and grown:
-        decides = f"{max(left) / min(left):.1f} ×", _GROWN.format(sentences[0])
-    elif not any(c.changed for c in changes) and changed:
-        decides = f"p {p_value(together['p'])}", _TOGETHER.format(len(changes))
-    left_out, texts = tuple(uncompared), tuple(sentences)
-    return Comparison(kind, *names, changes, together, left_out, texts, changed or grown, decides)
+    texts = tuple(uncompared), tuple(sentences)
+    return Comparison(kind, *names, changes, together, *texts, changed or grown, decides)
 
 
 def _misfit(fit: checked.Fields) -> float:
@@ -264,10 +266,9 @@ def largest(
     counts at a ``level``, by Student's t with ``freedom``; empty without changes."""
     if not changes:
         return "", ""
-    most, count = max(changes, key=lambda c: c.size), len(changes)
-    limit = -float(stdtrit(freedom, level / (2 * count)))
-    text = f"Largest difference: {most.name}. As the largest of {count} it counts from"
-    return f"{most.size:.1f} σ", f"{text} {limit:.1f} σ on."
+    most, limit = max(changes, key=lambda c: c.size), stdtrit(freedom, level / (2 * len(changes)))
+    text = f"{most.name}, which as the largest of {len(changes)} counts from {-limit:.1f} σ on."
+    return f"{most.size:.1f} σ", f"Largest difference: {text}"
 
 
 def significant(changes: Sequence[Change]) -> list[str]:

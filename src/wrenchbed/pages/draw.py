@@ -55,15 +55,8 @@ def draw(chart: Chart | Scene) -> Drawn:
 
 
 def svg(chart: Chart, *, themed: bool = True) -> str:
-    """Draw a chart as one SVG element with its title.
-
-    Args:
-        chart: data of the figure.
-        themed: whether colours follow the page, in light and in dark; else they are for white.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Draw a chart as one SVG element with its title; if ``themed`` its colours follow the page, in
+    light and in dark, else they are for white. A `MissingExtraError` without matplotlib."""
     registry.require("matplotlib", "report")
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -89,7 +82,8 @@ def svg(chart: Chart, *, themed: bool = True) -> str:
         paper: Any = FigureCanvasSVG(figure)
         paper.print_svg(buffer, metadata={"Date": None})  # `savefig` would draw twice
     text = buffer.getvalue()
-    text = _own(text[text.index("<svg") :], chart.name, themed=themed)
+    text = text[text.index("<svg") :]
+    text = _own(text, chart.name) if themed else text
     title = escape(printable(chart.title))
     begin = rf'<svg role="img" aria-label="{title}"'
     return re.sub(r"^<svg([^>]*>)", lambda m: f"{begin}{m[1]}<title>{title}</title>", text, count=1)
@@ -206,10 +200,8 @@ def _legend(figure: Any, axes: list[Any]) -> None:
         )  # fmt: skip
 
 
-def _own(text: str, name: str, *, themed: bool) -> str:
-    """Make an SVG's ids unique by ``name``, remove links; if ``themed``, use the page's colours."""
-    if not themed:
-        return text
+def _own(text: str, name: str) -> str:
+    """Make an SVG's ids unique by ``name``, remove links and use the page's colours."""
     for colour, variable in _THEME.items():
         text = text.replace(colour, f"var({variable})")
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

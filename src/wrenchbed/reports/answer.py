@@ -6,11 +6,12 @@ from functools import cached_property
 from typing import Any
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.diagnosis.explain.verdict import Key
 from wrenchbed.diagnosis.next.blind import sentences
 from wrenchbed.diagnosis.result import Diagnosis
 from wrenchbed.pages import numbers
-from wrenchbed.reports.claim import MOST_SIZES, Claim, listed
+from wrenchbed.reports.claim import MOST_SIZES, Claim
 
 BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 """Symbol by verdict, shown beside its colour."""
@@ -121,17 +122,19 @@ class Answer(ABC):
         and what the claims leave open."""
         if not self.causes:
             return self.no_claim
-        texts = [self._claims(most) for most in (MOST_SIZES, 1, 0)]
+        shapes = (MOST_SIZES, True), (1, True), (1, False), (0, True), (0, False)
+        texts = [self._claims(*shape) for shape in shapes]
         return next((text for text in texts if len(text) <= MOST_HEADLINE), texts[-1])
 
-    def _claims(self, most: int) -> str:
-        """All claims as one text, each with at most ``most`` of its quantities."""
-        phrases = [c.sentence_with(most) for c in self.causes]
+    def _claims(self, most: int, ties: bool) -> str:
+        """All claims as one text, each with at most ``most`` of its quantities; with ``ties`` it
+        explains what “or” means."""
+        phrases = [c.sentence(most) for c in self.causes]
         if len(phrases) > 1:
             phrases.insert(0, f"{_COUNT[len(phrases)]} causes.")
-        if self.d.verdict == "ambiguous":
+        if ties and self.d.verdict == "ambiguous":
             phrases.append("This recording does not distinguish the causes joined by “or”.")
-        elif any(c.rivals for c in self.causes):
+        elif ties and any(c.rivals for c in self.causes):
             phrases.append("Without contact, the causes joined by “or” have the same effect.")
         if self.d.verdict == "partial":
             phrases.append("Most of the gap has another cause, which is unknown.")
@@ -151,7 +154,7 @@ class Answer(ABC):
         for k in range(1, MOST_LOUD + 1):
             part = sum(gaps[c] for c in order[:k])
             if part >= LOUD * sum(gaps.values()) > 0.0:
-                return f", {part / sum(gaps.values()):.0%} in {listed(order[:k])}".replace(
+                return f", {part / sum(gaps.values()):.0%} in {listed(order[:k], 'and')}".replace(
                     "%", " %"
                 )
         return ""
@@ -169,7 +172,7 @@ class Answer(ABC):
     def minor(self) -> list[str]:
         """Sentences on effects that were detected and are too small to count."""
         return [
-            f"{self.claim_of(e).sentence} Gap {numbers.gap(float(e['gap']))}, probability "
+            f"{self.claim_of(e).sentence()} Gap {numbers.gap(float(e['gap']))}, probability "
             f"{numbers.chance(float(e['probability']))}."
             for e in self.d.minor
         ]

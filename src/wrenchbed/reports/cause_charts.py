@@ -255,12 +255,13 @@ def scatter(e: HeldOutReadings, entry: Mapping[str, Any], name: str) -> Chart:
         smooth = uniform_filter1d(rows.wrench, width, axis=0)
         t, residual = t[kept], ((rows.wrench - smooth) / noise)[kept]
     k = int(np.argmax((residual**2).mean(axis=0)))
-    channel = Axis(f"{CHANNELS[k]} about its mean", "stated noise")
+    channel = Axis(f"{CHANNELS[k]} about its mean", "noise")
     over_time, note = thinned([Series("measured", "line", t, residual[:, k])])
     panels = [Panel(Axis("time", "s"), channel, over_time, zero=True)]
     if not at_rest:
         panels.append(_spectrum(t, residual[:, k]))
-    caption = f"Each row less the mean of {about}, in units of the noise that the sensor states."
+    source = "as stated" if rows.metadata.sensor.noise_std else e.prepared.noise_source
+    caption = f"Each row less the mean of {about}, in units of the noise of a row, {source}."
     title = f"{entry['effect']}: rows about their means"
     return Chart(name, title, tuple(panels), caption=caption, note=note)
 
@@ -271,4 +272,4 @@ def _spectrum(t: np.ndarray, residual: np.ndarray) -> Panel:
     frequency = np.fft.rfftfreq(len(t), float(np.median(np.diff(t))))
     amplitude = 2.0 * np.abs(np.fft.rfft(residual)) / len(t)
     series, _ = thinned([Series("amplitude", "line", frequency, amplitude)])
-    return Panel(Axis("frequency", "Hz"), Axis("amplitude", "stated noise"), series)
+    return Panel(Axis("frequency", "Hz"), Axis("amplitude", "noise"), series)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.diagnosis.prepare.configured_simulator import STATED
 from wrenchbed.diagnosis.result import named_by
 from wrenchbed.effects.base import Effect
@@ -92,7 +93,7 @@ class Claim:
         several, self.against = list(entry.get("elements", ())), self.name in STATED
         between_rows = not wording and effect(self.name).between_rows
         if len(several) > 1 and not (joint or wording or self.against or between_rows):
-            self.choice = f"{'into ' if 'of' in values else ''}{listed(several, ' or ')}"
+            self.choice = f"{'into ' if 'of' in values else ''}{listed(several)}"
         closed = entry.get("closed_share")
         self.title = wording or of_joint.format(joint=joint) or title(self.name)
         self.choices, self.sizes = tuple(choices.items()), tuple(sizes.values())
@@ -107,14 +108,9 @@ class Claim:
         """Names of the effect and of those that look alike, as ``base.tilt or cable.pull``."""
         return " or ".join((self.name, *(name for name, _ in self.rivals)))
 
-    @property
-    def sentence(self) -> str:
-        """The claim as one sentence: ``Joint 2 is compliant and deflects under gravity: stiffness
-        9080 ± 950 N·m/rad.``"""
-        return self.sentence_with(MOST_SIZES)
-
-    def sentence_with(self, most: int) -> str:
-        """The claim as one sentence with its first ``most`` figures; a single one is in brief."""
+    def sentence(self, most: int = MOST_SIZES) -> str:
+        """The claim with its first ``most`` figures, a single one in brief: ``Joint 2 is compliant
+        and deflects under gravity: stiffness 9080 ± 950 N·m/rad.``"""
         words = [self.choice] if self.choice else []
         alone = len(self.figures) == 1 < most
         words += [f"{x.name} {x.value if alone else x.brief}" for x in self.figures[:most]]
@@ -145,7 +141,7 @@ def place(entry: Mapping[str, Any]) -> str:
         return f"{part} {joint}"
     numbered = joints(entry) if part in ("joint", "link") else []
     if numbered:
-        return f"{part}{'s' if len(numbered) > 1 else ''} {listed([str(k) for k in numbered])}"
+        return f"{part}{'s' if len(numbered) > 1 else ''} {listed(map(str, numbered), 'and')}"
     if one := [e for e in entry.get("elements", ()) if f"length.{e}" in entry["parameters"]]:
         return f"{part} {one[0]}"
     return f"all {part}s" if part in ("joint", "link") else part
@@ -175,7 +171,7 @@ def _one_of_joints(entry: Mapping[str, Any]) -> str:
     """Text ``2, 3 or 4`` of the joints one of which, unknown which, is cause ``entry``, or
     empty."""
     numbered = [str(k) for k in joints_or(entry)]
-    return listed(numbered, " or ") if numbered else ""
+    return listed(numbered) if numbered else ""
 
 
 def parameter(name: str) -> str:
@@ -199,8 +195,3 @@ def title(name: str) -> str:
 def capital(text: str) -> str:
     """The text with a capital first letter."""
     return text[:1].upper() + text[1:]
-
-
-def listed(names: Sequence[str], last: str = " and ") -> str:
-    """Join names as ``a, b and c``; ``last`` stands between the last two."""
-    return last.join([x for x in (", ".join(names[:-1]), names[-1]) if x])

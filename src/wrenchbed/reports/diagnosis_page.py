@@ -64,7 +64,7 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
         "what": f"the {words.channels} of ",
         "robot": draw(effort_scene(findings)),
         "heat": draw(effort_map(findings)),
-        "noise": words.noise,
+        "noise": "from what all effects together leave, at least what a healthy day's fit left",
     }
     return _page(words, command, data, charts, more)
 

@@ -25,7 +25,7 @@ _SHOWN_S = 15.0
 _BINS = 24
 """Number of bins of speed in which friction is averaged."""
 _SERVOS = {
-    "drive.constant": "the servo of joint {joint} is {how}, its stiffness divided by 1 + gain",
+    "drive.constant": "the stiffness of joint {joint}'s servo is divided by 1 + gain",
     "drive.delay": "the servo of joint {joint} acts late on its command",
 }
 """Titles of drive effects where efforts are tracking errors times stiffness, by name."""
@@ -57,9 +57,7 @@ class EffortAnswer(Answer):
         claims, servos = [], _SERVOS if self.findings.d.scene.commanded else {}
         for cause, entry in zip(self.findings.verdict.causes, self.d.which, strict=True):
             first, *others = cause.keys
-            gain = entry["parameters"].get("gain", {}).get("value", 0.0)
-            said = {"how": "softer" if gain > 0.0 else "stiffer"}
-            words = {k: servos.get(k[0], title(*k)).format(joint=k[1], **said) for k in cause.keys}
+            words = {k: servos.get(k[0], title(*k)).format(joint=k[1]) for k in cause.keys}
             rivals = [(k[0] if k[0] != first[0] else place_of(k), words[k]) for k in others]
             claims.append(Claim(entry, words[first], rivals))
         return claims
@@ -70,13 +68,6 @@ class EffortAnswer(Answer):
             for e in (entry, *entry["rivals"])
         )
         return Claim(entry, first[1], others)
-
-    @property
-    def noise(self) -> str:
-        """Words for the source of a row's noise."""
-        healthy = any(np.isclose(c.std, c.least) for c in self.findings.d.channels)
-        least = ", at least what a healthy robot's fit left" if healthy else ""
-        return f"from what all effects together leave{least}"
 
     @property
     def no_claim(self) -> str:

@@ -19,15 +19,9 @@ def residual_map(
     names: Sequence[str], residuals: Mapping[str, np.ndarray], ids: np.ndarray,
     along: tuple[np.ndarray, Axis], observed: str,
 ) -> Chart:  # fmt: skip
-    """Map of residuals' rms [noise of a row] by channel over poses or time.
-
-    Args:
-        names: of the C channels.
-        residuals: simulator → residual (H, C) [noise of a row], NaN where it does not count.
-        ids: numbers of the observations (H,).
-        along: values (H,) and axis over which they are shown.
-        observed: word for the observations, such as poses.
-    """
+    """Map of ``residuals``, simulator → (H, C) [noise of a row], NaN where they do not count, of
+    channels ``names`` (C,) over ``along``: values (H,) and axis; ``ids`` (H,) are the numbers of
+    the observations, which are ``observed``, such as poses."""
     (over, axis), panels = along, []
     groups = bins(over, BINS)
     figures = 0 if float(np.ptp(over)) > 2 * BINS else 1

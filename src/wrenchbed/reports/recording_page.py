@@ -73,9 +73,8 @@ class Agreement:
     @property
     def text(self) -> str:
         """Sentences on the largest residual of a channel and on that of all channels."""
-        worst = f"Largest residual of a channel: {self.worst}, rms."
-        overall = f"All channels: {self.overall:.2f} × noise."
-        return numbers.minus(f"{worst} {overall} A channel agrees below {AGREES:g} × noise.")
+        overall = f"All channels: {self.overall:.2f} × noise. A channel agrees below {AGREES:g} ×."
+        return f"Largest residual of a channel: {self.worst}, rms. {overall}"
 
 
 def agreements(
@@ -95,18 +94,10 @@ def report(
     out: str | Path = "report.html",
     command: str = "",
 ) -> None:
-    """Write one HTML page about a recording, what simulators predict for it, and fits.
-
-    Args:
-        recording: what was measured.
-        against: fit.json and twin.json files whose simulators are compared with it.
-        out: page to write.
-        command: command line that made the page, to be printed on it.
-
-    Raises:
-        ParameterError: a file is neither, or of another robot.
-        MissingExtraError: matplotlib or jinja2 is not installed.
-    """
+    """Write one HTML page ``out`` about a recording and what simulators predict for it, of the
+    fit.json and twin.json files ``against``; it prints ``command``, the line that made it. A
+    `ParameterError` if a file is neither, or of another robot; a `MissingExtraError` without
+    matplotlib or jinja2."""
     recording_page(recording, against, command).write(out)
 
 
@@ -118,7 +109,9 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     judged = agreements(recording, known, noise)
     nearest = min(judged, key=lambda a: a.overall, default=None)
     fits = [s for s in known if s.fitted]
-    drawn = [draw(chart) for chart in _charts(recording, known, noise, nearest)]
+    stated = recording.metadata.sensor.noise_std
+    source = "as stated" if stated else "from how neighbouring rows differ"
+    drawn = [draw(chart) for chart in _charts(recording, known, noise, nearest, source)]
     differs = nearest is not None and bool(nearest.differing)
     order, unit = order_of(recording)
     context = {
@@ -133,7 +126,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "simulators": judged,
         "channels": dict(zip(CHANNELS, UNITS, strict=True)),
         "noise": noise,
-        "noise_source": _source(recording),
+        "noise_source": source,
         "tool": robot_of(recording).tool(fits[-1].theta) if fits else None,
         "agrees_below": AGREES,
         "each": [d for d in drawn if d.chart.name in CHANNELS],
@@ -142,12 +135,6 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "command": command,
     }
     return ReportPage(context, "recording.html", drawn)
-
-
-def _source(recording: Recording) -> str:
-    """Words for the source of the noise of a recording's rows."""
-    stated = min(recording.metadata.sensor.noise_std or [0.0]) > 0.0
-    return "as stated" if stated else "from how neighbouring rows differ"
 
 
 class _Over:
@@ -182,10 +169,11 @@ class _Over:
 
 
 def _charts(
-    recording: Recording, known: Sequence[Simulator], noise: np.ndarray, nearest: Agreement | None
-) -> list[Chart]:
+    recording: Recording, known: Sequence[Simulator], noise: np.ndarray,
+    nearest: Agreement | None, source: str,
+) -> list[Chart]:  # fmt: skip
     """Charts of each channel above residuals of simulators ``known``, over ``noise`` (6,) of a row
-    [N, N·m], and of the joints; captions compare with ``nearest``."""
+    [N, N·m] of a ``source``, and of the joints; captions compare with ``nearest``."""
     over, measured, charts = _Over(recording), recording.wrench, list[Chart]()
     residuals = {s.name: np.asarray((measured - s.reading) / noise) for s in known}
     for k, channel in enumerate(CHANNELS):
@@ -195,7 +183,7 @@ def _charts(
             rows = {name: residual[:, k] for name, residual in residuals.items()}
             panels.append(_panel(over, Axis("residual", "noise"), rows, 0.8))
         means, noisy = over.means(measured[:, k])[0], f"{noise[k]:.2g} {UNITS[k]}"
-        caption = _sentence(means, k, f"{noisy}, {_source(recording)}", nearest)
+        caption = _sentence(means, k, f"{noisy}, {source}", nearest)
         charts.append(Chart(channel, channel, tuple(panels), 1, True, caption))
     if modelled(recording):
         joints = enumerate(robot_of(recording).joints, start=1)

@@ -7,11 +7,12 @@ from typing import Any
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.diagnosis.next.blind import unseen
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import MOST_HEADLINE, TOO_MANY, Answer, the
-from wrenchbed.reports.claim import capital, joints_or, listed
+from wrenchbed.reports.claim import capital, joints_or
 from wrenchbed.reports.claim import place as place_of
 
 LEAST_SHARE = 0.006
@@ -96,7 +97,7 @@ class WrenchAnswer(Answer):
         for w in self.d.which:
             places = dict.fromkeys(map(place_of, (w, *w["rivals"])))
             phrases.append(" or ".join(f"in {the(place)}" for place in places))
-        known = listed(list(dict.fromkeys(phrases)))
+        known = listed(dict.fromkeys(phrases), "and")
         return f"Mostly not {known}" if self.d.verdict == "partial" else capital(known)
 
     @property
@@ -108,7 +109,7 @@ class WrenchAnswer(Answer):
             return f"Only a hint: {the(detail if detail[-1:].isdigit() else part)}"
         if self.d.where:
             subsystems = dict.fromkeys(the(str(w["subsystem"])) for w in self.d.where)
-            return f"Only in single rows: {listed(list(subsystems))}"
+            return f"Only in single rows: {listed(subsystems, 'and')}"
         return "Too little for a cause" if self._seen else "No place differs from noise"
 
     @property
@@ -139,9 +140,9 @@ class WrenchAnswer(Answer):
             text = f"Of all recorded variables, the residual follows {self.variable} best"
             phrases.insert(0, f"{text}{'' if self._follows else ', but not significantly'}.")
         if self._seen and not phrases:
-            least = self._seen[:MOST_SEEN]
-            least += [f"{len(self._seen) - MOST_SEEN} more"] * (len(self._seen) > MOST_SEEN)
-            phrases.append(f"What is left beyond noise is too small for a cause: {listed(least)}.")
+            more = [f"{len(self._seen) - MOST_SEEN} more"] * (len(self._seen) > MOST_SEEN)
+            least = listed([*self._seen[:MOST_SEEN], *more], "and")
+            phrases.append(f"What is left beyond noise is too small for a cause: {least}.")
         return phrases or ["No channel, joint or variable carries more than noise."]
 
     @cached_property

@@ -91,12 +91,9 @@ def bins(order: np.ndarray, count: int) -> list[np.ndarray]:
 
 
 def binned_rms(residual: np.ndarray, groups: Sequence[np.ndarray]) -> np.ndarray:
-    """Rms (C, B) of residuals (N, C) in each of B groups of row indices, without NaN; NaN where all
-    are."""
-    squares = [residual[g] ** 2 for g in groups]
-    with np.errstate(invalid="ignore"):
-        means = [np.nansum(s, axis=0) / np.isfinite(s).sum(axis=0) for s in squares]
-    return np.sqrt(np.stack(means, axis=1))
+    """Rms (C, B) of residuals (N, C) in each of B groups of row indices, NaN rows left out."""
+    squares = np.ma.masked_invalid(residual**2)
+    return np.sqrt(np.stack([squares[g].mean(axis=0).filled(np.nan) for g in groups], axis=1))
 
 
 def _read(path: Path, model: Model) -> tuple[Twin, bool]:

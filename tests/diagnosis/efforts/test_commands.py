@@ -100,9 +100,7 @@ def test_the_command_line_diagnoses_commands(arm, healthy, tmp_path, capsys):
     line = ["diagnose", str(log), "--drives", str(healthy), "--out", str(out)]
     assert main(line) == 0
     shown = capsys.readouterr().out
-    assert "The servo of joint 2 is softer, its stiffness divided by 1 + gain" in " ".join(
-        shown.split()
-    )
+    assert "stiffness of joint 2's servo is divided by 1 + gain: gain" in " ".join(shown.split())
     (only,) = json.loads((out / "diagnosis.json").read_text())["which"]
     assert (only["effect"], only["elements"]) == ("drive.constant", ["joint 2"])
     assert only["parameters"]["gain"]["value"] == approx(0.25, rel=0.4)

@@ -63,7 +63,7 @@ def test_gravity_along_another_axis_is_one_large_tilt_and_no_mass(angle):
 def test_a_small_cause_is_put_into_words_beside_its_rival_of_a_link():
     at = {"joint": {"value": 5}}
     entry = cause("drive.asymmetry", 0.85, at, [rival("link.spring", 0.4, {"parameters": at})])
-    assert "; or the spring that" in EffortAnswer.claim_of(None, entry).sentence
+    assert "; or the spring that" in EffortAnswer.claim_of(None, entry).sentence()
 
 
 @pytest.mark.sampled

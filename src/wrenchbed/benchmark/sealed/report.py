@@ -96,8 +96,8 @@ def page(score: Score, command: str = "") -> Document:
         for key, (label, verb) in _ANSWERS.items()
         if (m := METRICS[key]) and (x := figures[OURS][key]) is not None
     ]
-    lead = "; ".join(f"{card.label.lower()}: {card.figure}" for card in cards)
-    lead = f"{lead[:1].upper()}{lead[1:]}.{missing if score.unclaimed else ''}"
+    lead = " ".join(f"{card.label}: {card.figure}." for card in cards)
+    lead += missing if score.unclaimed else ""
     targets, badge = _targets(marks)
     of_json, every = summary(score, figures), (*cards, targets)
     return Document(title, lead, sections, "", of_json, data, every, badge)
