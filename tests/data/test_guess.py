@@ -259,6 +259,17 @@ def turned_load(n=20):
     return columns | dict(zip(CHANNELS, load.T, strict=True))
 
 
+def test_a_zero_of_a_wrench_in_base_axes_is_as_large_along_each_axis_of_the_sensor(tmp_path):
+    columns = turned_load()
+    turn = Rotation.from_quat(np.stack([columns[f"q{c}"] for c in "xyzw"], axis=1))
+    load = np.stack([columns[c] + 4.0 * k for k, c in enumerate(CHANNELS)], axis=1)
+    base = np.hstack([turn.apply(part) for part in np.hsplit(load, 2)])
+    columns |= dict(zip(CHANNELS, base.T, strict=True))
+    recording = guess([save(tmp_path, "log.csv", columns)]).maps[0]["recording"]
+    zero = recording["tolerance"]["sensor.bias"]
+    assert len({*zero[:3]}) == len({*zero[3:]}) == 1 and zero[0] > 20.0
+
+
 def test_what_is_no_ground_for_a_guess_is_named(tmp_path):
     columns = turned_load()
     columns["fx"][5] = np.nan

@@ -87,17 +87,6 @@ def seconds_and_parts(moment):
             lambda s: f"7,{(2**32 - 5_000_000 + round(s * 1e6)) % 2**32}",
         ),
     ],
-    ids=[
-        "iso",
-        "slashes",
-        "over midnight",
-        "German",
-        "of Excel",
-        "of MATLAB",
-        "secs",
-        "ros 2",
-        "a counter that overflows",
-    ],
 )
 def test_a_clock_of_text_or_of_two_columns_is_a_clock(tmp_path, log, names, stamp):
     t, values = log

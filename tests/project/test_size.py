@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 975,
     "cli": 2726,
-    "data": 5487,
+    "data": 5470,
     "diagnosis": 13157,
     "drives": 1800,
     "effects": 5001,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79168,
-    "src/wrenchbed": 69679,
+    "src": 79151,
+    "src/wrenchbed": 69662,
     "src/robot_emulators": 9489,
     "tests": 38294,
     "scripts": 3496,

@@ -158,8 +158,7 @@ def merged(
 def _beside(
     part: dict[str, np.ndarray], t: np.ndarray, column_map: ColumnMap
 ) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[str, ...]]:
-    """Columns of a further file, interpolated to the first file's times t (N,); booleans (N,):
-    times within that file and in no gap; and notes on what was done to its clock."""
+    """Columns of a further file at times t (N,), which of these it has (N,), notes on its clock."""
     notes: tuple[str, ...] = ()
     gap = np.zeros(len(t), dtype=bool)
     if column_map.mode != "static":

@@ -114,8 +114,7 @@ def _features(folder: Path) -> dict[str, list[str]]:
 def _joints(
     stated: checked.Fields, joints: Sequence[str], names: Sequence[str], where: str
 ) -> list[str]:
-    """Names of a feature's numbers that are the robot's ``joints``, in their order: those that the
-    map ``stated`` lists under ``joints``, else those that end in the name of a joint."""
+    """Names of a feature's numbers that are the ``joints``: as stated, or by their ends."""
     given = stated.raw.get("joints")
     if given is not None:
         if not isinstance(given, list) or len(given) != len(joints) or set(given) - set(names):

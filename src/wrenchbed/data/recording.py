@@ -198,8 +198,7 @@ def holds_readings(columns: Container[str]) -> bool:
 
 
 def _from_journal(path: Path, recording: Path) -> pa.Table:
-    """Read all complete batches of a writer's journal, an Arrow stream that may lack its end;
-    ``recording`` is the file beside it, for the message of a `RecordingError`."""
+    """Read a writer's journal, an Arrow stream that may lack its end, beside ``recording``."""
     batches: list[pa.RecordBatch] = []
     try:
         with pa.ipc.open_stream(path.read_bytes()) as reader:

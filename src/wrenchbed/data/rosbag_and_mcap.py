@@ -457,8 +457,7 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
 def _topics(
     recording: Recording, known: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Callable[[int], dict[str, Any]]]]:
-    """Yield topic, message type, and a function from row number to the message's fields, for all
-    recorded data; ``known`` are message classes by type."""
+    """Yield topic, message type, and a message's fields by row; ``known``: classes by type."""
     vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
     load = recording.wrench.astype(float)
 

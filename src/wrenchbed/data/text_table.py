@@ -249,8 +249,8 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
 def _table_at(
     lines: Sequence[str], some: Sequence[int], plain: Sequence[int], separator: str, decimal: str
 ) -> tuple[float, Layout] | None:
-    """Plausibility score (higher is better) and layout of a table with this separator and decimal
-    mark; None if there is none. ``some``: indices of lines not empty, ``plain``: no comments."""
+    """Plausibility (more is better) and layout of a table with this separator and decimal mark;
+    None if there is none. ``some``: indices of lines not empty, ``plain``: no comments."""
     cells = {k: split(lines[k], separator) for k in plain}
     widths = Counter(len(c) for c in cells.values() if _numeric(c, decimal) > 0)
     if not widths:

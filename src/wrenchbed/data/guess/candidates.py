@@ -27,7 +27,8 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
     """Return all conventions (ways to read the columns) that explain most of the force, and a
     sentence on those not tried."""
     pairs = [*_pairs(tables, stated)]
-    notes = [sheet.stalled for sheet in tables if sheet.stalled]
+    stalled = [s.roles["t"] for s in tables if "t" in s.roles and s.clock is None]
+    notes = [f"column {name!r} does not advance: it is no clock" for name in stalled]
     notes += [
         f"of {len(sheet.values)} columns the first {MOST_UNNAMED} without a name that says what "
         "they are were tried"
@@ -70,8 +71,7 @@ def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
 
 
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
-    """Rotation matrices (G, 3, 3) at the wrench's rows of indices ``rows`` (G,), from columns of
-    ``reading``; None if they are no rotation."""
+    """Rotation matrices (G, 3, 3) at the wrench's ``rows`` (G,) by a ``reading``; None if none."""
     sheet, at = pairing.sheet, pairing.at
     size = 1.0 if reading.unit is None else SIZES[reading.unit][1]
     columns = {t: sheet.values[n][at[rows]] for t, n in reading.targets.items()}

@@ -136,14 +136,6 @@ class Sheet:
                 return Clock(name, values * UNITS[unit][1], unit)
         return None
 
-    @property
-    def stalled(self) -> str:
-        """Sentence on a column that is called a clock and is none; empty if there is none."""
-        if "t" not in self.roles or self.clock is not None or len(self) < 2:
-            return ""
-        row = int(np.argmin(np.diff(self.values[self.roles["t"]]) > 0)) + 1
-        return f"column {self.roles['t']!r} is no clock, as it does not advance at row {row}"
-
     @cached_property
     def largest(self) -> Mapping[str, float]:
         """Column → its largest absolute value."""

@@ -95,10 +95,8 @@ class Guess:
     def text(self, folder: Path, k: int = 0) -> str:
         """TOML text of the k-th map for a file in ``folder``, to which its paths are relative."""
         recording = seen_from(self.maps[k]["recording"], lambda file: relpath(file, folder))
-        words: tuple[str, ...] = (self.by_names,)
-        if not self.by_names:
-            words = (self.conventions[k].sentence, self.conventions[k].quality)
-        comments = ("Found by wrenchbed import --guess:", *words)
+        words = [w for c in self.conventions[k : k + 1] for w in (c.sentence, c.quality)]
+        comments = ("Found by wrenchbed import --guess:", *(words or [self.by_names]))
         return toml(self.maps[k] | {"recording": recording}, comments)
 
     @property
@@ -154,8 +152,8 @@ def guess(
             f"conventions; {_LEAST_POSES} are needed"
         )
     if stated.known is not None:
-        known, gravity = stated.known, stated.gravity_size()
-        fitting = [replace(c, fit=known.fitted(c, gravity)) for c in fitting]
+        size = stated.gravity_size()
+        fitting = [replace(c, fit=stated.known.fitted(c, size)) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
     if unexplained := _unexplained(best):
@@ -204,8 +202,7 @@ def _check(paths: Sequence[Path], stated: Stated) -> None:
 
 def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
     """Map of a table with named joint torques or currents, and a sentence on it; else None. A
-    `MapError` if no robot is stated, or one with another number of joints. Names decide: a torque
-    of a joint is never read as a force of a sensor."""
+    `MapError` if no robot is stated, or one with another number of joints."""
     kind = next((k for k in _USUAL_EFFORT if f"{k}1" in sheet.roles), None)
     if kind is None or "q1" not in sheet.roles:
         return None
@@ -390,8 +387,7 @@ def _turn_columns(reading: Reading) -> dict[str, dict[str, Any]]:
 
 
 def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """Map entries ax, ay, az of the accelerometer columns along the sensor's axes, and of their
-    clock if it is late; empty where they do not follow the forces."""
+    """Map entries ax, ay, az along the sensor's axes, and t if late; {} if not like forces."""
     names, load = [sheet.roles[a] for a in ACCELERATION], c.pairing.load
     pair = Pairing.of(load, sheet, c.pairing.wrench)
     if pair is None:

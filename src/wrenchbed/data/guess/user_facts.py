@@ -182,8 +182,7 @@ class KnownLoad:
 
 
 def _noise(rest: Path, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
-    """Standard deviation of one row at rest (6,) [N, N·m], from the text file ``rest`` of the
-    wrench; units are those of the map's entries ``wrench``."""
+    """Standard deviation (6,) [N, N·m] of a row of the file ``rest``, in units of ``wrench``."""
     sheet = sheet_of(read_text(rest))
     columns = next(wrenches(sheet), None)
     if columns is None:
