@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1059,
     "planning": 1037,
     "plant": 761,
-    "reports": 2115,
+    "reports": 2116,
     "robots": 4360,
     "sensors": 301,
     "simulation": 1343,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79151,
-    "src/wrenchbed": 69662,
+    "src": 79152,
+    "src/wrenchbed": 69663,
     "src/robot_emulators": 9489,
     "tests": 38294,
     "scripts": 3496,

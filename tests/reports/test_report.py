@@ -180,7 +180,7 @@ def test_the_first_screen_says_no_more_than_is_there(springy):
     assert "joint 2; twin.json holds the corrected simulator." in WrenchAnswer(springy).steps[0]
     contact = {**springy.diagnosis.which[0], "effect": "environment.contact"}
     assert "is without the contact" in WrenchAnswer(changed(springy, which=[contact])).steps[0]
-    assert re.search("stiffness\u00a0\\d+\xa0±\xa0\\d+\xa0N·m/rad", undrawn(springy))
+    assert re.search("stiffness \\d+\xa0±\xa0\\d+\xa0N·m/rad", undrawn(springy))
     seen = [Finding(f"joint {k}", 0.2, 1e-3, f"Joint {k} is seen.") for k in range(1, 7)]
     small = {"calibrated": Interval(0.1, 0.0, 0.2), "per_channel": {"tx": {"before": 0.1}}}
     tight = changed(springy, gap=replace(springy.diagnosis.gap, **small))

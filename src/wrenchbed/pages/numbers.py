@@ -33,7 +33,7 @@ POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def gap(value: float) -> str:
     """Text of a gap (mean squared residual over a row's noise variance, less 1): two decimals or
     fewer; 0.00 where less than the noise is left."""
-    value = max(value, 0.0)
+    value = max(0.0, value)  # of −0.0 too
     return f"{value:,.{2 if value < 10 else 1 if value < 100 else 0}f}"
 
 

@@ -176,11 +176,12 @@ class WrenchAnswer(Answer):
                 "Nothing: the calibrated simulator in twin.json is as good as noise and normal "
                 "imperfections allow."
             )
+        places = self.place.removeprefix("In ").replace(" in ", " ")
         if self.d.verdict != "identified":
-            return "No experiment of the kinds considered would show more within minutes."
+            check = f": check {places}" if self.d.verdict == "ambiguous" else ""
+            return f"No experiment of the kinds considered would show more within minutes{check}."
         if self.distrusted or not closed:
             return "Do not use twin.json yet: record more poses, and diagnose both together."
-        places = self.place.removeprefix("In ").replace(" in ", " ")
         twin = (
             "holds the corrected simulator"
             if self.causes[0].name != CONTACT
