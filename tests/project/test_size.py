@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1059,
     "planning": 1037,
     "plant": 761,
-    "reports": 2116,
+    "reports": 2118,
     "robots": 4360,
     "sensors": 301,
     "simulation": 1343,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79152,
-    "src/wrenchbed": 69663,
+    "src": 79154,
+    "src/wrenchbed": 69665,
     "src/robot_emulators": 9489,
-    "tests": 38294,
+    "tests": 38295,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -280,6 +280,12 @@ def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     assert "of a row's variance comes from it" in page["where"]
     assert "of the gap lies" not in page["where"]
     assert "scatters single rows; the means have no gap to close" in page["far"]
+    moving = replace(noisy.diagnosis.gap, calibrated=Interval(66.0, 65.0, 67.0), floor=67.0)
+    figure, text = WrenchAnswer(changed(noisy, gap=moving)).far
+    assert figure == "Gap 66.0" and "no gap to close" not in text
+    assert text.endswith(
+        "66.0 of it is how single rows scatter: the detected cause (sensor.noise)."
+    )
 
 
 @pytest.mark.sampled

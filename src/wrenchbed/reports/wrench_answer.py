@@ -154,15 +154,17 @@ class WrenchAnswer(Answer):
         if self.d.verdict == UNKNOWN and self._unexplained == _GAP:
             return figure, f"{self.stays} {self.black_box}".strip()
         text = f"This is the gap of the calibrated simulator {self.on}"
+        own = f"{numbers.gap(min(g.floor, g.calibrated.value))} of it is how single rows scatter"
         if self.only_rows and self.causes:
             names = " and ".join(c.name for c in self.causes)
+            if g.floor > LARGEST_NONE:
+                return figure, f"{text}. {own}: the detected cause ({names})."
             text += f". The detected cause ({names}) scatters single rows; the means have no gap to"
             return figure, f"{text} close."
         if self.causes:
             return figure, f"{text}. Rows in which something touches the tool took no part."
         if g.floor > LARGEST_NONE:
-            own = numbers.gap(min(g.floor, g.calibrated.value))
-            return figure, f"{text}. {own} of it is how single rows scatter; no cause is named."
+            return figure, f"{text}. {own}; no cause is named."
         if g.calibrated.value - max(g.floor, 0.0) > LARGEST_NONE:
             ends = f"{numbers.gap(g.calibrated.low)} … {numbers.gap(g.calibrated.high)}"
             text += f". It is not significantly above 1: its 95 % interval is {ends}"
