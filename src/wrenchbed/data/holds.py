@@ -66,10 +66,6 @@ their own and the median step is less than this fraction of the whole way."""
 _STRAIGHT = 0.5
 """Bend of a path over its steps, as medians, below which rows without a clock are a motion: poses
 that were drawn at random bend by 1.7 steps."""
-_NO_CLOCK = (
-    "no clock says how fast: in [recording] of {} state rate_hz and mode = 'dynamic', or a "
-    f"rate_hz below {1.0 / LEAST_HOLD_S:g} where each row is a rest"
-)
 _ENOUGH_ROWS = 50
 """Least degrees of freedom of rows at rest that show the noise of one row, to 10 %."""
 
@@ -286,9 +282,12 @@ def check_at_rest(recording: Recording, clockless: str = "") -> None:
         close |= np.median(bend) < _STRAIGHT * np.median(way)
     if poses > _MOST_SINGLE * len(q) and close and quick:
         remedy = "--mode auto splits it into holds and moves"
+        if clockless:
+            remedy = f"no clock says how fast: in [recording] of {clockless} state rate_hz and "
+            remedy += "mode = 'dynamic', or a rate_hz below 2.5 where each row is a rest"
         raise RecordingError(
             f"{recording.name}: {poses:,} poses in {len(q):,} rows: this is a log in motion, not "
-            f"poses at rest (mode static); {_NO_CLOCK.format(clockless) if clockless else remedy}"
+            f"poses at rest (mode static); {remedy}"
         )
 
 

@@ -14,7 +14,7 @@ from wrenchbed.data.column_map import (
     ROTATION,
     ROTATION_VECTOR,
 )
-from wrenchbed.data.guess.column_roles import NO_JOINT, Sheet, plain
+from wrenchbed.data.guess.column_roles import NO_JOINT, Sheet, is_measured, plain
 from wrenchbed.data.recording import QUATERNION
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -189,6 +189,23 @@ def _joint_columns(
 
 def _of_joint(sheet: Sheet, name: str) -> list[str]:
     """Names of columns that contain a joint's name, except those of its speed or torque."""
-    word = re.compile(rf"(?:^|_){re.escape(plain(name).removesuffix('_joint'))}(?:_|$)")
+    return [n for n, rest in _naming(sheet, name).items() if not NO_JOINT.search(rest)]
+
+
+def efforts_of(sheet: Sheet, kind: str, joint_names: Sequence[str]) -> dict[str, str]:
+    """Target → column of joint torques (``tau``) or currents (``i``), numbered or by the joints'
+    names; empty if there are none."""
+    roles = {t: c for t, c in sheet.roles.items() if t.rstrip("0123456789") == kind}
+    hits = [
+        [n for n, rest in _naming(sheet, joint).items() if is_measured(kind, rest.strip("_"))]
+        for joint in joint_names
+    ]
+    alone = bool(hits) and all(len(of_joint) == 1 for of_joint in hits)
+    return roles or {f"{kind}{k}": n for k, (n,) in enumerate(hits if alone else (), 1)}
+
+
+def _naming(sheet: Sheet, joint: str) -> dict[str, str]:
+    """Columns whose names contain a joint's name, and the rest of the name of each."""
+    word = re.compile(rf"(?:^|_){re.escape(plain(joint).removesuffix('_joint'))}(?:_joint)?(?:_|$)")
     hits = [n for n in sheet.values if word.search(plain(n))]
-    return [n for n in hits if not NO_JOINT.search(word.sub("_", plain(n)))]
+    return {n: word.sub("_", plain(n)) for n in hits}

@@ -50,7 +50,7 @@ _OF_JOINTS = {
 }
 """Column of a recording → stem of numbered columns of joint torques, currents or speeds."""
 _NOT_MEASURED = re.compile(r"(?:^|_)(?:target|desired|command(?:ed)?|cmd|ext|external|des)(?:_|$)")
-_TORQUE = re.compile(r"torque|tau|moment")
+_TORQUE = re.compile(r"torque|tau|moment|(?:^|_)eff(?:ort)?s?(?:_(?![xyz]$)|$)")
 """Names of what a controller wants or estimates, and of what is never a force."""
 _OF_A_JOINT = re.compile(
     r"^(eff|effort|tau|torque|current|vel|velocity)(?:_(?!ext)[a-z0-9]+)?_joint$"
@@ -297,9 +297,8 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
         joints = _JOINT_STEM.match(stem) and not NO_JOINT.search(stem) and len(names) > 4
         if joints and "q1" not in roles:
             roles |= {f"q{k}": name for k, name in enumerate(names, start=1)}
-        for target, pattern in _OF_JOINTS.items() if len(names) > 4 else ():
-            measured = pattern.match(stem) and not _NOT_MEASURED.search(stem)
-            if measured and f"{target}1" not in roles:
+        for target in _OF_JOINTS if len(names) > 4 else ():
+            if is_measured(target, stem) and f"{target}1" not in roles:
                 roles |= {f"{target}{k}": name for k, name in enumerate(names, start=1)}
     from_zero = {f"r{i}{j}": f"r{i + 1}{j + 1}" for i in range(3) for j in range(3)}
     if from_zero.keys() <= roles.keys():
@@ -309,6 +308,11 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
         if not roles.keys() >= set(group):
             roles = {role: name for role, name in roles.items() if role not in group}
     return {r: c for r, c in roles.items() if not re.fullmatch(r"r0\d|r[1-3]0", r)}
+
+
+def is_measured(kind: str, stem: str) -> bool:
+    """Whether a stem names measured torques (``tau``), currents (``i``) or speeds (``qd``)."""
+    return bool(_OF_JOINTS[kind].match(stem)) and not _NOT_MEASURED.search(stem)
 
 
 def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, list[str]]:

@@ -20,7 +20,7 @@ from wrenchbed import registry
 from wrenchbed.data.column_map import ACCELERATION, ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.candidates import candidates
-from wrenchbed.data.guess.column_readings import Reading, joints, orientations, wrenches
+from wrenchbed.data.guess.column_readings import Reading, efforts_of, joints, orientations, wrenches
 from wrenchbed.data.guess.column_roles import Sheet, is_of_wrench, sheets_of
 from wrenchbed.data.guess.convention import Convention, Pairing, gather
 from wrenchbed.data.guess.user_facts import NOTHING, Stated
@@ -203,10 +203,12 @@ def _check(paths: Sequence[Path], stated: Stated) -> None:
 def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str, Any], str] | None:
     """Map of a table with named joint torques or currents, and a sentence on it; else None. A
     `MapError` if no robot is stated, or one with another number of joints."""
-    kind = next((k for k in _USUAL_EFFORT if f"{k}1" in sheet.roles), None)
-    if kind is None or "q1" not in sheet.roles:
+    is_known = stated.robot is not None and registry.is_known("robots", stated.robot)
+    names = registry.load("robots", stated.robot).joint_names if is_known and stated.robot else ()
+    efforts = next((e for kind in _USUAL_EFFORT if (e := efforts_of(sheet, kind, names))), {})
+    if not efforts or (not is_known and "q1" not in sheet.roles):
         return None
-    efforts = {t: c for t, c in sheet.roles.items() if t.rstrip("0123456789") == kind}
+    kind = next(iter(efforts)).rstrip("1")
     what = f"joint {'torques' if kind == 'tau' else 'currents'}"
     if stated.robot is None:
         raise MapError(
