@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 975,
     "cli": 2726,
-    "data": 5492,
+    "data": 5480,
     "diagnosis": 13157,
     "drives": 1800,
     "effects": 5001,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79176,
-    "src/wrenchbed": 69687,
+    "src": 79164,
+    "src/wrenchbed": 69675,
     "src/robot_emulators": 9489,
     "tests": 38298,
     "scripts": 3496,

@@ -165,9 +165,8 @@ def _noise_of(values: np.ndarray) -> np.ndarray:
 def _stays_away(
     values: np.ndarray, jumps: np.ndarray, limit: float, noise: float, begin: np.ndarray
 ) -> np.ndarray:
-    """Booleans (K,): whether values (N,) stay changed after ``jumps`` (K,), indices of rows before
-    a step above ``limit``, and do not just return from an outlier of ``noise`` (a std). Means of
-    rows of one segment are compared; ``begin`` (S + 1,): first row of each segment, and N."""
+    """Whether values (N,) stay changed by ``limit`` after the rows ``jumps`` (K,), and are no
+    outliers of ``noise``: (K,). ``begin`` (S + 1,): first row of each segment, and N."""
     here = jumps + 1  # the first row behind the jump
     segment = np.searchsorted(begin, jumps, side="right") - 1
     low = np.maximum(here - NEAR_ROWS, begin[segment])
@@ -316,8 +315,7 @@ def with_noise(recording: Recording) -> Recording:
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """Joint values or a quaternion's components q (N, J) [rad or m] at times t (N,) [s], in which
-    rests are sought; ``noise`` (J,) is the standard deviation of one reading."""
+    """Joint values or quaternions q (N, J) at times t (N,) [s]; ``noise`` (J,): std of one."""
 
     q: np.ndarray
     t: np.ndarray
@@ -446,8 +444,7 @@ def _slow(recording: Recording) -> Split | None:
 
 
 def _settled(y: np.ndarray, run: tuple[int, int], block: int) -> tuple[int, int]:
-    """Shorten a run (first row, end) to the rows in which means of the wrench y (N, 6) over
-    ``block`` rows are steady."""
+    """Part of a run (first row, end) in which means of ``block`` rows of y (N, 6) are steady."""
     a, b = run
     count = (b - a) // block
     if count < 4:

@@ -72,9 +72,8 @@ def _source(path: Path) -> pa.NativeFile:
 
 
 def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
-    """Open a Parquet file and check its columns: few enough, of numbers or text, plausible size;
-    else raise ``error``. Text is kept as a dictionary, so that a long repeated one fills no
-    memory."""
+    """Open a Parquet file whose columns are few, of numbers or text and of plausible size, else
+    raise ``error``. Text is kept as a dictionary: a long repeated one fills no memory."""
     with pq.ParquetFile(_source(path)) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
     _check_names(schema.names, path, error)

@@ -197,8 +197,7 @@ def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
 
 
 def _head(path: Path) -> tuple[str, str]:
-    """Read a file's first lines; detect its encoding: UTF-8, UTF-16, else Windows-1252 (Excel). A
-    `MapError` if there is no such file, or no text."""
+    """First lines of a file and its encoding: UTF-8, UTF-16, Windows-1252 of Excel. `MapError`."""
     if path.is_fifo():  # it would be waited for
         raise MapError(f"{path}: is no regular file: give a text file")
     try:
@@ -289,9 +288,8 @@ def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -
 def _header(
     lines: Sequence[str], some: Sequence[int], first: int, separator: str, decimal: str, width: int
 ) -> tuple[list[str], list[str]]:
-    """Names of ``width`` columns, and their units if a line below has them (one in which a word
-    stands twice, below one of different words), from lines (perhaps comments) before line
-    ``first``, at indices ``some``; numbers from 1 if there are no names."""
+    """Names of ``width`` columns, else numbers, from lines at ``some`` before ``first``, and units,
+    if a word stands twice in the line below one of different words."""
     before = [k for k in some if k < first]
     names = _words(lines[before[-1]], separator, decimal, width) if before else None
     if names is not None and len(set(names)) < len(names) and len(before) > 1:

@@ -135,8 +135,7 @@ def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
 
 
 def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Reading]:
-    """Yield the ways to read three columns as rotation vector, roll pitch yaw, or yaw pitch roll:
-    all, or the kind ``only`` that their names state."""
+    """Yield the ways to read three columns as angles: all, or the kind ``only`` of their names."""
     stated, largest = sheet.units.get(next(iter(names))), max(sheet.largest[n] for n in names)
     units = [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
     if stated in ("rad", "deg"):
@@ -193,8 +192,7 @@ def _of_joint(sheet: Sheet, name: str) -> list[str]:
 
 
 def efforts_of(sheet: Sheet, kind: str, joint_names: Sequence[str]) -> dict[str, str]:
-    """Target → column of joint torques (``tau``) or currents (``i``), numbered or by the joints'
-    names; empty if there are none."""
+    """Target → column of measured torques (``tau``) or currents (``i``) of joints; or empty."""
     roles = {t: c for t, c in sheet.roles.items() if t.rstrip("0123456789") == kind}
     hits = [
         [n for n, rest in _naming(sheet, joint).items() if is_measured(kind, rest.strip("_"))]

@@ -108,8 +108,7 @@ class Guess:
         lines = [f"found: {first.sentence}", f"  {first.quality}"]
         same = [c for c in self.conventions[1:] if c.units == first.units]
         lines += [f"fits equally well: {c.sentence}" for c in same[:_MOST_SHOWN]]
-        if len(same) > _MOST_SHOWN:
-            lines.append(f"… and {len(same) - _MOST_SHOWN} more")
+        lines += [f"… and {len(same) - _MOST_SHOWN} more"] if len(same) > _MOST_SHOWN else []
         units = dict.fromkeys(c.units for c in self.conventions[1:] if c.units != first.units)
         if units:
             masses = {c.units: c.mass for c in self.conventions}
@@ -228,8 +227,7 @@ def _by_names(sheet: Sheet, stated: Stated, mode: str | None) -> tuple[dict[str,
     columns = _clock_entry(sheet) | _turn_columns(reading)
     columns |= {t: {"column": c, "unit": unit or _USUAL_EFFORT[kind]} for t, c in efforts.items()}
     recording: dict[str, Any] = {"robot": stated.robot, "mode": mode or rows.mode}
-    if stated.tool_mass is not None:
-        recording["tool"] = {"mass": stated.tool_mass}
+    recording |= {} if stated.tool_mass is None else {"tool": {"mass": stated.tool_mass}}
     sentence = f"{reading.kind}, {what} in {words}, no wrench: by the names"
     if sheet.loads:
         sentence += f"; not used: a wrench, {sheet.loads[0]['fx']} …, that no weight explains"
@@ -287,9 +285,8 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
 
 
 def _signs_and_units(c: Convention, size: float, mass: float | None) -> list[Convention]:
-    """Convention c with both signs of wrench and gravity, and each pair of units in which its load
-    has a tool's mass; of seldom units alone none, if neither they nor the mass are stated.
-    ``size``: gravity's [m/s²]; ``mass``: the tool's, if known [kg]."""
+    """Convention c with both signs and each pair of units (of seldom ones alone only if stated) in
+    which its load is a tool, of a ``mass`` [kg] if known. ``size``: gravity's [m/s²]."""
     pair = c.pairing
     stated = [pair.load.units.get(pair.wrench[channel]) for channel in ("fx", "tx")]
     pairs: Sequence[Sequence[str]] = [*_UNITS, *_SELDOM]
@@ -415,8 +412,7 @@ def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
 def _axes(
     wanted: np.ndarray, reading: np.ndarray, names: Sequence[str]
 ) -> tuple[float, dict[str, dict[str, Any]]]:
-    """Match the axes of an accelerometer, reading (N, 3), to −force/mass in sensor axes, wanted (N,
-    3) [m/s²]: sum of their correlations and map entries ax, ay, az; (0, {}) if one has no match."""
+    """Match axes of a reading (N, 3) to those wanted (N, 3): sum of correlations, map entries."""
     wanted, reading = wanted - wanted.mean(axis=0), reading - reading.mean(axis=0)
     power, size = (wanted**2).sum(axis=0), (reading**2).sum(axis=0)
     alike = wanted.T @ reading / np.maximum(np.sqrt(np.outer(power, size)), 1e-12)
