@@ -162,5 +162,5 @@ def test_certainty_is_never_claimed():
     assert numbers.chance(1.0) == ">\u00a00.99" and numbers.chance(0.0) == "<\u00a00.01"
     assert numbers.percent(0.954) == "95.4" and numbers.percent(0.99977) == "99.97"
     assert numbers.percent(1 - 1e-9) == "99.9999" and numbers.percent(-1710.0) == "−171,000"
-    assert numbers.p_value(1e-30) == "< 0.001"
+    assert numbers.p_value(1e-30) == "< 0.001" and numbers.minus("+0.0, -0.02") == "0.0, −0.02"
     assert numbers.gap(-0.01) == numbers.gap(-0.0) == "0.00" and numbers.gap(1234.5) == "1,234"

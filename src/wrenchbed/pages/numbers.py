@@ -107,8 +107,8 @@ def round_down(x: float) -> float:
 
 
 def minus(text: str) -> str:
-    """Replace the hyphen of a negative number by a minus sign; "-0" becomes "0"."""
-    return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")
+    """Replace the hyphen of a negative number by a minus sign; "-0" and "+0" become "0"."""
+    return re.sub(r"[-+](?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")
 
 
 def human(name: str, value: float, unit: str) -> tuple[float, str]:
