@@ -215,8 +215,10 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
         return float(_scale(d, block, x) * x[k])
 
     number = fit.number(whole)
-    number["std"] = float(np.hypot(number["std"], _std_of_stated(d, b.key)))
-    result: dict[str, Any] = {size.name: {**number, "unit": unit_of(d, block)}}
+    unit = unit_of(d, block)
+    of_scale = d.scene.drives.scale * number["value"] * unit.startswith(("N", "kg"))
+    number["std"] = float(np.linalg.norm([number["std"], _std_of_stated(d, b.key), of_scale]))
+    result: dict[str, Any] = {size.name: {**number, "unit": unit}}
     if b.joint is not None and isinstance(about, Wave):
         slides = d.scene.robot.joints[b.joint - 1].unit == "m"
         value, unit = (b.value / (2.0 * np.pi), "1/m") if slides else (b.value, "1")

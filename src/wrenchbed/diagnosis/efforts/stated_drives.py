@@ -42,6 +42,8 @@ class Drives:
         load: mass [kg] and CoG [m] of the tool fitted with them, and their std (2, 4), or None.
         left: rms (J,) that their fit left on rows that it did not see [N·m; of commands rad].
         least: least noise of a row (J,) [N·m], as no drive obeys its law exactly.
+        scale: relative std of fitted constants, the median of joints: torques of currents and
+            commands, and sizes that they measure, scale with them.
         by_errors: change (H,) of each fitted value by ordinary errors (`DriveFit.by_errors`), by
             its name, such as ``drive.offset.2``; empty if it is not known.
     """
@@ -51,6 +53,7 @@ class Drives:
     load: np.ndarray | None = None
     left: np.ndarray | float = 0.0
     least: np.ndarray | float = 0.0
+    scale: float = 0.0
     by_errors: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def beyond(self, per_unit: np.ndarray, least: float = 0.0) -> "Drives":
@@ -122,7 +125,7 @@ def _from_fit(
         raise fields.error("robot", f"must be {recording.metadata.robot!r}, as in the recording")
     constants = value["drive.constant"]
     constants[:] = fields.numbers("constants", len(constants)) or constants
-    known, by_errors = _parameters(fields)
+    known, by_errors, scale = _parameters(fields)
     for kind, values in value.items():
         for j in range(len(values)):
             if (name := f"{kind}.{j + 1}") in known:
@@ -135,30 +138,36 @@ def _from_fit(
     moved = len(left) == len(constants) and "poses" not in fields.raw  # else friction's sign is new
     of_tool = whole and recording.metadata.tool.mass is None  # else the fit's tool predicts nothing
     return Drives(
-        value, std, np.array(load).T if whole else None, left if moved else 0.0,
-        by_errors=by_errors if of_tool else {},
+        value, std, np.array(load).T if whole else None, left if moved else 0.0, 0.0,
+        scale, by_errors if of_tool else {},
     )  # fmt: skip
 
 
 def _parameters(
     fields: checked.Fields,
-) -> tuple[dict[str, tuple[float, float]], dict[str, np.ndarray]]:
+) -> tuple[dict[str, tuple[float, float]], dict[str, np.ndarray], float]:
     """Values of a fit's parameters, without undetermined ones, with standard uncertainties beside
-    known ordinary errors, and their changes by these errors (`Drives.by_errors`), from its file."""
+    known ordinary errors, their changes by these errors, and relative std of its constants
+    (`Drives.by_errors`, `Drives.scale`), from its file."""
     parameters, errors = fields.part("parameters"), fields.part(BY_ERRORS)
     size = errors.number("size", "", nonnegative=True) or 0.0
     result, by_errors = dict[str, tuple[float, float]](), dict[str, np.ndarray]()
+    scales = []
     for name in parameters.raw:
         if name in LOAD or name.startswith(KINDS):
             entry = parameters.part(name)
             number, spread = entry.number("value", ""), entry.number("std", "", nonnegative=True)
             if number is not None and spread is not None:
+                alone = spread
                 if isinstance(changes := errors.raw.get(name), list):
                     by_errors[name] = np.array(errors.stated_numbers(name, len(changes)))
-                    of_errors = size**2 * float(by_errors[name] @ by_errors[name])
-                    spread = float(np.sqrt(max(spread**2 - of_errors, 0.0)))
-                result[name] = number, spread
-    return result, by_errors
+                    all_of_one = float(np.linalg.norm(by_errors[name]))
+                    alone = float(np.sqrt(max(spread**2 - (size * all_of_one) ** 2, 0.0)))
+                    spread = float(np.hypot(alone, (size or 1.0) * all_of_one))
+                if name.startswith(("drive.constant", STIFFNESS)) and number:
+                    scales.append(spread / abs(number))
+                result[name] = number, alone
+    return result, by_errors, float(np.median(scales)) if scales else 0.0
 
 
 def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives]:
