@@ -56,6 +56,14 @@ def healthy(arm, tmp_path_factory):
     return file
 
 
+@pytest.fixture(scope="module")
+def own(arm, tmp_path_factory):
+    """Fit of the same servos with a law of their own."""
+    file = tmp_path_factory.mktemp("fit") / "own.json"
+    calibrate_servos(moved(arm, SERVOS, 100, own_servo)).write(file)
+    return file
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_what_changed_is_named_with_its_joint_and_size(arm, healthy, case):
@@ -70,27 +78,30 @@ def test_what_changed_is_named_with_its_joint_and_size(arm, healthy, case):
 
 
 @pytest.mark.parametrize("law", [follow, pytest.param(own_servo, marks=SLOW)])
-def test_the_same_servos_on_another_day_are_none(arm, healthy, law):
-    file = healthy
-    if law is own_servo:
-        file = healthy.with_name("own.json")
-        calibrate_servos(moved(arm, SERVOS, 100, law)).write(file)
+def test_the_same_servos_on_another_day_are_none(arm, healthy, own, law):
+    file = own if law is own_servo else healthy
     found = diagnose_efforts(moved(arm, SERVOS, 8, law), drives=file).diagnosis
     assert found.verdict == "none" and not found.which
     assert found.gap.configured < 1.0  # what its fit left out counts as nothing
 
 
-def test_a_load_is_named_although_ordinary_errors_of_the_servos_could_take_it(arm, tmp_path):
+def test_a_load_is_named_although_ordinary_errors_of_the_servos_could_take_it(arm, own):
     """Links, zeros and gains within their spread leave no gap beside another servo law."""
-    file = tmp_path / "own.json"
-    calibrate_servos(moved(arm, SERVOS, 100, own_servo)).write(file)
     heavier = moved(arm, replace(SERVOS, load=0.08), 7, own_servo)
-    found = diagnose_efforts(heavier, drives=file).diagnosis
+    found = diagnose_efforts(heavier, drives=own).diagnosis
     assert found.gap.calibrated.value < 0.5 < 5.0 < found.gap.configured
     assert [w["effect"] for w in found.which] == ["tool.mass"]
     mass = found.which[0]["parameters"]["mass"]
     assert mass["value"] == approx(0.03, rel=0.3)
     assert mass["std"] < 0.003  # 0.0042 where links' errors count beside a fit that holds them
+
+
+def test_a_form_that_adds_little_to_friction_is_friction_of_another_law(arm, own):
+    """Friction with a Stribeck curve fits better with some hysteresis beside it."""
+    stiffer = moved(arm, altered("friction", 5, 2.6), 1, own_servo)
+    (only,) = diagnose_efforts(stiffer, drives=own).diagnosis.which
+    assert (only["effect"], only["elements"], only["rivals"]) == ("drive.coulomb", ["joint 5"], [])
+    assert only["parameters"]["coulomb"]["value"] == approx(1.6 * SERVOS.friction[4], rel=0.25)
 
 
 @pytest.mark.slow
