@@ -27,7 +27,7 @@ from wrenchbed.diagnosis.explain.elements import DOUBT
 from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Option, Part, Verdict
 from wrenchbed.diagnosis.gap.gap_bootstrap import Bootstrap, Closure, Judged, closure
-from wrenchbed.drives.identify import jackknife
+from wrenchbed.drives.identify import FRICTION, jackknife
 from wrenchbed.drives.joint_least_squares import FOLDS
 
 ORDINARY = 2.0
@@ -37,9 +37,9 @@ _SMALL = 1e-3
 _BESIDE = 0.25
 """Gap of causes without a name, over that of named ones, above which a set of causes counts as
 unknown: the unnamed causes are then no small part."""
-_FORM = 0.1
-"""Share of a cause's gap up to which what it adds to a simpler one may be that one's own law: the
-law of a fault differs from that of its effect by a tenth."""
+_LAW = 0.1
+"""Share of a gap up to which what a cause adds to Coulomb friction may be a law that differs from
+it: bristles and Stribeck curves (tuned on servos of ``tests/support/servo_arm.py``)."""
 _MOSTLY = 2.0 / 3.0
 """Closed share of the gap below which claims are believed to at most `RIGHT_ELSEWHERE`: clearly
 more than half. That probability also bounds `none`, since ordinary errors may imitate a cause (79 %
@@ -287,15 +287,17 @@ def _part(
 ) -> Part:
     """Cause ``block``, an index, of the set ``structure``, with its ``gap``. It is named by a
     simpler cause that it contains (an offset, not a cable) unless ``chances``, sets'
-    probabilities, prefer it, and its further columns add more than `_FORM` of the gap.
+    probabilities, prefer it, and more than friction's own law (`_LAW`) speaks for it.
     """
     d, b, beside = s.d, s.d.blocks[block], [k for k in structure if k != block]
     for k, other in enumerate(d.blocks):
         if other.joint == b.joint and {*other.columns} < {*b.columns}:
             less = tuple(sorted((*beside, k)))
             further = np.setdiff1d(d.at[block], d.at[k])
-            form = added(d, s.of(structure).x, further, (k,)) < _FORM * gap
-            block = k if form or chances.get(less, 0.0) >= chances[structure] else block
+            law = other.effect == FRICTION[0] and (
+                added(d, s.of(structure).x, further, (k,)) < _LAW * gap
+            )
+            block = k if law or chances.get(less, 0.0) >= chances[structure] else block
     return Part(d.blocks[block].effect, gap, index=block, joint=b.joint)
 
 
