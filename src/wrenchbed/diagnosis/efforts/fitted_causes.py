@@ -258,9 +258,9 @@ def weighed(
 
 
 def _gaps(s: Simulators, structure: Structure) -> dict[int, float]:
-    """Gap that each cause of a set adds, by index: of several in one joint the largest first, the
-    next beside it, and so on, since they may cancel each other. One that contains another (a cable
-    an offset) comes after it, with its further columns."""
+    """Gap that each cause of a set adds, by index: of several in one joint first the one that alone
+    leaves least, the next beside it, and so on, since they may cancel each other. One that contains
+    another (a cable an offset) comes after it, with its further columns."""
     d, result = s.d, dict[int, float]()
     for b in structure:
         joint, before = d.blocks[b].joint, list[int]()
@@ -269,10 +269,17 @@ def _gaps(s: Simulators, structure: Structure) -> dict[int, float]:
         while b not in result:
             left = [k for k in group if k not in before]
             simple = [k for k in left if not any({*d.at[i]} < {*d.at[k]} for i in left)]
-            each = {k: _beside(s, k, others, before) for k in simple}
-            before.append(most := max(each, key=lambda k: each[k]))
-            result.setdefault(most, each[most])
+            best = min(simple, key=lambda k: _left_in(s, joint or 1, (*others, *before, k)))
+            result.setdefault(best, _beside(s, best, others, before))
+            before.append(best)
     return result
+
+
+def _left_in(s: Simulators, joint: int, causes: Sequence[int]) -> float:
+    """Sum of squares that a fit with ``causes``, by index, leaves in a joint [N²·m²; N²]."""
+    channel = s.d.channels[joint - 1]
+    left = channel.y - channel.data @ s.of(causes).x[channel.at]
+    return float(left[channel.use] @ left[channel.use])
 
 
 def _beside(s: Simulators, block: int, others: list[int], before: list[int]) -> float:
