@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2726,
     "data": 5480,
-    "diagnosis": 13175,
+    "diagnosis": 13182,
     "drives": 1800,
     "effects": 5001,
     "environments": 588,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79182,
-    "src/wrenchbed": 69693,
+    "src": 79189,
+    "src/wrenchbed": 69700,
     "src/robot_emulators": 9489,
     "tests": 38309,
     "scripts": 3496,
