@@ -13,11 +13,18 @@ from file_arms import case as by_file
 from wrenchbed.diagnosis.efforts.columns import of_arm
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.errors_of_fit import ERROR, errors_alone
-from wrenchbed.diagnosis.efforts.fitted_causes import ORDINARY, Simulator
+from wrenchbed.diagnosis.efforts.fitted_causes import (
+    ORDINARY,
+    Simulator,
+    Simulators,
+    _gaps,
+    added,
+)
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.stated_drives import stated_drives, with_tool
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.drives.ordinary_errors import of_link
+from wrenchbed.effects.drives.base import Block
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 
 pytestmark = pytest.mark.usefixtures("fresh_registry")
@@ -124,6 +131,26 @@ def test_an_error_that_would_move_another_stated_number_too_far_is_limited():
     fit = Simulator(d, (0,))
     assert fit.x[1] == ORDINARY and 0.0 < fit.x[2] < ORDINARY * std[2]
     assert np.abs(fit.errors[:, 1:] / std[1:]).max() <= ORDINARY + 1e-9  # 50 where unlimited
+
+
+def test_of_two_causes_in_a_joint_the_one_that_alone_leaves_least_comes_first():
+    """A clipped torque: a gain makes larger readings, since an offset makes up for its form."""
+    total = np.linspace(-45.0, -3.0, 400)
+    columns = np.stack([total, np.minimum(total + 18.0, 0.0), np.ones(400)], axis=1)
+    y, stated = -columns[:, 1], np.array([False, False, True])
+    products = 1e2 * columns.T @ columns, 1e2 * (columns.T @ y)[:, None]
+    channel = SimpleNamespace(
+        y=y, data=columns, use=np.ones(400, bool), at=np.arange(3), gram=columns.T @ columns / 400
+    )
+    d = SimpleNamespace(
+        std=np.where(stated, 3.0, 0.0), stated=stated, free=np.zeros(3, bool), size=np.ones(3),
+        at=(np.array([0]), np.array([1])), joint=np.zeros(3, int), without=lambda _: products,
+        channels=(channel,), blocks=(Block("drive.constant", 1, False, ("a",)),
+                                     Block("limited", 1, True, ("b",))),
+    )  # fmt: skip
+    gaps = _gaps(Simulators(d), (0, 1))
+    assert gaps[1] > 100.0 and gaps[0] < 1e-3
+    assert added(d, Simulator(d, (0,)).x, d.at[0]) > gaps[1]  # by size the gain came first
 
 
 @pytest.mark.slow
