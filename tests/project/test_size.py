@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2726,
     "data": 5480,
-    "diagnosis": 13182,
+    "diagnosis": 13195,
     "drives": 1800,
     "effects": 5001,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79189,
-    "src/wrenchbed": 69700,
+    "src": 79202,
+    "src/wrenchbed": 69713,
     "src/robot_emulators": 9489,
-    "tests": 38309,
+    "tests": 38346,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

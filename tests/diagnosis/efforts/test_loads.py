@@ -20,6 +20,7 @@ from wrenchbed.diagnosis.efforts.fitted_causes import (
     _gaps,
     added,
 )
+from wrenchbed.diagnosis.efforts.json_entries import _std_of_fit
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.stated_drives import stated_drives, with_tool
 from wrenchbed.drives.identify import calibrate_efforts
@@ -131,6 +132,15 @@ def test_an_error_that_would_move_another_stated_number_too_far_is_limited():
     fit = Simulator(d, (0,))
     assert fit.x[1] == ORDINARY and 0.0 < fit.x[2] < ORDINARY * std[2]
     assert np.abs(fit.errors[:, 1:] / std[1:]).max() <= ORDINARY + 1e-9  # 50 where unlimited
+
+
+def test_a_centre_is_as_sure_as_the_mass_that_its_moment_is_divided_by():
+    load, by_errors = np.array([[1.5, 0.0], [0.03, 0.0]]), {"tool.mass": np.array([0.0, 0.04])}
+    drives = SimpleNamespace(load=load, by_errors=by_errors, scale=0.1, std={})
+    d = SimpleNamespace(scene=SimpleNamespace(drives=drives))
+    assert _std_of_fit(d, ("tool.cog", None), 0.03, "m") == pytest.approx(0.03 * 0.05 / 1.5)
+    assert _std_of_fit(d, ("base.tilt", None), 0.03, "rad") == 0.0
+    assert _std_of_fit(d, ("tool.mass", None), 0.4, "kg") == pytest.approx(0.05)
 
 
 def test_of_two_causes_in_a_joint_the_one_that_alone_leaves_least_comes_first():

@@ -84,6 +84,18 @@ def _stated(d: Dictionary, key: Key) -> dict[str, float]:
     return {"stated": float(stated)} if stated else {}
 
 
+def _std_of_fit(d: Dictionary, key: Key, value: float, unit: str) -> float:
+    """Standard uncertainty of a cause's size ``value`` by that of the fit from which it counts: of
+    the number that it changes, of constants that scale it, of the mass that a centre's moment is
+    divided by."""
+    (effect, _), drives = key, d.scene.drives
+    scale = drives.scale if unit.startswith(("N", "kg")) else 0.0
+    if effect == "tool.cog" and drives.load is not None:
+        of_errors = float(np.linalg.norm(drives.by_errors.get("tool.mass", 0.0)))
+        scale = float(np.hypot(drives.load[1, 0], of_errors) / drives.load[0, 0])
+    return float(np.hypot(_std_of_stated(d, key), scale * value))
+
+
 def _std_of_stated(d: Dictionary, key: Key) -> float:
     """Standard uncertainty, SI, of the fitted number that a cause changes; 0 if none was fitted."""
     (effect, joint), drives = key, d.scene.drives
@@ -214,10 +226,9 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     def part(x: np.ndarray, k: int) -> float:
         return float(_scale(d, block, x) * x[k])
 
-    number = fit.number(whole)
-    unit = unit_of(d, block)
-    of_scale = d.scene.drives.scale * number["value"] * unit.startswith(("N", "kg"))
-    number["std"] = float(np.linalg.norm([number["std"], _std_of_stated(d, b.key), of_scale]))
+    number, unit = fit.number(whole), unit_of(d, block)
+    further = _std_of_fit(d, b.key, number["value"], unit)
+    number["std"] = float(np.hypot(number["std"], further))
     result: dict[str, Any] = {size.name: {**number, "unit": unit}}
     if b.joint is not None and isinstance(about, Wave):
         slides = d.scene.robot.joints[b.joint - 1].unit == "m"
@@ -226,6 +237,8 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     elif size.vector and not size.columns:
         for k in some:
             number = fit.number(partial(part, k=k))
+            further = _std_of_fit(d, b.key, number["value"], size.unit)
+            number["std"] = float(np.hypot(number["std"], further))
             result[d.names[k].rpartition(".")[2]] = {**number, "unit": size.unit}
     if b.joint is not None:
         result["joint"] = {"value": b.joint}
