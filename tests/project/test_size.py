@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 975,
     "cli": 2726,
     "data": 5480,
-    "diagnosis": 13195,
+    "diagnosis": 13197,
     "drives": 1800,
     "effects": 5001,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79202,
-    "src/wrenchbed": 69713,
+    "src": 79204,
+    "src/wrenchbed": 69715,
     "src/robot_emulators": 9489,
-    "tests": 38346,
+    "tests": 38352,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

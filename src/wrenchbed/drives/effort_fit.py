@@ -83,8 +83,8 @@ class DriveFit(WrittenFit):
         cannot_tell: sentences on what a fit of servo commands cannot determine.
         link_errors: size of errors of links and sensors that uncertainties include, over ordinary.
         by_errors: change of the identified parameters (H, K) by an ordinary error of the mass and
-            of each coordinate of the centre of each link, and of each torque sensor's gain; None
-            where it is not known.
+            of each coordinate of the centre of each link, of each joint's friction after reversals,
+            and of each torque's gain (0 where a constant is free); None where it is not known.
         gravity: other than the stated one that explains the efforts far better [m/s²], or None.
     """
 

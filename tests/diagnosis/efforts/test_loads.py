@@ -1,5 +1,6 @@
 """A load, or a wrong torque sensor in motion, is named with its value, or is said to be fitted."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -218,7 +219,12 @@ def test_a_small_load_beside_a_healthy_fit_is_named(tmp_path, seed):
 def test_links_beside_what_they_changed_in_the_healthy_fit_predict_its_motion(tmp_path):
     healthy, path = by_file(UR10, tmp_path, 1, 101), tmp_path / "healthy.json"
     calibrate_efforts(healthy).write(path)
+    fit = json.loads(path.read_text())
+    for part in ("parameters", "by_errors"):
+        fit[part]["drive.offset.99"] = fit[part]["drive.offset.1"]
+    path.write_text(json.dumps(fit))
     drives = stated_drives(healthy, path)
+    assert "drive.offset.1" in drives.by_errors and "drive.offset.99" not in drives.by_errors
     scene = effort_scene(with_tool(healthy, drives), drives)
     alone, left = errors_alone(scene), {}
     for column in (c for c in of_arm(scene)[0] if c.name.startswith(ERROR)):

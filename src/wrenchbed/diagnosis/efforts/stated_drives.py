@@ -137,9 +137,11 @@ def _from_fit(
         left = left * np.nan_to_num(constants)
     moved = len(left) == len(constants) and "poses" not in fields.raw  # else friction's sign is new
     of_tool = whole and recording.metadata.tool.mass is None  # else the fit's tool predicts nothing
+    named = {*LOAD, *(f"{kind}.{j + 1}" for kind in KINDS for j in range(len(constants)))}
+    changes = {name: x for name, x in by_errors.items() if name in named} if of_tool else {}
     return Drives(
-        value, std, np.array(load).T if whole else None, left if moved else 0.0, 0.0,
-        scale, by_errors if of_tool else {},
+        value, std, np.array(load).T if whole else None, left if moved else 0.0,
+        scale=scale, by_errors=changes,
     )  # fmt: skip
 
 
