@@ -62,7 +62,6 @@ if TYPE_CHECKING:
     from wrenchbed.monitoring.compensation import Compensator as Compensator
     from wrenchbed.monitoring.live import live as live
     from wrenchbed.planning.accuracy_plan import Mix as Mix
-    from wrenchbed.planning.accuracy_plan import MixOptions as MixOptions
     from wrenchbed.planning.accuracy_plan import reach as reach
     from wrenchbed.planning.choose import for_tracker as for_tracker
     from wrenchbed.planning.choose import informative as informative

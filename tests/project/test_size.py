@@ -6,12 +6,12 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
-    ".": 538,
+    ".": 537,
     "benchmark": 7737,
     "calibration": 5106,
     "campaigns": 1145,
     "channels": 975,
-    "cli": 2726,
+    "cli": 2722,
     "data": 5480,
     "diagnosis": 13197,
     "drives": 1800,
@@ -24,22 +24,22 @@ WRENCHBED = {
     "monitoring": 1408,
     "pages": 1246,
     "physics": 1059,
-    "planning": 1037,
+    "planning": 916,
     "plant": 761,
     "reports": 2118,
     "robots": 4360,
     "sensors": 301,
     "simulation": 1343,
-    "studies": 1336,
+    "studies": 1322,
     "twin": 1077,
     "viewer": 747,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79204,
-    "src/wrenchbed": 69715,
+    "src": 79064,
+    "src/wrenchbed": 69575,
     "src/robot_emulators": 9489,
-    "tests": 38352,
+    "tests": 38308,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -33,11 +33,8 @@ class GoalArguments:
     goal: Literal["target-position"] | None = None
     # With --goal: wanted rms position error [m] of 99 % of robots; 0.0003.
     accuracy: float | None = None
-    touch_cost: float | None = None  # With --goal: what a touch costs, in poses under gravity; 1.
     # With --goal: how far a tip sits from its point, per axis [m]; 5e-5.
     touch_std: float | None = None
-    # With --goal: poses under gravity at least, which calibrate the sensor; 6.
-    least_poses: int | None = None
     # With --goal: CSV with columns x, y, z [m], known points to touch; a grid if none.
     points: Path | None = None
 
@@ -114,13 +111,12 @@ def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -
 
 
 def _mix(arm: wb.Robot, pool: int | None, goal: GoalArguments, seed: int) -> wb.Mix:
-    names = ("touch_cost", "touch_std", "least_poses")
-    given: dict[str, Any] = {"pool": pool} | {name: getattr(goal, name) for name in names}
-    given["points"] = None if goal.points is None else wb.read_points(goal.points)
-    options = wb.MixOptions(**{name: x for name, x in given.items() if x is not None})
+    points = None if goal.points is None else wb.read_points(goal.points)
+    given: dict[str, Any] = {"pool": pool, "points": points, "touch_std": goal.touch_std}
+    stated = {name: value for name, value in given.items() if value is not None}
     accuracy = 3e-4 if goal.accuracy is None else goal.accuracy
     with console.progress("measurements", None) as report:
-        return wb.reach(arm, accuracy, options, seed=seed, progress=lambda _: report(1))
+        return wb.reach(arm, accuracy, **stated, seed=seed, progress=lambda _: report(1))
 
 
 def _chosen(arm: wb.Robot, poses: PoseArguments, motion: MotionArguments, seed: int) -> wb.Plan:
@@ -173,7 +169,7 @@ def _write_mix(mix: wb.Mix, out: Path, touch_std: float | None, as_json: bool) -
     lines += [
         f"rms position error in the target: expected {1e3 * mix.before:.1f} mm now, "
         f"{1e3 * mix.rms:.3f} mm after; below {1e3 * mix.assured:.3f} mm for "
-        f"{100 * mix.share:g} % of robots",
+        f"{mix.share:.0%} of robots",
         f"record, then: wrenchbed calibrate REC{fit} --free candidates sensor.bias --prior",
     ]
     console.answer(result, as_json, "\n".join(lines))

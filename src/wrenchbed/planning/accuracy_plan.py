@@ -11,8 +11,8 @@ accuracy that the plan really reaches.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -35,41 +35,11 @@ SAMPLES = 100
 """Rows that are averaged at one pose under gravity."""
 _STEP, _TRIES, _THERE = 1e-6, 20, 1e-8
 _MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
+_LEAST_POSES = 6
+"""Fewest poses under gravity, which calibrate the sensor itself: the parameters of its load and
+zero are ten, a pose reads six numbers."""
 Chosen = tuple[list[int], list[int]]
 """Indices of the chosen gravity poses and of the chosen touches in their two pools."""
-
-
-@dataclass(frozen=True, eq=False)
-class MixOptions:
-    """Costs, tolerances and candidates of a plan of gravity poses and touches of known points.
-
-    Attributes:
-        share: fraction of the robots whose error shall be below the wanted accuracy, 0 … 1.
-        least_poses: smallest number of poses under gravity; they calibrate the sensor itself.
-        touch_cost: cost of one touch, in units of one gravity pose.
-        pool: number of candidate gravity poses.
-        points: known positions to touch (K, 3) [m]; the robot's default if None.
-        touch_std: standard deviation of the tip's position at the point, per axis [m].
-
-    Raises:
-        PlanError: a number is out of its range.
-    """
-
-    share: float = 0.99
-    least_poses: int = 6
-    touch_cost: float = 1.0
-    pool: int = 4000
-    points: np.ndarray | None = None
-    touch_std: float = TOUCH_STD
-
-    def __post_init__(self) -> None:
-        if not (0 < self.share < 1 and self.touch_cost > 0 and self.touch_std > 0):
-            raise PlanError(
-                f"touch cost {self.touch_cost} and touch std {self.touch_std} m must be above 0, "
-                f"share {self.share} between 0 and 1"
-            )
-        if not 0 <= self.least_poses <= self.pool or self.pool < 1:
-            raise PlanError(f"{self.least_poses} poses cannot be chosen from a pool of {self.pool}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +49,8 @@ class Mix:
     Attributes:
         gravity, touches: plans; either may have 0 rows.
         rms: root mean square position error in the target [m], over the simulated robots.
-        assured: position error [m] that the wanted share of the simulated robots stays below.
+        assured: position error [m] that ``share`` of the simulated robots stay below.
         before: rms without any measurement [m].
-        share: fraction of robots that stay below ``assured``, 0 … 1.
     """
 
     gravity: Plan
@@ -89,7 +58,7 @@ class Mix:
     rms: float
     assured: float
     before: float
-    share: float
+    share: ClassVar[float] = 0.99
 
     def __len__(self) -> int:
         return len(self.gravity) + len(self.touches)
@@ -102,6 +71,7 @@ class _Task:
     Attributes:
         columns: indices of the unknown parameters (K,).
         wrench_std: standard deviation of a pose's mean wrench (6,) [N, N·m].
+        touch_std: standard deviation of the tip's position at a touched point, per axis [m].
         pools: candidate poses, then touches: Jacobians of readings over noise, per ``scale``.
         scale: tolerances of the unknown parameters (K,).
     """
@@ -110,7 +80,7 @@ class _Task:
     columns: tuple[int, ...]
     sets: GoalSets
     wrench_std: np.ndarray
-    options: MixOptions
+    touch_std: float
     pools: tuple[Pool, Pool]
     goal: Goal
     scale: np.ndarray
@@ -122,10 +92,10 @@ class _Task:
         return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
     def assured(self, chosen: Chosen) -> float:
-        """Position error [m] below which ``options.share`` of robots stay when calibrated on poses
-        and touches of known points at indices ``chosen``."""
+        """Position error [m] below which `Mix.share` of robots stay when calibrated on poses and
+        touches of known points at indices ``chosen``."""
         covariance = np.linalg.inv(self.information(chosen)) * np.outer(self.scale, self.scale)
-        return self.goal.quantile(covariance, self.options.share)
+        return self.goal.quantile(covariance, Mix.share)
 
     def best(self, kind: int, information: np.ndarray, used: list[int]) -> tuple[int, float]:
         """Find the unused candidate of a kind (0 pose, 1 touch of a point) whose information raises
@@ -138,22 +108,19 @@ class _Task:
         return int(some[np.argmax(value)]), float(value.max())
 
     def grow(self, chosen: Chosen) -> None:
-        """Add to ``chosen`` (indices of poses, of touches of points) the candidate that lowers
-        log(error) most per cost."""
+        """Add to ``chosen`` (indices of poses, of touches of points) the candidate that lowers the
+        error most."""
         information = self.information(chosen)
-        now = float(self.criterion.values(information))
         (pose, with_pose), (touch, with_touch) = (
             self.best(kind, information, chosen[kind]) for kind in (0, 1)
         )
-        if np.log(with_touch / now) / self.options.touch_cost >= np.log(with_pose / now):
-            chosen[1].append(touch)
-        else:
-            chosen[0].append(pose)
+        kind = int(with_touch >= with_pose)
+        chosen[kind].append((pose, touch)[kind])
 
     def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
         """Drop touches of points, then poses, from those ``chosen`` (indices) while the others
         reach ``accuracy`` [m]; return what is kept."""
-        for kind, least in ((1, 0), (0, self.options.least_poses)):
+        for kind, least in ((1, 0), (0, _LEAST_POSES)):
             while len(chosen[kind]) > least:
                 blocks = self.pools[kind].blocks[chosen[kind]]
                 without = self.criterion.changed(self.information(chosen), blocks, -1.0)
@@ -192,7 +159,7 @@ class _Task:
         """Draw one robot within tolerances and calibrate it: rms tool error [m] of the nominal
         model and of the fitted one."""
         robot, nominal, free = self.model.robot, self.model.parameters.nominal, list(self.columns)
-        truth, std, touch_std = nominal.copy(), self.wrench_std, self.options.touch_std
+        truth, std, touch_std = nominal.copy(), self.wrench_std, self.touch_std
         truth[free] += rng.uniform(-1.0, 1.0, len(free)) * self.scale
         true, target = robot.robot_theta(truth), self.sets.target
         gravity, points = self.sets.gravity[chosen[0]], self.sets.points[chosen[1]]
@@ -235,28 +202,35 @@ def _seated(robot: Robot, q: np.ndarray, points: np.ndarray, theta: np.ndarray) 
 def reach(
     robot: Robot,
     accuracy: float,
-    options: MixOptions | None = None,
     *,
+    pool: int = 4000,
+    points: np.ndarray | None = None,
+    touch_std: float = TOUCH_STD,
     seed: int = 0,
     progress: Callable[[int], None] = lambda _: None,
-    **changes: Any,
 ) -> Mix:
     """Plan few measurements that bring the rms tool error in the target below ``accuracy`` [m].
 
     Measurements are poses under gravity and touches of known points. Greedy growth, exchange with
     one fewer as long as that suffices, then one more as long as a simulation of the nonlinear fit
     asks for it: a local optimum, not a proven minimum. Every candidate parameter of the robot and
-    the sensor's bias are unknown within tolerance. ``progress`` gets the number of measurements as
-    the plan grows; ``changes`` replace fields of ``options``.
+    the sensor's bias are unknown within tolerance.
+
+    Args:
+        pool: number of candidate poses under gravity.
+        points: known positions to touch (K, 3) [m]; the robot's default if None.
+        touch_std: standard deviation of the tip's position at a point, per axis [m].
+        progress: called with the number of measurements as the plan grows.
 
     Raises:
         PlanError: a number is out of its range, or `_MOST` measurements are not enough.
         NotFoundError: the robot has no tool tip or target workspace.
     """
-    o = replace(options or MixOptions(), **changes)
-    if not accuracy > 0:
-        raise PlanError(f"accuracy {accuracy} m must be above 0")
-    task = _task(robot, robot.goal_sets(o.pool, o.points, seed), o)
+    if not (accuracy > 0 and touch_std > 0):
+        raise PlanError(f"accuracy {accuracy} m and touch std {touch_std} m must be above 0")
+    if pool < _LEAST_POSES:
+        raise PlanError(f"{_LEAST_POSES} poses cannot be chosen from a pool of {pool}")
+    task = _task(robot, robot.goal_sets(pool, points, seed), touch_std)
     wanted, remedy = f"not {1e3 * accuracy:.3g} mm: touch more precisely", "or other points"
     every: Chosen = (list(range(len(task.pools[0]))), list(range(len(task.pools[1]))))
     best = task.assured(every)
@@ -266,7 +240,7 @@ def reach(
             f"{1e3 * best:.3g} mm, {wanted}, {remedy}"
         )
     chosen: Chosen = ([], [])
-    while len(chosen[0]) < o.least_poses:
+    while len(chosen[0]) < _LEAST_POSES:
         chosen[0].append(task.best(0, task.information(chosen), chosen[0])[0])
     while (assured := task.assured(chosen)) > accuracy:
         if (count := len(chosen[0]) + len(chosen[1])) == _MOST:
@@ -277,7 +251,7 @@ def reach(
     chosen = task.pruned(chosen, accuracy)
     for _ in range(_ROUNDS):
         before, after = task.rehearse(chosen, seed)
-        assured = float(np.quantile(after, o.share))
+        assured = float(np.quantile(after, Mix.share))
         progress(len(chosen[0]) + len(chosen[1]))
         if assured <= accuracy:
             still, touch = chosen
@@ -287,7 +261,6 @@ def reach(
                 rms=float(np.sqrt(np.mean(after**2))),
                 assured=assured,
                 before=float(np.sqrt(np.mean(before**2))),
-                share=o.share,
             )
         task.grow(chosen)
         chosen = task.exchanged(chosen)
@@ -297,7 +270,7 @@ def reach(
     )
 
 
-def _task(robot: Robot, sets: GoalSets, options: MixOptions) -> _Task:
+def _task(robot: Robot, sets: GoalSets, touch_std: float) -> _Task:
     model = Model.of(robot)
     theta = model.parameters.nominal
     columns = model.parameters.select([*robot.candidates, "sensor.bias"])
@@ -306,8 +279,8 @@ def _task(robot: Robot, sets: GoalSets, options: MixOptions) -> _Task:
     slow = np.square(noise.flicker) * np.log(noise.f_high / noise.f_low)
     std = np.sqrt(np.square(noise.white) / SAMPLES + slow)
     gravity = model.jacobian(sets.gravity, theta, columns) / std[:, None]
-    touch = tip_jacobian(robot, sets.touch, theta, columns) / options.touch_std
+    touch = tip_jacobian(robot, sets.touch, theta, columns) / touch_std
     goal = Goal(tip_jacobian(robot, sets.target, theta, columns))
     criterion = InverseTrace(goal.weight * np.outer(scale, scale))
     pools = Pool(gravity * scale), Pool(touch * scale)
-    return _Task(model, columns, sets, std, options, pools, goal, scale, criterion)
+    return _Task(model, columns, sets, std, touch_std, pools, goal, scale, criterion)

@@ -23,14 +23,12 @@ _EXPONENTS = {"O2": (1, 1), "O3": (1, 0), "O4": (2, 1)}
 class Criterion(ABC):
     """Quality of a set of configurations with information matrix M, to be maximised.
 
-    Attributes:
-        power: `value` to this power is homogeneous of degree 1 in M and concave; None if it is not.
-        smooth: whether the gradient predicts what adding a whole configuration changes.
+    ``bounds``: whether the gradient bounds from above what adding a configuration changes: the
+    criterion, or its square, is concave and smooth.
     """
 
     name: str
-    power: float | None
-    smooth = True
+    bounds = True
 
     @abstractmethod
     def values(self, information: np.ndarray) -> np.ndarray:
@@ -80,7 +78,7 @@ class Spectral(Criterion):
 class O1(Spectral):
     """(σ1 σ2 … σm)^(1/m) of the singular values, without 1/√n: ellipsoid's volume; D-optimality."""
 
-    name, power = "O1", 2.0
+    name = "O1"
 
     def _of(self, sigma: np.ndarray) -> np.ndarray:
         return np.exp(np.log(np.maximum(sigma, _SMALLEST)).mean(axis=-1))
@@ -102,11 +100,10 @@ class Weakest(Spectral):
     """Criterion σm^a / σ1^b of smallest and largest singular value: (a, b) is (1, 1) in O2, (1, 0)
     in O3, (2, 1) in O4. Screening weighs other small ones too: each may become smallest."""
 
-    smooth = False
+    bounds = False
 
     def __init__(self, name: str, exponents: tuple[int, int]) -> None:
         self.name, self._exponents = name, exponents
-        self.power = 2.0 if exponents == (1, 0) else None
 
     def screen(self, information: np.ndarray) -> np.ndarray:
         return self._turned(information, self._screening_slope)
@@ -130,7 +127,7 @@ class Weakest(Spectral):
 class O5(Spectral):
     """1 / (1/σ1 + … + 1/σm): harmonic mean of the m singular values, over m."""
 
-    name, power = "O5", 2.0
+    name = "O5"
 
     def _of(self, sigma: np.ndarray) -> np.ndarray:
         return 1 / (1 / np.maximum(sigma, _SMALLEST)).sum(axis=-1)
@@ -141,8 +138,6 @@ class O5(Spectral):
 
 class InverseTrace(Criterion):
     """1 / trace(W M⁻¹), M the information: A-optimality if weight W is 1, else I-optimality."""
-
-    power = 1.0
 
     def __init__(self, weight: np.ndarray, name: str = "I") -> None:
         self.weight, self.name = weight, name

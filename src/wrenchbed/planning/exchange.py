@@ -5,16 +5,9 @@ best, and drops the d whose loss costs least (or the other way round); it is kep
 better.
 
 A scan of the whole pool costs one product with the gradient: the packed JᵢᵀJᵢ (N, m(m+1)/2) times
-one vector. For a concave, smooth criterion that is an upper bound of the change, so that only the
+one vector. For some criteria that is an upper bound of the change, so that only the
 few configurations whose bound exceeds the best exact value so far are evaluated, by rank-k
 formulas; for the others the most promising `2 * _AT_ONCE`.
-
-How good could any choice be? A continuous design spreads weights wᵢ, Σwᵢ = 1, over the whole pool.
-For a criterion Φ that is concave and homogeneous of degree 1 in M, every set S of n different
-configurations obeys Φ(M_S) ≤ ⟨∇Φ(M), M_S⟩ ≤ the sum of the n largest ⟨∇Φ(M), JᵢᵀJᵢ⟩, at any M; at
-the best continuous design the bound is tight up to rounding to whole configurations (equivalence
-theorem: Kiefer & Wolfowitz 1960, doi 10.4153/CJM-1960-030-4; Pukelsheim, Optimal Design of
-Experiments, 2006, ch. 7).
 """
 
 from collections.abc import Callable, Sequence
@@ -30,12 +23,6 @@ _MOST = 1024
 _BETTER = 1e-9
 _DEPTH = 3
 _SINGULAR = 1e15
-_ROUNDS = 60
-_STEPS = 150
-_NEW = 60
-_DROP = 1e-7
-_GAP = 1e-3
-"""Distance of a continuous design from the upper bound, relative, at which `certify` stops."""
 
 
 class Pool:
@@ -166,7 +153,7 @@ class _Search:
         slope = self.pool.slopes(self.criterion.screen(information))
         slope[chosen] = -np.inf
         now = float(self.criterion.values(information))
-        sure = self.criterion.smooth and self.criterion.power is not None
+        sure = self.criterion.bounds
         most = min(_MOST if sure else 2 * _AT_ONCE, len(slope))
         order = np.argpartition(-slope, most - 1)[:most]
         order = order[np.argsort(-slope[order])]
@@ -181,79 +168,3 @@ class _Search:
             if exact[top] > best:
                 best, where = float(exact[top]), int(some[top])
         return where
-
-
-@dataclass(frozen=True, eq=False)
-class Certificate:
-    """The best continuous design found, and the upper bound on any choice that it proves.
-
-    Attributes:
-        support: indices of the configurations with weight (K,).
-        weight: (K,), sums to 1.
-        bound: no n different configurations of the pool have a larger criterion.
-    """
-
-    support: np.ndarray
-    weight: np.ndarray
-    bound: float
-
-
-def certify(pool: Pool, criterion: Criterion, n: int, start: np.ndarray) -> Certificate:
-    """Bound the criterion over all choices of n different configurations.
-
-    ``start``: indices of a set with full rank. Multiplicative weights (Silvey, Titterington &
-    Torsney 1978, doi 10.1080/03610927808827719) on a growing set of candidates. A `PlanError` if
-    the criterion is not concave, so that nothing can be certified this way.
-    """
-    power = criterion.power
-    if power is None:
-        raise PlanError(f"{criterion.name} is not concave: its optimum cannot be certified")
-
-    def slopes(blocks: np.ndarray, weight: np.ndarray, of: np.ndarray) -> tuple[float, np.ndarray]:
-        """Criterion^``power`` of ``blocks`` (K, k, m) with weights (K,), and its derivatives (M,)
-        by the weights of other blocks ``of`` (M, k, m)."""
-        rows = (blocks * np.sqrt(weight)[:, None, None]).reshape(-1, blocks.shape[-1])
-        value = float(criterion.values(rows.T @ rows))
-        gradient = power * value ** (power - 1.0) * criterion.gradient(rows.T @ rows)
-        return value**power, ((of @ gradient) * of).sum(axis=(1, 2))
-
-    support = np.asarray(start, dtype=int)
-    best: Certificate | None = None
-    weight = np.full(len(support), 1.0 / len(support))
-    exponent = 1.0 if criterion.name == "O1" else 0.5
-    for _ in range(_ROUNDS):
-        blocks = pool.blocks[support]
-        for _ in range(_STEPS):
-            value, slope = slopes(blocks, weight, blocks)
-            weight = _capped(weight * (slope / value) ** exponent, 1.0 / n)
-        keep = weight > _DROP
-        support, weight = support[keep], _capped(weight[keep], 1.0 / n)
-        value, slope = slopes(pool.blocks[support], weight, pool.blocks)
-        top = float(np.sort(slope)[-n:].sum())
-        if best is None or top ** (1.0 / power) < best.bound:
-            best = Certificate(support, weight, top ** (1.0 / power))
-        if top / n / value - 1.0 < _GAP:
-            break
-        fresh = np.setdiff1d(np.argsort(-slope)[:_NEW], support)
-        support = np.concatenate([support, fresh])
-        weight = np.concatenate([weight * 0.9, np.full(len(fresh), 0.1 / max(len(fresh), 1))])
-        weight = _capped(weight, 1.0 / n)
-    assert best is not None
-    return best
-
-
-def heaviest(certificate: Certificate, n: int) -> np.ndarray:
-    """Indices (≤ n,) of the n configurations of largest weight, or of all if there are fewer."""
-    return certificate.support[np.argsort(-certificate.weight)[:n]]
-
-
-def _capped(weight: np.ndarray, cap: float) -> np.ndarray:
-    """Weights (K,) scaled to the sum 1, each at most ``cap``."""
-    full = np.zeros(len(weight), dtype=bool)
-    while True:
-        rest = (1.0 - cap * full.sum()) / max(weight[~full].sum(), 1e-300)
-        scaled = np.where(full, cap, weight * rest)
-        over = ~full & (scaled > cap * (1 + 1e-12))
-        if not over.any():
-            return scaled
-        full |= over

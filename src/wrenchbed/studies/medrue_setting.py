@@ -11,7 +11,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.calibration.position_error import Goal, statistics, tip_jacobian
 from wrenchbed.planning.criteria import INDICES, Criterion, InverseTrace
-from wrenchbed.planning.exchange import Certificate, Pool, Selection, certify, exchange, heaviest
+from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.robots.medrue import inverse_kinematics
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED
 from wrenchbed.robots.medrue.robot import MedRUE
@@ -153,12 +153,11 @@ def prepare(n: int, seed: int, orientations: int = inverse_kinematics.ORIENTATIO
 
 @dataclass(frozen=True, eq=False)
 class PoseDesign:
-    """100 chosen configurations, and a certificate of how near they are to the best possible."""
+    """100 chosen configurations, and the criterion after each exchange of the first search."""
 
     name: str
     chosen: np.ndarray
     value: float
-    certificate: Certificate | None
     history: tuple[float, ...] = ()
 
 
@@ -178,19 +177,11 @@ def designs(
     result["target"] = _best(scaled, InverseTrace(weight), seed, starts, "target")
     report("poses by target error")
     random = np.random.default_rng(seed).choice(len(setting.q), CONFIGURATIONS, replace=False)
-    result["random"] = PoseDesign("random", np.sort(random), np.nan, None)
+    result["random"] = PoseDesign("random", np.sort(random), np.nan)
     return result
 
 
 def _best(pool: Pool, criterion: Criterion, seed: int, starts: int, name: str = "") -> PoseDesign:
     runs = [exchange(pool, criterion, CONFIGURATIONS, seed=seed + k) for k in range(starts)]
-    best: Selection = max(runs, key=lambda s: s.value)
-    certificate = None
-    if criterion.power is not None and criterion.smooth:
-        certificate = certify(pool, criterion, CONFIGURATIONS, best.chosen)
-        continuous = heaviest(certificate, CONFIGURATIONS)
-        more = np.setdiff1d(best.chosen, continuous)[: CONFIGURATIONS - len(continuous)]
-        initial = np.concatenate([continuous, more])
-        polished = exchange(pool, criterion, CONFIGURATIONS, start=initial)
-        best = max((best, polished), key=lambda s: s.value)
-    return PoseDesign(name or criterion.name, best.chosen, best.value, certificate, runs[0].history)
+    best = max(runs, key=lambda s: s.value)
+    return PoseDesign(name or criterion.name, best.chosen, best.value, runs[0].history)
