@@ -15,7 +15,7 @@ WRENCHBED = {
     "data": 5480,
     "diagnosis": 13197,
     "drives": 1800,
-    "effects": 5001,
+    "effects": 4945,
     "environments": 588,
     "exports": 828,
     "files": 576,
@@ -36,8 +36,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79064,
-    "src/wrenchbed": 69575,
+    "src": 79008,
+    "src/wrenchbed": 69519,
     "src/robot_emulators": 9489,
     "tests": 38308,
     "scripts": 3496,

@@ -7,5 +7,5 @@ also run `scripts/learn_reliability`.
 Never: import another effect, a recording or a diagnosis.
 """
 
-SUPPORT = ("scene", "chain", "drives", "free_form")
+SUPPORT = ("scene", "chain", "drives", "by_channel")
 """Modules of this package that are no plug-ins."""

@@ -383,13 +383,7 @@ class JointEffect(Effect):
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         """One variant for each joint alone, then one for all together; none without joints."""
-        if not scene.jointed:
-            return ()
-        names = each_joint(self.amplitude, scene.robot)
-        single = [
-            Variant(f"joint {k}", (n,), detail={"joint": k}) for k, n in enumerate(names, start=1)
-        ]
-        return (*single, Variant("all joints", names, weight=2.0))
+        return joint_variants(self.amplitude, scene.robot) if scene.jointed else ()
 
 
 class LoadEffect(Effect):
@@ -424,23 +418,6 @@ class ReadingEffect(Effect):
         }
 
 
-class ChannelEffect(ReadingEffect):
-    """Effect on readings with one amplitude for each channel, ``stem.fx`` …; no other parameter."""
-
-    channelwise = True
-    stem: ClassVar[str]
-    sizes: ClassVar[tuple[float, float]]
-    """Typical amplitudes of forces and of torques."""
-    units: ClassVar[Sequence[str]] = UNITS
-    text: ClassVar[str]
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        return ParameterSet(channel_parameters(self.stem, *self.sizes, self.text, self.units))
-
-    def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        return tuple(channel_variants(self.stem))
-
-
 class RowEffect(Effect):
     """Effect that only scatters rows (method ``corrupt``); the mean of a pose does not change."""
 
@@ -460,64 +437,6 @@ def alike(
     return tuple(Parameter(n, 0.0, unit, size, -bound, bound, text) for n in names)
 
 
-def channel_parameters(
-    stem: str,
-    force: float,
-    torque: float,
-    text: str,
-    units: Sequence[str] = UNITS,
-    bounds: tuple[float, float] = (-1e4, 1e4),
-) -> tuple[Parameter, ...]:
-    """Make parameters ``stem.fx`` … ``stem.tz`` with typical sizes ``force`` and ``torque``,
-    described by ``text``. The bounds only refuse absurd values (estimates)."""
-    return tuple(
-        Parameter(f"{stem}.{c}", 0.0, u, force if c[0] == "f" else torque, *bounds, text)
-        for c, u in zip(CHANNELS, units, strict=True)
-    )
-
-
-def channel_variants(
-    stem: str, at: Values | None = None, shape: tuple[str, ...] = ()
-) -> list[Variant]:
-    """Variants that free ``stem.fx`` …: one, forces, torques, all; they begin at shape values
-    ``at``, of which those named ``shape`` are fitted."""
-    names = per_channel(stem)
-    where = dict(at or {})
-    single = [
-        Variant(c, (n,), where, shape, {"channel": c}) for c, n in zip(CHANNELS, names, strict=True)
-    ]
-    return [
-        *single,
-        Variant("forces", names[:3], where, shape, weight=2.0),
-        Variant("torques", names[3:], where, shape),
-        Variant("all channels", names, where, shape, weight=3.0),
-    ]
-
-
-def zero_and_gain_variants(
-    zeros: Sequence[str],
-    span: str,
-    spans: Sequence[str],
-    at: Values | None = None,
-    shape: tuple[str, ...] = (),
-) -> tuple[Variant, ...]:
-    """Variants of a sensor that warms, freeing ``zeros`` (6 names), ``span`` (a gain), ``spans`` (6
-    gains) or both; ``at``: start values of the shape, ``shape``: names of those fitted."""
-    where = dict(at or {})
-    *single, _, _, together = channel_variants(zeros[0].partition(".")[0], where, shape)
-    return (
-        *single,
-        together,
-        Variant("span", (span,), where, shape),
-        Variant("span of each channel", tuple(spans), where, shape),
-        *(
-            Variant(f"{c} and all spans", (zero, *spans), where, shape, {"channel": c}, 0.5)
-            for c, zero in zip(CHANNELS, zeros, strict=True)
-        ),
-        Variant("zero and span", (*zeros, *spans), where, shape, weight=2.0),
-    )
-
-
 def joint_parameters(
     robot: Robot, stem: str, rotary: float, linear: float, text: str, units: tuple[str, str]
 ) -> ParameterSet:
@@ -529,6 +448,13 @@ def joint_parameters(
         size, unit = (rotary, units[0]) if turns else (linear, units[1])
         items.append(Parameter(f"{stem}.q{k}", 0.0, unit, size, -1e3, 1e3, text))
     return ParameterSet(tuple(items))
+
+
+def joint_variants(stem: str, robot: Robot) -> tuple[Variant, ...]:
+    """Variants that free ``stem.q1`` …: of each joint alone, then of all joints together."""
+    names = each_joint(stem, robot)
+    single = (Variant(f"joint {k}", (n,), detail={"joint": k}) for k, n in enumerate(names, 1))
+    return (*single, Variant("all joints", names, weight=2.0))
 
 
 def per_channel(stem: str) -> tuple[str, ...]:

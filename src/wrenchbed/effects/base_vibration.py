@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import Rng, RowEffect, Values, channel_parameters, per_channel, vector
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Rng, RowEffect, Values, per_channel, vector
 from wrenchbed.physics.model_parameters import Parameter
 
 
@@ -18,7 +19,7 @@ class BaseVibration(RowEffect):
     title = "the base vibrates"
     source = "0.1 m/s² of 1 kg on a frame that sways at 8–20 Hz: estimate"
     numbers = (
-        *channel_parameters("amplitude", 0.1, 7e-3, "of the line, to its peak"),
+        *by_channel.parameters("amplitude", 0.1, 7e-3, "of the line, to its peak"),
         Parameter("frequency", 12.0, "Hz", 5.0, 0.01, 1e4, "of the line"),
     )
 

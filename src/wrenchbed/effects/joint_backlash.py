@@ -1,5 +1,7 @@
 """Effect ``joint.backlash``: joints have backlash."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wrenchbed.effects.base import (
@@ -9,6 +11,7 @@ from wrenchbed.effects.base import (
     Variant,
     each_joint,
     joint_parameters,
+    joint_variants,
     vector,
 )
 from wrenchbed.effects.scene import Scene
@@ -50,17 +53,12 @@ class JointBacklash(JointEffect):
         return load + approach
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        if not scene.jointed:
-            return ()
-        result = []
-        for side in SIDES:
-            names = each_joint(side, scene.robot)
-            for k, n in enumerate(names, start=1):
-                detail = {"joint": k, "side": side}
-                result.append(Variant(f"joint {k}, side by {side}", (n,), detail=detail))
-            label = f"all joints, side by {side}"
-            result.append(Variant(label, names, detail={"side": side}, weight=2.0))
-        return tuple(result)
+        return tuple(
+            replace(v, label=f"{v.label}, side by {side}", detail={**v.detail, "side": side})
+            for side in SIDES
+            if scene.jointed
+            for v in joint_variants(side, scene.robot)
+        )
 
     def displace(self, scene: Scene, p: Values) -> np.ndarray:
         load, approach = (vector(p, each_joint(side, scene.robot)) for side in SIDES)

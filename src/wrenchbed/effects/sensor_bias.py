@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ChannelEffect, Values, per_channel, vector
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Values, per_channel, vector
 from wrenchbed.effects.scene import Scene
 
 
-class SensorBias(ChannelEffect):
+class SensorBias(by_channel.ChannelEffect):
     """y_i → y_i + b_i, y_i the reading of channel i [N, N·m].
 
     Seen in: any poses that turn the tool about.

@@ -2,18 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects import free_form
-from wrenchbed.effects.base import (
-    Curve,
-    ReadingEffect,
-    Values,
-    Variant,
-    alike,
-    channel_parameters,
-    channel_variants,
-    per_channel,
-    vector,
-)
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Curve, ReadingEffect, Values, Variant, alike, per_channel, vector
 from wrenchbed.effects.drives.operators import lagging
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.model_parameters import Parameter
@@ -22,7 +12,7 @@ TAUS = (30.0, 150.0, 600.0)
 """Time constants where a search begins [s]: steps of four to five, from a hold to a recording."""
 RELAXATIONS_S = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
 """Time constants of which a free form is a sum [s]: half a decade apart, so without ripple."""
-RELAX = free_form.orders("relax", len(RELAXATIONS_S))
+RELAX = by_channel.orders("relax", len(RELAXATIONS_S))
 ALIKE = tuple(f"{n}.all" for n in RELAX)
 SHARE = 3e-3
 """Typical share of a load that comes late: that of a poor data sheet, see ``source``."""
@@ -52,9 +42,9 @@ class SensorCreep(ReadingEffect):
         "0.05–0.1 % of the load in 30 min (strain-gauge data sheets); three times that: a poor one"
     )
     numbers = (
-        *channel_parameters("share", SHARE, SHARE, "of a load, added in the end", "1" * 6),
+        *by_channel.parameters("share", SHARE, SHARE, "of a load, added in the end", "1" * 6),
         Parameter("tau", TAUS[1], "s", 150.0, 1e-2, 1e6, "time constant"),
-        *free_form.falling("relax", (SHARE,) * len(RELAX), 1.0, "share of a relaxation", "1" * 6),
+        *by_channel.falling("relax", (SHARE,) * len(RELAX), 1.0, "share of a relaxation", "1" * 6),
         *alike(ALIKE, "1", SHARE, 1e4, "share of it in all channels"),
         Parameter("late", 0.0, "1", 1.0, 0.0, 1.0, "right in the end, not at first"),
     )
@@ -64,28 +54,26 @@ class SensorCreep(ReadingEffect):
             v
             for tau in TAUS
             for late in (0.0, 1.0)
-            for v in channel_variants("share", {"tau": tau, "late": late}, ("tau",))
+            for v in by_channel.variants(("share",), {"tau": tau, "late": late}, ("tau",))
         )
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         result = list[Variant]()
         for late, when in ((0.0, "right at first"), (1.0, "right in the end")):
             at, text = {"late": late}, f"any creep, {when}"
-            result += free_form.free_variants(RELAX, text, at)
-            result.append(Variant(f"{text}, alike", ALIKE, at, (), free_form.FREE))
+            result += by_channel.free_variants(RELAX, text, at)
+            result.append(Variant(f"{text}, alike", ALIKE, at, (), by_channel.FREE))
         return tuple(result)
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """Curves over time of the reading's creep after a unit step of load."""
-        t, late = np.linspace(0.0, scene.span, free_form.POINTS), variant.at["late"]
+        t, late = np.linspace(0.0, scene.span, by_channel.POINTS), variant.at["late"]
 
         def basis(name: str, t: np.ndarray) -> np.ndarray:
             tau = RELAXATIONS_S[RELAX.index(name.partition(".")[0])]
             return np.asarray(1.0 - late - np.exp(-t / tau))
 
-        if variant.free == ALIKE:
-            return free_form.share_curve(variant, t, basis, "s")
-        return free_form.channel_curves(variant, t, basis, "s", "1")
+        return by_channel.curves(variant, t, basis, "s", "1")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         end = reading[0] + p["late"] * (reading - reading[0])

@@ -4,19 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.effects import free_form
-from wrenchbed.effects.base import (
-    Curve,
-    ReadingEffect,
-    Values,
-    Variant,
-    alike,
-    channel_parameters,
-    channel_variants,
-    per_channel,
-    vector,
-    zero_and_gain_variants,
-)
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Curve, ReadingEffect, Values, Variant, alike, per_channel, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
@@ -33,7 +22,8 @@ RATE_FREE = 4e-4
 """Typical rate of forces of a free form [N/s]: 1.4 N/h, as cables and warm-ups make."""
 RATES = per_channel("rate")
 WARM, WARM_SPAN = per_channel("warm"), per_channel("warm.span")
-UNITS_PER_S = ("N/s",) * 3 + ("N·m/s",) * 3
+ZEROS, SPANS = by_channel.orders("wave", WAVES), by_channel.orders("span.wave", WAVES)
+PER_S = ("N/s",) * 3 + ("N·m/s",) * 3
 WARM_UPS = (0.25, 1.0, 4.0)
 """Time constants of an unrecorded warm-up where a search begins, relative to the recording's
 duration: shorter ones jump, longer ones are steady."""
@@ -62,16 +52,16 @@ class SensorDrift(ReadingEffect):
     shown = "time"
     once = True
     numbers = (
-        *channel_parameters("rate", RATE, TORQUE_RATE, "change of the zero in time", UNITS_PER_S),
-        *free_form.falling(
-            "wave", (RATE_FREE * _FALL).tolist(), TORQUE_RATE / RATE, "of a free rate", UNITS_PER_S
+        *by_channel.parameters("rate", RATE, TORQUE_RATE, "change of the zero in time", PER_S),
+        *by_channel.falling(
+            "wave", (RATE_FREE * _FALL).tolist(), TORQUE_RATE / RATE, "of a free rate", PER_S
         ),
         *(
             p
-            for name, fall in zip(free_form.orders("span.wave", WAVES), _FALL.tolist(), strict=True)
+            for name, fall in zip(SPANS, _FALL.tolist(), strict=True)
             for p in alike((name,), "1/s", SPAN_RATE * fall, 1.0, "the same of the span")
         ),
-        *channel_parameters("warm", 0.03, 1e-3, "complete shift of the zero by a warm-up"),
+        *by_channel.parameters("warm", 0.03, 1e-3, "complete shift of the zero by a warm-up"),
         *alike(("warm.span", *WARM_SPAN), "1", 1e-3, 1.0, "complete change of the span by it"),
         Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
         Parameter("duration", 300.0, "s", 100.0, 1e-3, 1e8, "of the recording"),
@@ -80,11 +70,11 @@ class SensorDrift(ReadingEffect):
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         rivals = ("sensor.temperature",) if scene.warmth is None else ()
         return (
-            *channel_variants("rate"),
+            *by_channel.variants(("rate",)),
             *(
                 replace(v, label=f"warm-up in {s:g} of the recording, {v.label}", rivals=rivals)
                 for s in WARM_UPS
-                for v in zero_and_gain_variants(
+                for v in by_channel.zero_and_gain_variants(
                     WARM, "warm.span", WARM_SPAN, {"tau": s * scene.span}, ("tau",)
                 )
             ),
@@ -92,31 +82,28 @@ class SensorDrift(ReadingEffect):
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         at = {"duration": scene.span}
-        stems, span = free_form.orders("wave", WAVES), free_form.orders("span.wave", WAVES)
-        zeros = free_form.free_variants(stems, "zero in time", at)
-        return (*zeros, Variant("span in time", span, at, (), free_form.FREE))
+        zeros = by_channel.free_variants(ZEROS, "zero in time", at)
+        return (*zeros, Variant("span in time", SPANS, at, (), by_channel.FREE))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        t = np.linspace(0.0, scene.span, free_form.POINTS)
+        t = np.linspace(0.0, scene.span, by_channel.POINTS)
 
         def basis(name: str, t: np.ndarray) -> np.ndarray:
             stem = name.rpartition(".")[0] if name[-2:] in CHANNELS else name
             return _wave(t, scene.span, int(stem.partition("wave")[2]))
 
-        if variant.free[0].startswith("span"):
-            return free_form.share_curve(variant, t, basis, "s")
-        return free_form.channel_curves(variant, t, basis, "s")
+        return by_channel.curves(variant, t, basis, "s")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         t = scene.age
         shift = t[:, None] * vector(p, RATES)
         span = np.zeros_like(t)
-        for k in range(1, WAVES + 1):
-            zero = vector(p, per_channel(f"wave{k}"))
-            if zero.any() or p[f"span.wave{k}"]:
+        for k, (stem, name) in enumerate(zip(ZEROS, SPANS, strict=True), start=1):
+            zero = vector(p, per_channel(stem))
+            if zero.any() or p[name]:
                 wave = _wave(t, p["duration"], k)
                 shift += wave[:, None] * zero
-                span += p[f"span.wave{k}"] * wave
+                span += p[name] * wave
         warm, spans = vector(p, WARM), p["warm.span"] + vector(p, WARM_SPAN)
         result = reading * (1.0 + span[:, None]) + shift
         if warm.any() or spans.any():

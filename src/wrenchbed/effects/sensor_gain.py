@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ChannelEffect, Values, per_channel, vector
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Values, per_channel, vector
 from wrenchbed.effects.scene import Scene
 
 
-class SensorGain(ChannelEffect):
+class SensorGain(by_channel.ChannelEffect):
     """y_i → (1 + ε_i) y_i, y_i the reading of channel i.
 
     Seen in: orientations that load each axis; a second payload, since with one payload a gain of

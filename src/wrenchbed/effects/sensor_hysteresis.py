@@ -1,20 +1,12 @@
 """Effect ``sensor.hysteresis``: the sensor's reading depends on its earlier loads."""
 
-from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.effects.base import (
-    Curve,
-    ReadingEffect,
-    Values,
-    Variant,
-    channel_parameters,
-    per_channel,
-    vector,
-)
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Curve, ReadingEffect, Values, Variant, per_channel, vector
 from wrenchbed.effects.drives.operators import stop
-from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -55,54 +47,50 @@ class SensorHysteresis(ReadingEffect):
     source = "0.1–0.3 % of full scale, strain-gauge data sheets"
     form_error = 0.45
     numbers = (
-        *(p for f in FORMS for p in channel_parameters(f, 0.1, 0.01, "largest lag of a play")),
+        *(p for f in FORMS for p in by_channel.parameters(f, 0.1, 0.01, "largest lag of a play")),
         Parameter("width", 1.0, "1", 0.2, 0.1, 4.0, "factor of all widths"),
         Parameter("pace", 0.0, "1", 0.3, 0.0, 4.0, "of the moves' accelerations between poses"),
-        *falling("play", (0.05,) * len(PLAYS), 0.1, "largest lag of a free form's play", UNITS),
-        *falling("turn", (0.05,) * len(TURNED), 0.1, "the same, growing along the load", UNITS),
+        *by_channel.falling(
+            "play", (0.05,) * len(PLAYS), 0.1, "largest lag of a free form's play", UNITS
+        ),
+        *by_channel.falling(
+            "turn", (0.05,) * len(TURNED), 0.1, "the same, growing along the load", UNITS
+        ),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        def of(label: str, channels: tuple[str, ...], weight: float = 1.0) -> Iterator[Variant]:
-            free = tuple(f"{f}.{c}" for c in channels for f in FORMS)
-            detail = {"channel": label} if len(channels) == 1 else {}
-            yield Variant(label, free, {"width": 1.0}, ("width",), detail, weight)
-            if scene.jolts.any():
-                at = {"width": 1.0, "pace": 1.0}
-                yield Variant(f"{label}, brisk moves", free, at, tuple(at), detail, weight)
-
-        return (
-            *(v for c in CHANNELS for v in of(c, (c,))),
-            *of("forces", CHANNELS[:3], 2.0),
-            *of("torques", CHANNELS[3:]),
-            *of("all channels", CHANNELS, 3.0),
-        )
+        slow = by_channel.variants(FORMS, {"width": 1.0}, ("width",))
+        if not scene.jolts.any():
+            return tuple(slow)
+        at = {"width": 1.0, "pace": 1.0}
+        brisk = (replace(v, label=f"{v.label}, brisk moves", at=at, shape=tuple(at)) for v in slow)
+        return tuple(v for both in zip(slow, brisk, strict=True) for v in both)
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
         return tuple(n for n in variant.free if n.startswith("middle.") and ".slope" not in n)
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
-        slow = free_variants(LAGS, "any loop", {"pace": 0.0})
-        brisk = free_variants(LAGS, "any loop, brisk moves", {"pace": 1.0})
+        slow = by_channel.free_variants(LAGS, "any loop", {"pace": 0.0})
+        brisk = by_channel.free_variants(LAGS, "any loop, brisk moves", {"pace": 1.0})
         return (*slow, *brisk) if scene.jolts.any() else slow
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """Curves of the reading's lag over load, from the smallest to the largest and back."""
-        there = np.linspace(-1.0, 1.0, POINTS)
+        there = np.linspace(-1.0, 1.0, by_channel.POINTS)
         way = np.concatenate([there, there[::-1], there, there[::-1]])  # settled the second time
         low, high = scene.load.min(axis=0), scene.load.max(axis=0)
 
         def load(c: str) -> np.ndarray:
             k = CHANNELS.index(c)
             middle, half = (low[k] + high[k]) / 2.0, (high[k] - low[k]) / 2.0
-            return np.asarray(middle + half * way[2 * POINTS :])
+            return np.asarray(middle + half * way[2 * by_channel.POINTS :])
 
         def basis(name: str, x: np.ndarray) -> np.ndarray:
             u = way[:, None]
             lag = -stop(u, 2.0 * _width(name)) * (u if _turned(name) else 1.0)
-            return np.asarray(lag[2 * POINTS :, 0])
+            return np.asarray(lag[2 * by_channel.POINTS :, 0])
 
-        return channel_curves(variant, load, basis)
+        return by_channel.curves(variant, load, basis)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         sizes = {n: vector(p, per_channel(n)) for n in (*FORMS, *LAGS)}

@@ -4,15 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchbed.effects.base import (
-    ReadingEffect,
-    Residual,
-    Values,
-    Variant,
-    channel_parameters,
-    per_channel,
-    vector,
-)
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import ReadingEffect, Residual, Values, Variant, per_channel, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.model_parameters import Parameter
 
@@ -68,7 +61,7 @@ class SensorJump(ReadingEffect):
             p
             for time, steps in JUMPS
             for p in (
-                *channel_parameters(steps[0].partition(".")[0], 0.5, 0.02, "jump of the zero"),
+                *by_channel.parameters(steps[0].partition(".")[0], 0.5, 0.02, "jump of the zero"),
                 Parameter(time, 0.0, "s", 60.0, text="of the jump, as the recording's"),
             )
         ),

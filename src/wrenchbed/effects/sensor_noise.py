@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import Rng, RowEffect, Values, channel_parameters, per_channel, vector
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Rng, RowEffect, Values, per_channel, vector
 
 
 class SensorNoise(RowEffect):
@@ -16,7 +17,7 @@ class SensorNoise(RowEffect):
     source = (
         "0.01–0.1 N at 1 kHz: estimate; UR CB3 3.6 N against an FT300's 0.6 N: UR forum, topic 229"
     )
-    numbers = channel_parameters(
+    numbers = by_channel.parameters(
         "std", 0.1, 5e-3, "standard deviation of a row beyond the usual", bounds=(0.0, 1e3)
     )
 

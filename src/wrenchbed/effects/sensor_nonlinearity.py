@@ -5,17 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.legendre import legval
 
-from wrenchbed.effects.base import (
-    Curve,
-    ReadingEffect,
-    Values,
-    Variant,
-    channel_parameters,
-    channel_variants,
-    per_channel,
-    vector,
-)
-from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Curve, ReadingEffect, Values, Variant, per_channel, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.model_parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
@@ -40,7 +31,7 @@ LEAST_REACH = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3])
 BEYOND = 1.05
 """Loads so many times the largest one bend no more: polynomials run away there."""
 REACHES = per_channel("reach")
-REACH = channel_parameters("reach", 1.0, 0.1, "largest load of a free form")
+REACH = by_channel.parameters("reach", 1.0, 0.1, "largest load of a free form")
 """Parameters of the largest load of a free form [N, N·m], beyond which its curve goes on straight;
 sizes are a tenth of the reach."""
 
@@ -69,18 +60,18 @@ class SensorNonlinearity(ReadingEffect):
     zero_is_convention = True
     source = "0.1–0.3 % of full scale at full scale; 0.2 %: FRB load ring data sheet"
     numbers = (
-        *channel_parameters("even", 5e-3, 5e-3, TEXT, "1" * 6),
-        *channel_parameters("odd", 5e-3, 5e-3, TEXT, "1" * 6),
+        *by_channel.parameters("even", 5e-3, 5e-3, TEXT, "1" * 6),
+        *by_channel.parameters("odd", 5e-3, 5e-3, TEXT, "1" * 6),
         Parameter("power", 2.0, "1", 0.2, 0.8, 5.0, "power of the load"),
-        *falling(
+        *by_channel.falling(
             "bend",
             [2.0 * BEND / k for k in BENDS],
             1.0,
             "polynomial of order 2 …, relative to the largest load",
             "1" * 6,
         ),
-        *channel_parameters("kink", BEND / 2.0, BEND / 2.0, "kink at zero, likewise", "1" * 6),
-        *channel_parameters("slope", BEND, BEND, "slope, likewise", "1" * 6),
+        *by_channel.parameters("kink", BEND / 2.0, BEND / 2.0, "kink at zero, likewise", "1" * 6),
+        *by_channel.parameters("slope", BEND, BEND, "slope, likewise", "1" * 6),
         *(replace(p, nominal=10.0 if p.unit == "N" else 1.0, lower=1e-9) for p in REACH),
     )
 
@@ -88,24 +79,24 @@ class SensorNonlinearity(ReadingEffect):
         return tuple(
             replace(v, label=f"{text}, {v.label}", detail={"law": text, **v.detail})
             for text, (law, power) in BEGIN.items()
-            for v in channel_variants(law, {"power": power}, ("power",))
+            for v in by_channel.variants((law,), {"power": power}, ("power",))
         )
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         reach = np.abs(scene.load[scene.held]).max(axis=0)
         shown = [c for c, r, least in zip(CHANNELS, reach, LEAST_REACH, strict=True) if r > least]
         at = dict(zip(REACHES, np.maximum(reach, LEAST_REACH).tolist(), strict=True))
-        return free_variants(CURVED + STRAIGHT, "any curve", at, shown)
+        return by_channel.free_variants(CURVED + STRAIGHT, "any curve", at, shown)
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        u = np.linspace(-1.0, 1.0, POINTS)
+        u = np.linspace(-1.0, 1.0, by_channel.POINTS)
 
         def basis(name: str, load: np.ndarray) -> np.ndarray:
             stem, _, channel = name.partition(".")
             reach = variant.at[f"reach.{channel}"]
             return np.asarray(reach * _bent(load / reach, stem))
 
-        return channel_curves(variant, lambda c: variant.at[f"reach.{c}"] * u, basis)
+        return by_channel.curves(variant, lambda c: variant.at[f"reach.{c}"] * u, basis)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         even, odd = (vector(p, per_channel(law)) for law in LAWS)

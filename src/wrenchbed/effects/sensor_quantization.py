@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import Rng, RowEffect, Values, channel_parameters, per_channel, vector
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Rng, RowEffect, Values, per_channel, vector
 
 
 class SensorQuantization(RowEffect):
@@ -16,7 +17,7 @@ class SensorQuantization(RowEffect):
     source = (
         "0.02–0.05 N and 0.5–1 mN·m (ATI data sheets, 16 bits); 2 to 3 bits fewer: 0.2 N and 5 mN·m"
     )
-    numbers = channel_parameters("step", 0.2, 5e-3, "of the count", bounds=(0.0, 1e3))
+    numbers = by_channel.parameters("step", 0.2, 5e-3, "of the count", bounds=(0.0, 1e3))
 
     def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
         step = vector(p, per_channel("step"))

@@ -3,6 +3,7 @@
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.effects import by_channel
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, per_channel, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.model_parameters import Parameter, ParameterSet
@@ -33,10 +34,8 @@ class SensorSaturation(ReadingEffect):
 
     def parameters(self, robot: Robot) -> ParameterSet:
         full = registry.load("sensors", robot.sensor).calibration().range
-        shares = [
-            Parameter(f"share.{c}", 0.0, "1", 1.0, -10.0, 10.0, "1: the channel is clipped fully")
-            for c in CHANNELS
-        ]
+        text, bounds = "1: the channel is clipped fully", (-10.0, 10.0)
+        shares = by_channel.parameters("share", 1.0, 1.0, text, "1" * 6, bounds)
         levels = [
             Parameter(f"level.{c}", float(r), u, 0.3 * float(r), 1e-6, 1e5, "largest |reading|")
             for c, r, u in zip(CHANNELS, full, UNITS, strict=True)

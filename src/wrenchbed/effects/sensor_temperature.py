@@ -2,18 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects import free_form
-from wrenchbed.effects.base import (
-    Curve,
-    ReadingEffect,
-    Values,
-    Variant,
-    alike,
-    channel_parameters,
-    per_channel,
-    vector,
-    zero_and_gain_variants,
-)
+from wrenchbed.effects import by_channel
+from wrenchbed.effects.base import Curve, ReadingEffect, Values, Variant, alike, per_channel, vector
 from wrenchbed.effects.drives.operators import lagging
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.model_parameters import Parameter
@@ -27,7 +17,7 @@ LAGS_S = (10.0, 40.0, 160.0)
 """Lags of which a free form is a sum [s]: steps of four around that of some 100 g of metal."""
 _LEAST_K = 0.1
 """Least range of a usable temperature [K]: a few counts of a thermometer."""
-LAGGED, BENT = free_form.orders("late", len(LAGS_S)), free_form.orders("bent", 2)
+LAGGED, BENT = by_channel.orders("late", len(LAGS_S)), by_channel.orders("bent", 2)
 PER_K = ("N/K",) * 3 + ("N·m/K",) * 3
 ZERO, SPAN = per_channel("zero"), per_channel("span")
 
@@ -54,13 +44,13 @@ class SensorTemperature(ReadingEffect):
         "warm-up of 5–30 min: estimate"
     )
     numbers = (
-        *channel_parameters("zero", 0.03, 1e-3, "shift of the zero per K or warm-up", PER_K),
+        *by_channel.parameters("zero", 0.03, 1e-3, "shift of the zero per K or warm-up", PER_K),
         *alike(("span", *SPAN), "1/K", 1e-3, 1.0, "change of the reading per K or warm-up"),
         Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
         Parameter("lag", 0.0, "s", 10.0, 0.0, 1e5, "behind the recorded temperature"),
-        *free_form.falling("late", (0.03,) * len(LAGS_S), 1 / 30, "zero per K, lagging", PER_K),
+        *by_channel.falling("late", (0.03,) * len(LAGS_S), 1 / 30, "zero per K, lagging", PER_K),
         *alike(tuple(f"span.{n}" for n in LAGGED), "1/K", 1e-3, 1.0, "span per K of it"),
-        *free_form.falling("bent", (0.015, 0.0075), 1 / 30, "zero per K, square and cube", PER_K),
+        *by_channel.falling("bent", (0.015, 0.0075), 1 / 30, "zero per K, square and cube", PER_K),
         Parameter("extent", 10.0, "K", 1.0, 1e-3, 1e3, "temperature at which those are 1 K"),
     )
 
@@ -68,8 +58,8 @@ class SensorTemperature(ReadingEffect):
         """Variants of the effect; empty if no temperature was recorded."""
         if scene.warmth is None:
             return ()
-        late = zero_and_gain_variants(ZERO, "span", SPAN, {"lag": LAG_S}, ("lag",))
-        return zero_and_gain_variants(ZERO, "span", SPAN) + late
+        late = by_channel.zero_and_gain_variants(ZERO, "span", SPAN, {"lag": LAG_S}, ("lag",))
+        return by_channel.zero_and_gain_variants(ZERO, "span", SPAN) + late
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         if scene.warmth is None:
@@ -77,23 +67,21 @@ class SensorTemperature(ReadingEffect):
         at = {"extent": max(float(np.abs(scene.warmth).max()), _LEAST_K)}
         stems = ("zero", *LAGGED, *BENT)
         span = ("span", *(f"span.{s}" for s in LAGGED))
-        zeros = free_form.free_variants(stems, "zero, any lag", at)
-        return (*zeros, Variant("span, any lag", span, at, (), free_form.FREE))
+        zeros = by_channel.free_variants(stems, "zero, any lag", at)
+        return (*zeros, Variant("span, any lag", span, at, (), by_channel.FREE))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """Curves of zero and span over temperature, of a sensor that has settled at it."""
         if scene.warmth is None:
             return ()
         ends = float(scene.warmth.min()), float(scene.warmth.max())
-        warm, extent = np.linspace(*ends, free_form.POINTS), variant.at["extent"]
+        warm, extent = np.linspace(*ends, by_channel.POINTS), variant.at["extent"]
 
         def basis(name: str, warm: np.ndarray) -> np.ndarray:
             stem = name.partition(".")[0]
             return _bent(warm, extent, BENT.index(stem)) if stem in BENT else warm
 
-        if "span" in variant.free:
-            return free_form.share_curve(variant, warm, basis, "K")
-        return free_form.channel_curves(variant, warm, basis, "K")
+        return by_channel.curves(variant, warm, basis, "K")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         zero, span = vector(p, ZERO), p["span"] + vector(p, SPAN)
