@@ -347,6 +347,7 @@ def test_tables_have_names_of_any_encoding_or_numbers_and_keep_text_and_digits(t
         (b"t,fx\n", "0 rows"),
         (b"", "0 rows"),
         (b"\x00\x01\x02" * 99, "is not text"),
+        (b"\x1f\x8b\x08" + b"\x00" * 99, "is packed"),
     ],
     ids=str,
 )

@@ -17,6 +17,7 @@ from wrenchbed.diagnosis.decision.decide import (
     held_out,
     leading,
     partial,
+    probable,
     reliable,
     size,
     small,
@@ -251,6 +252,14 @@ def claimed(*names, verdict="identified", lead=0.9, **others):
     causes = tuple(Cause(keys_of(n), lead, Part(n[0], 2.0, index=k)) for k, n in enumerate(of))
     rest = {"none": 0.0, "unknown": 1.0 - lead} | others
     return Verdict(verdict, causes, None, {names[0]: lead} | rest)
+
+
+def test_a_cause_whose_size_may_be_zero_is_not_claimed():
+    facts, both = SimpleNamespace(least=0.0), claimed("tool.mass", "tool.cog")
+    measured = replace(gap(), untold={("tool.cog", None)})
+    assert [c.names for c in probable(facts, both, measured).causes] == [("tool.mass",)]
+    assert probable(facts, claimed("tool.cog"), measured).word == "unknown"
+    assert probable(facts, both, gap()) == both
 
 
 def without(verdict, none):

@@ -12,8 +12,8 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 975,
     "cli": 2722,
-    "data": 5480,
-    "diagnosis": 13197,
+    "data": 5484,
+    "diagnosis": 13215,
     "drives": 1800,
     "effects": 4945,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79008,
-    "src/wrenchbed": 69519,
+    "src": 79030,
+    "src/wrenchbed": 69541,
     "src/robot_emulators": 9489,
-    "tests": 38308,
+    "tests": 38318,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

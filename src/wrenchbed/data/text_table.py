@@ -30,6 +30,8 @@ _SAMPLE_SIZE = 500_000
 """Characters that are looked at, at most: splitting a line in all ways is slow."""
 _HEAD = 1_000_000
 """Bytes at the beginning that are looked at."""
+_PACKED = (b"\x1f\x8b", b"PK\x03\x04", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf")
+"""First bytes of gzip, zip (workbooks too), bzip2, xz, zstd and 7z files (their format pages)."""
 _SEPARATORS = ("\t", ";", ",", "|")
 BLANKS = " "
 """The separator that stands for any number of blanks and tabs."""
@@ -220,6 +222,8 @@ def _head(path: Path) -> tuple[str, str]:
             continue
         if "\0" not in text:
             return text.rpartition("\n")[0] if cut and "\n" in text else text, name
+    if raw.startswith(_PACKED):
+        raise MapError(f"{path}: is packed; unpack it, or save a workbook as CSV, and give that")
     raise MapError(f"{path}: is not text; a CSV table, a rosbag or an MCAP file is wanted")
 
 

@@ -225,7 +225,7 @@ def test_a_cause_that_leaves_what_counts_is_less_sure(closed, least, after, alon
     share = Interval(closed, closed - 0.1, closed + 0.1)
     gap = SimpleNamespace(
         closed=share, per_channel=channels, with_effects=Interval(2.0, least, 3.0), floor=0.0,
-        members={"drive.load 2": Interval(alone, 0.0, 9.0)}, surely_left=least,
+        members={"drive.load 2": Interval(alone, 0.0, 9.0)}, surely_left=least, untold=(),
     )  # fmt: skip
     gap.closed_beside = partial(Closure.closed_beside, gap)
     facts = facts_of(SimpleNamespace(d=SimpleNamespace(blocks=[])), (), 0)

@@ -251,8 +251,10 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 
 def probable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """Keep causes of probability `Facts.least` or more: beside a contact few rows separate them."""
-    kept = tuple(c for c in verdict.causes if c.probability >= facts.least)
+    """Keep causes of probability `Facts.least` or more, which beside a contact few rows separate,
+    but none whose size may be 0."""
+    some = (c for c in verdict.causes if c.part.key not in gap.untold)
+    kept = tuple(c for c in some if c.probability >= facts.least)
     if kept == verdict.causes:
         return verdict
     return only(verdict, kept) if kept else withdrawn(verdict, UNKNOWN)

@@ -89,6 +89,13 @@ class Simulator:
         stated = sum((of(self.x + error) - value) ** 2 for error in self.errors)
         return {"value": value, "std": float(np.sqrt(scatter + stated))}
 
+    def tells(self, block: int) -> bool:
+        """Whether an amplitude of the cause ``block`` (index) is `ORDINARY` of its standard
+        uncertainties or more from 0."""
+        at = self.d.at[block]
+        variance = np.diagonal(jackknife(self.each[:, at])) + np.square(self.errors[:, at]).sum(0)
+        return bool((np.abs(self.x[at]) >= ORDINARY * np.sqrt(variance)).any())
+
     @cached_property
     def _fit(self) -> tuple[np.ndarray, Products]:
         return self._fitted()
@@ -340,11 +347,15 @@ def facts_of(
     def measured(causes: tuple[int, ...]) -> Closure:
         names = [column for _, column, _ in s.d.scene.channels]
         of = partial(closure, [s.judged(causes)], names, FOLDS, seed)
-        gap = replace(of(stated=False), apart=True)
+        fit = s.of(causes)
+        untold = {s.d.blocks[b].key for b in causes if not fit.tells(b)}
+        gap = replace(of(stated=False), apart=True, untold=untold)
         stated = all(s.d.stated[s.d.at[b]].all() for b in causes)
         shrinks = gap.closed is None or gap.closed.high >= 0.0  # None: nothing is left to shrink
+        if not (shrinks and stated and small(gap)):
+            return gap
         # the usual fit takes wrong stated numbers: they close the configured gap
-        return replace(of(stated=True), apart=True) if shrinks and stated and small(gap) else gap
+        return replace(of(stated=True), apart=True, untold=untold)
 
     return Facts(
         some or (Option((), 0.0, ()),), unknown, lambda verdict: measured(blocks(verdict.causes)),
@@ -376,10 +387,13 @@ def as_good(s: Simulators, verdict: Verdict[Structure], seed: int) -> tuple[Key,
 def _right(verdict: Verdict[Structure], gap: Closure) -> float:
     """Share of verdicts like this that are right, 0…1: less where ordinary errors may imitate a
     cause, or much of the gap is left; where a gap of 1 is left in its joint, or surely in all
-    joints, at most the share that is closed there, since causes may then only resemble the true."""
+    joints, at most the share that is closed there, since causes may then only resemble the true; 0
+    if its size may be 0."""
     if not verdict.causes:
         return RIGHT_ELSEWHERE if verdict.word == NONE else 1.0
     part = verdict.causes[0].part
+    if part.key in gap.untold:
+        return 0.0
     of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(part.joint)]
     left = [c["after"] / c["before"] for c in of_joint if c.get("after", 0.0) > LARGEST_NONE]
     little = gap.closed is None or gap.closed.value < _MOSTLY

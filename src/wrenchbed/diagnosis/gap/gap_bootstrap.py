@@ -1,6 +1,6 @@
 """Gaps of simulators on held-out rows, each with its bootstrap interval."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,6 +41,7 @@ class Closure:
         start: gap of which ``closed`` is a share.
         closed_from: which gap that is, ``calibrated`` or ``configured``.
         apart: whether each channel has a device of its own, which may have a fault alone (joints).
+        untold: effect and joint of causes whose fitted size does not surely differ from 0.
     """
 
     configured: float
@@ -59,6 +60,7 @@ class Closure:
     start: float = 0.0
     closed_from: str = "calibrated"
     apart: bool = False
+    untold: Collection[tuple[str, int | None]] = ()
 
     @property
     def closed_least(self) -> float:
