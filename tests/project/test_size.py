@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 975,
     "cli": 2722,
-    "data": 5342,
+    "data": 5484,
     "diagnosis": 13215,
     "drives": 1800,
     "effects": 4945,
@@ -36,14 +36,14 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 78888,
-    "src/wrenchbed": 69399,
+    "src": 79030,
+    "src/wrenchbed": 69541,
     "src/robot_emulators": 9489,
-    "tests": 38242,
+    "tests": 38318,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 464
+MOST_FILES = 465
 """Files of Python below src at most."""
 
 

@@ -15,6 +15,7 @@ import pyarrow as pa
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.data.accelerometer_orientation import held, orientations
 from wrenchbed.data.clock import (
     PER_S,
     at_times,
@@ -26,6 +27,7 @@ from wrenchbed.data.clock import (
     unwrapped,
 )
 from wrenchbed.data.column_map import (
+    ACCELERATION,
     ANGLES,
     AUTO,
     ROTATION,
@@ -34,7 +36,7 @@ from wrenchbed.data.column_map import (
     Source,
     turned,
 )
-from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
+from wrenchbed.data.holds import Split, check_at_rest, means_of, runs, split, with_noise
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording, joint_columns
 from wrenchbed.data.rosbag_and_mcap import is_log
@@ -71,8 +73,8 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
     files whose times do not overlap; a `RecordingError` if the result is no valid recording."""
     data, left_out, name, skipped = merged(files, column_map)
     metadata = column_map.metadata
-    if column_map.mode == "static":
-        recording = _recording(data, metadata, name)
+    if column_map.mode == "static" or column_map.by_accelerometer:
+        recording = _recording(data, replace(metadata, mode="static"), name)
         has_clock = any(source.target == "t" for source in column_map.files[0].columns)
         timed = has_clock or column_map.rate_hz is not None
         check_at_rest(recording, "" if timed else column_map.name)
@@ -146,6 +148,9 @@ def merged(
         f"{path.name}: {skipped} rows without a value left out"
         for path, (_, skipped) in zip(names, tables, strict=True) if skipped
     )  # fmt: skip
+    if column_map.by_accelerometer:
+        data, sentence = _by_accelerometer(data, column_map.mode, str(names[0]))
+        notes += (sentence,)
     data = _in_sensor_axes(data, column_map, names[0])
     return data, int((~inside).sum()), str(names[0]), notes
 
@@ -162,6 +167,34 @@ def _beside(
         gap, notes = in_gap(part["t"], t), turned_on + more
     there = (t >= part["t"][0]) & (t <= part["t"][-1]) & ~gap
     return at_times(part, t), there, notes
+
+
+def _by_accelerometer(
+    data: Mapping[str, np.ndarray], mode: str, where: str
+) -> tuple[dict[str, np.ndarray], str]:
+    """Replace accelerometer columns by the orientation that they show at rest, each pose a segment;
+    return the columns and a sentence. Errors begin with ``where``.
+
+    Raises:
+        MapError: rows lie between poses and ``mode`` is not auto, or the sensor was not at rest.
+    """
+    read = np.stack([data[c] for c in ACCELERATION], axis=1)
+    groups = held(read)
+    if mode == AUTO:
+        path = {f"q{k + 1}": column for k, column in enumerate(read.T)}
+        log = Recording(Metadata("unknown", "dynamic"), dict(data) | path, where)
+        rests = split(log).hold
+        groups = np.array([r for k in range(rests.max() + 1) for r in runs(rests == k)])
+    elif groups is None or mode != "static":
+        raise MapError(
+            f"{where}: no orientation is mapped, and an accelerometer gives one only at rest: "
+            "--mode auto finds the rows at rest"
+        )
+    rotation, sentence = orientations(means_of(read, *groups.T), where)
+    pose = np.repeat(np.arange(len(groups)), np.diff(groups, axis=1)[:, 0])
+    rows = np.concatenate([np.arange(*group) for group in groups])
+    kept = {k: v[rows] for k, v in data.items() if k not in ACCELERATION}
+    return kept | quaternion_columns(rotation[pose]) | {"segment": pose}, sentence
 
 
 def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:

@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data.accelerometer_orientation import upright
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import turned
 from wrenchbed.data.guess.column_readings import Reading, joints, orientations, wrenches
@@ -79,6 +80,8 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
         sizes = [size if j.unit == "rad" else 1.0 for j in robot.joints]
         q, theta = np.stack([*columns.values()], axis=1) * sizes, robot.parameters.nominal
         return None if robot.infeasible(q, theta) else np.asarray(robot.sensor_pose(q, theta)[0])
+    if reading.is_tilt:
+        return upright(size * pairing.turn(reading)[rows])[0].as_matrix()
     try:
         orientation = turned({t: v * size for t, v in columns.items()}, str(sheet.path))
     except WrenchbedError:
@@ -97,11 +100,12 @@ def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Conv
         "mount.rotation.x" in registry.load("robots", reading.robot).parameters.names
     )
     for inverse, in_base in product((False, True), repeat=2):
-        if inverse and reading.robot is not None:
+        if (inverse and reading.robot is not None) or (reading.is_tilt and (inverse or in_base)):
             continue
         body = np.swapaxes(turn, 1, 2) if inverse else turn
         for fit in fits(body, y, in_base, stated.fit is not None):
-            if fit.mount is None or mounted:  # others have no pose_flange
+            # others have no pose_flange; tilt is about the vertical
+            if (fit.mount is None or mounted) and (fit.axis == 2 or not reading.is_tilt):
                 yield Convention(reading, pairing, inverse, in_base, fit, poses, body)
 
 

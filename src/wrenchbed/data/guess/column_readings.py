@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed.data.column_map import (
+    ACCELERATION,
     ANGLES,
     ROLL_PITCH_YAW,
     ROTATION,
@@ -25,6 +26,8 @@ _NORM = 1e-2
 printed at least, and columns of other things do not stay so near to 1."""
 _MOST_ANGLE = 400.0
 """Largest value of a column of angles [°]."""
+_MOST_IN_G = 4.0
+"""Length of an accelerometer's readings below which they are in g, above in m/s²."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,11 @@ class Reading:
     cost: float = 0.0
     robot: str | None = None
     named: bool = False
+
+    @property
+    def is_tilt(self) -> bool:
+        """Whether the columns are an accelerometer, which at rest shows only the vertical."""
+        return ACCELERATION[0] in self.targets
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -83,6 +91,11 @@ def orientations(sheet: Sheet) -> Iterator[Reading]:
         yield from readings
         if readings:
             break
+    if ACCELERATION[0] in roles and not named:
+        columns = {r: roles[r] for r in ACCELERATION}
+        length = np.median(np.linalg.norm(sheet.block([*columns.values()]), axis=1))
+        unit = sheet.units.get(roles["ax"], "g" if length < _MOST_IN_G else "m/s²")
+        yield Reading("accelerometer", columns, unit, cost=0.4)
 
 
 def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:

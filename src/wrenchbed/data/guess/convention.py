@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wrenchbed.data.accelerometer_orientation import held
 from wrenchbed.data.column_map import AUTO
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.column_readings import Reading
@@ -258,8 +259,13 @@ class Pairing:
         return np.stack([np.interp(t, sheet.clock.t, column) for column in values.T], axis=1)
 
     def turn(self, reading: Reading) -> np.ndarray:
-        """Values (N, K) of the columns of an orientation or joints at each row of the wrench."""
-        return self.placed(self.sheet.block(reading.names).astype(float))
+        """Values (N, K) of the columns of an orientation, joints or accelerometer at each row of
+        the wrench."""
+        values = self.sheet.block(reading.names).astype(float)
+        groups = held(values) if reading.is_tilt else None
+        for group in () if groups is None else groups:
+            values[slice(*group)] = values[slice(*group)].mean(axis=0)  # a pose has one orientation
+        return self.placed(values)
 
     def poses(self, reading: Reading) -> Poses:
         """Group the wrench's rows into poses, by the columns of an orientation or of joints."""
