@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+from effect_scenes import scene_of
 
 from wrenchbed import registry
 from wrenchbed.benchmark.fault import EFFECTS
@@ -16,13 +17,21 @@ from wrenchbed.effects.base import STAGES, STATED_NUMBERS
 from wrenchbed.effects.chain import effects, stated_effects
 
 TRAITS = ("form_error", "size_error", "zero_is_convention", "rough", "local", "once", "channelwise")
-DECLARED = Path(__file__).parents[1] / "data" / "effect_traits.json"
+DATA = Path(__file__).parents[1] / "data"
+WRITTEN = DATA / "effect_traits.json", DATA / "effect_variants.json"
 """Traits of every effect: 6 % of its gap may be missed by all but what jumps, rubs or remembers; a
 size is exact where the closed form is (a bias, a mass); what remembers begins at a zero by
 convention. Beside them unit, typical size and bounds of its parameters by robot.
-`python tests/effects/test_effect_declarations.py` writes them anew."""
-ROBOTS = ("ur5", "medrue", "oriented")
 
+Variants by scene and effect: label, free amplitudes, where shapes begin, shape, detail, weight,
+rivals, usual amplitudes. `python tests/effects/test_effect_declarations.py` writes both anew."""
+ROBOTS = ("ur5", "medrue", "oriented")
+SCENES = {
+    "ur5 static": [*registry.names("effects")],
+    "ur5 motion": ["link.length", "timing.delay", "timing.lowpass", "timing.skew", "tool.inertia"],
+    "medrue static": ["cable.torsion", "joint.clearance", "joint.gear_error", "link.length",
+                      "sensor.temperature"],
+}  # fmt: skip
 SHOWN = ("prediction", "time", "load", "loop", "torque", "angle", "matrix")
 
 
@@ -55,7 +64,7 @@ def test_an_effect_acts_where_it_says():
         assert effect.shown in SHOWN and "dynamic" in effect.modes
 
 
-def declared(effect):
+def traits(effect):
     sizes = {
         robot: {p.name: [p.unit, *(float(f"{x:.12g}") for x in (p.tolerance, p.lower, p.upper))]
                 for p in effect.parameters(registry.load("robots", robot))}
@@ -66,10 +75,46 @@ def declared(effect):
 
 @pytest.mark.parametrize("name", registry.names("effects"))
 def test_traits_and_typical_sizes_are_those_written_down(name):
-    kept = json.loads(DECLARED.read_text(encoding="utf-8"))[name]
-    assert json.loads(json.dumps(declared(effects()[name]))) == kept
+    kept = json.loads(WRITTEN[0].read_text(encoding="utf-8"))[name]
+    assert json.loads(json.dumps(traits(effects()[name]))) == kept
+
+
+def ways(name, scene):
+    effect = effects()[name]
+    return [
+        [v.label, [*v.free], dict(v.at), [*v.shape], dict(v.detail), v.weight, [*v.rivals],
+         [*effect.usual(v)]]
+        for v in effect.variants(scene_of(scene))
+    ]  # fmt: skip
+
+
+def nearly(x):
+    """The same with numbers that may differ by rounding."""
+    if isinstance(x, dict):
+        return {k: nearly(v) for k, v in x.items()}
+    return pytest.approx(x, rel=1e-6, abs=1e-9) if isinstance(x, float) else x
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_ways_of_every_effect_are_those_written_down(scene):
+    kept = json.loads(WRITTEN[1].read_text(encoding="utf-8"))[scene]
+    assert list(kept) == SCENES[scene]
+    for name, before in kept.items():
+        now = ways(name, scene)
+        assert [w[0] for w in now] == [w[0] for w in before], name
+        for found, wanted in zip(now, before, strict=True):
+            assert found == [nearly(x) for x in wanted], name
+
+
+def table(rows):
+    return "{\n" + ",\n".join(f'"{n}": {row}' for n, row in rows.items()) + "\n}"
 
 
 if __name__ == "__main__":
-    lines = [f'"{n}": {json.dumps(declared(e), ensure_ascii=False)}' for n, e in effects().items()]
-    DECLARED.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    text = json.JSONEncoder(ensure_ascii=False).encode
+    both = (
+        {n: text(traits(e)) for n, e in effects().items()},
+        {s: table({n: text(ways(n, s)) for n in names}) for s, names in SCENES.items()},
+    )
+    for path, rows in zip(WRITTEN, both, strict=True):
+        path.write_text(table(rows) + "\n", encoding="utf-8")

@@ -1,8 +1,6 @@
 """In which ways an effect may show: what is free, where shapes begin, forms without a formula."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,44 +12,8 @@ from wrenchbed.effects.chain import ActiveEffect, effects, respond
 from wrenchbed.effects.scene import LEAST_MOVE_S, PEAK_SPEED, examples
 from wrenchbed.physics.wrench import CHANNELS
 
-DECLARED = Path(__file__).parents[1] / "data" / "effect_variants.json"
-"""Variants by scene and effect: label, free amplitudes, where shapes begin, shape, detail, weight,
-rivals, usual amplitudes. `python tests/effects/test_variants.py` writes them anew."""
 SOFT = ("compliance.x", "compliance.y", "compliance.z")
 WEIGHT = 9.80665 * float(scene_of("ur5 static").tool.mass)
-CASES = {
-    "ur5 static": [*registry.names("effects")],
-    "ur5 motion": ["link.length", "timing.delay", "timing.lowpass", "timing.skew", "tool.inertia"],
-    "medrue static": ["cable.torsion", "joint.clearance", "joint.gear_error", "link.length",
-                      "sensor.temperature"],
-}  # fmt: skip
-
-
-def declared(name, scene):
-    effect = registry.load("effects", name)
-    return [
-        [v.label, [*v.free], dict(v.at), [*v.shape], dict(v.detail), v.weight, [*v.rivals],
-         [*effect.usual(v)]]
-        for v in effect.variants(scene_of(scene))
-    ]  # fmt: skip
-
-
-def nearly(x):
-    """The same with numbers that may differ by rounding."""
-    if isinstance(x, dict):
-        return {k: nearly(v) for k, v in x.items()}
-    return pytest.approx(x, rel=1e-6, abs=1e-9) if isinstance(x, float) else x
-
-
-@pytest.mark.parametrize("scene", CASES)
-def test_the_ways_of_every_effect_are_those_written_down(scene):
-    kept = json.loads(DECLARED.read_text(encoding="utf-8"))[scene]
-    assert list(kept) == CASES[scene]
-    for name, ways in kept.items():
-        found = declared(name, scene)
-        assert [w[0] for w in found] == [w[0] for w in ways], name
-        for now, before in zip(found, ways, strict=True):
-            assert now == [nearly(x) for x in before], name
 
 
 @pytest.mark.parametrize(
@@ -171,12 +133,3 @@ def test_jolts_are_the_inertia_of_minimum_jerk_moves_between_poses():
         at_rows = [int(np.argmin(np.abs(share - i / (at[k + 1] - at[k])))) for i in steps]
         assert np.allclose(scene.jolts[at[k] + steps, :3], force[at_rows], atol=0.02)
         assert np.abs(force).max() > 0.5
-
-
-if __name__ == "__main__":
-    every = {s: {n: declared(n, s) for n in names} for s, names in CASES.items()}
-    lines = [
-        f'"{s}": {{\n' + ",\n".join(f'"{n}": {json.dumps(w)}' for n, w in own.items()) + "\n}"
-        for s, own in every.items()
-    ]
-    DECLARED.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")

@@ -1,13 +1,16 @@
-"""The layers hold: rooms import downwards, files import in no circle, plug-ins know no sibling."""
+"""The layers hold: rooms import downwards, files import in no circle, plug-ins know no sibling;
+one place decides in a diagnosis."""
 
 import ast
 import gc
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from wrenchbed.diagnosis.decision.decide import RULES
 from wrenchbed.registry import plugin_modules
 
 SOURCE = Path(__file__).parents[2] / "src" / "wrenchbed"
@@ -46,6 +49,22 @@ ONLY_IN = {
     "can": ("hardware",), "canopen": ("hardware",),
     "rerun": ("viewer",), "rich": ("cli",), "tyro": ("cli",),
 }  # fmt: skip
+DIAGNOSIS = {
+    "prepare": set(),
+    "evidence": {"prepare"},
+    "explain": {"prepare", "evidence"},
+    "gap": {"prepare", "evidence", "explain", "next"},
+    "decision": {"prepare", "evidence", "explain", "gap"},
+    "efforts": {*"prepare evidence explain gap decision next json_entries result".split()},
+    "between_rows": {"prepare"},
+    "next": {"prepare", "evidence", "explain"},
+}
+"""What each folder of the diagnosis may import of the others."""
+MADE_OF = {"word", "causes", "probabilities", "keys"}
+"""Fields of a verdict and of its causes that only the decision sets."""
+MAKES = re.compile(r"\bVerdict\(|\b(?:word|causes|probabilities|keys)=")
+MOST_RULES, MOST_LINES = 12, 400
+"""Of the decision."""
 FILES = sorted(SOURCE.rglob("*.py"))
 EMULATORS = sorted((SOURCE.parent / "robot_emulators").rglob("*.py"))
 ALL = {".".join(p.relative_to(SOURCE).with_suffix("").parts): p for p in FILES}
@@ -209,6 +228,51 @@ def test_referee_and_look_alikes_share_faults_and_mujoco_loads_only():
     both = reached("benchmark.referee") & reached("benchmark.lookalikes")
     shared = {"benchmark.fault", "benchmark.mujoco_loads"}
     assert {m for m in both if m.startswith("benchmark.")} == shared
+
+
+@pytest.mark.parametrize("folder", DIAGNOSIS)
+def test_a_folder_of_the_diagnosis_imports_only_what_is_below_it(folder):
+    for module in inside(f"diagnosis.{folder}"):
+        for _, other in imports(ALL[module]):
+            if other.startswith("diagnosis."):
+                assert other.split(".")[1] in {folder, *DIAGNOSIS[folder]}, f"{module}: {other}"
+
+
+def test_every_folder_of_the_diagnosis_is_listed():
+    assert {p.parent.name for p in SOURCE.glob("diagnosis/*/__init__.py")} == set(DIAGNOSIS)
+
+
+def makers(made: ast.Module) -> list[int]:
+    """Lines that make a verdict, or change one or its causes."""
+    lines = []
+    for node in ast.walk(made):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+        changes = {k.arg for k in node.keywords} & MADE_OF if name == "replace" else set()
+        if name == "Verdict" or changes:
+            lines.append(node.lineno)
+    return lines
+
+
+def test_a_maker_is_seen():
+    text = "v = Verdict('none', (), None, {})\nw = replace(v, word='unknown')"
+    assert makers(ast.parse(text)) == [1, 2]
+    assert makers(ast.parse("w = replace(d, notes=())\nx = word(v)")) == []
+
+
+def test_only_the_decision_makes_or_changes_a_verdict():
+    """The entries of a diagnosis follow from it: `json_entries` fills them in."""
+    makes = {m for m, path in ALL.items()
+             if MAKES.search(path.read_text(encoding="utf-8")) and makers(tree(path))}  # fmt: skip
+    assert makes <= {"diagnosis.decision.decide", "diagnosis.json_entries"}
+
+
+def test_the_decision_is_a_page_with_few_rules():
+    assert len(RULES) + 1 <= MOST_RULES  # with that of rivals
+    page = ALL["diagnosis.decision.decide"].read_text(encoding="utf-8")
+    assert len(page.splitlines()) <= MOST_LINES
+    assert all(rule.__doc__ for rule in RULES.values())
 
 
 def test_files_and_public_classes_say_what_they_are_for():

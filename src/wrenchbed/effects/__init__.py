@@ -2,8 +2,8 @@
 Free: numerics of a formula; tests/effects compares it with numpy, tests/twin with MuJoCo.
 Others rely on: names: change docs/contracts.md and `benchmark/fault.py` with them. Titles,
 docstrings, parameters: run `scripts/effects`. Attributes, variants: test_effect_declarations.py
-and test_variants.py of tests/effects write tests/data anew. Sizes, weights, `form_error`: then
-also run `scripts/learn_reliability`.
+of tests/effects writes tests/data anew. Sizes, weights, `form_error`: then also run
+`scripts/learn_reliability`.
 Never: import another effect, a recording or a diagnosis.
 """
 
