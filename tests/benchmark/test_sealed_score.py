@@ -14,7 +14,6 @@ from sealed_family import SAYS_NONE, script, truthful
 from wrenchbed.benchmark.scoring.metrics import Metric, ScoredMetric
 from wrenchbed.benchmark.scoring.truth_and_claims import Claim
 from wrenchbed.benchmark.sealed import report, run, score
-from wrenchbed.benchmark.sealed import score as claims
 from wrenchbed.benchmark.sealed.run import CLAIM, RUN, Entrant, contract, enter
 from wrenchbed.cli import main
 from wrenchbed.effects.chain import effects
@@ -138,7 +137,7 @@ def test_what_fails_is_a_wrong_answer(family, tmp_path, body, said):
     begun = time.monotonic()
     assert enter(cases, tmp_path / "claims", 1.0, ("0001", [entrant])) == ["broken"]
     assert time.monotonic() - begun < 20
-    found = claims.read(tmp_path / "claims" / "broken" / "0001")
+    found = score.read(tmp_path / "claims" / "broken" / "0001")
     assert found.verdict == "error"
     assert said in found.error
     rows = score.score(cases, tmp_path / "claims", answers).rows
@@ -165,7 +164,7 @@ TWICE["which"] = [{"effect": "tool.mass", "probability": 1.0}] * 2
 def test_a_claim_that_breaks_the_contract_is_wrong(tmp_path, change, said):
     told = contract(Claim("none", (), {"none": 1.0}), "a.parquet", "ur5") | change
     (tmp_path / CLAIM).write_text(json.dumps(told))
-    found = claims.read(tmp_path)
+    found = score.read(tmp_path)
     assert found.verdict == "error"
     assert said in found.error
 
@@ -180,8 +179,8 @@ def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
         {"none": 1.0}, "gap": {"configured": float("nan"), "floor": "low", "calibrated": 2.0},
     }  # fmt: skip
     (tmp_path / CLAIM).write_text(json.dumps(told))
-    found = claims.read(tmp_path)
-    assert len(found.causes) == len(found.elements["tool.mass"]) == claims.COUNTED
+    found = score.read(tmp_path)
+    assert len(found.causes) == len(found.elements["tool.mass"]) == score.COUNTED
     assert found.error == "" and found.gap == {"calibrated": 2.0}
     assert set(found.parameters["tool.mass"]) == {"stiffness", "fine"}
     assert found.parameters["tool.mass"]["fine"]["std"] is None
@@ -210,7 +209,7 @@ def test_names_of_entrants_do_not_collide(tmp_path):
             Entrant.of(bad)
     (tmp_path / "oracle").mkdir()
     with pytest.raises(BenchmarkError, match="no name for an entrant"):
-        claims.entrants(tmp_path)
+        score.entrants(tmp_path)
 
 
 def test_an_entrant_that_throws_its_folder_away_is_wrong(family, tmp_path):

@@ -32,9 +32,7 @@ def test_list_names_every_check_of_a_recording(capfd):
     assert told["dead channel"] and len(told) == 23 and all(told.values())
 
 
-def test_results_are_json_on_demand_or_a_table_of_eighty_columns(
-    made, capfd, tmp_path, monkeypatch
-):
+def test_results_are_json_on_demand_or_a_table_of_eighty_columns(made, capfd, tmp_path):
     out = str(tmp_path / "p.parquet")
     assert main(["plan", "medrue", "--n", "3", "--out", out, "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["rows"] == 3

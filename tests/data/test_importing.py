@@ -169,7 +169,7 @@ def test_orientations_are_merged_along_the_shortest_turn(tmp_path_factory, step)
     assert np.allclose(np.diff(recording.t), 1e-3, atol=1e-12)
 
 
-def test_real_static_poses_come_in(tmp_path):
+def test_real_static_poses_come_in():
     recording = ntnu.static()
     assert len(recording) == 24
     assert recording.metadata.robot == "kuka-lbr-med14"

@@ -96,7 +96,7 @@ def test_a_log_is_imported_as_poses_and_its_moves_are_kept(tmp_path, capsys):
     assert np.allclose(motion.metadata.sensor.noise_std, of_recording, rtol=0.25)
 
 
-def test_many_poses_are_poses_and_a_motion_without_a_hold_is_none(tmp_path):
+def test_many_poses_are_poses_and_a_motion_without_a_hold_is_none():
     rng = np.random.default_rng(4)
     check_at_rest(of_joints(rng.uniform(-1, 1, (500, 6))), "a map without a clock")
     check_at_rest(of_joints(np.repeat(rng.uniform(-1, 1, (50, 6)), 10, axis=0)))

@@ -63,7 +63,7 @@ def test_what_is_carried_more_is_known_whatever_the_links_weigh(arm, seed, iiwa)
 
 @pytest.mark.parametrize("wrong", [Imperfections(), REAL], ids=["friction", "as real arms"])
 @pytest.mark.parametrize("arm", ["ur5", "iiwa"])
-def test_intervals_hold(arm, wrong, iiwa, request):
+def test_intervals_hold(arm, wrong, iiwa):
     held = cases(arm, wrong, iiwa, range(4))
     assert held.max() < 4.0 and np.sqrt(np.mean(held**2)) < 1.5
 

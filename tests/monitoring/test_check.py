@@ -162,9 +162,7 @@ def test_a_change_that_the_numbers_do_not_explain_is_said_to_be_one(plan, fault)
 
 
 def test_a_change_stays_until_a_new_baseline(plan):
-    robot, checks = MonthlyRobot(UR5, plan, 23, fault="tool.cog", begins=5), []
-    for new in series(robot, 8):
-        checks.append(new)
+    checks = series(MonthlyRobot(UR5, plan, 23, fault="tool.cog", begins=5), 8)
     judged = monthly.judge(UR5, checks).checks
     assert [c.verdict for c in judged[5:]] == ["changed"] * 3
     renewed = monthly.judge(UR5, [*checks[:7], replace(checks[7], baseline="tool replaced")])

@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 79030,
     "src/wrenchbed": 69541,
     "src/robot_emulators": 9489,
-    "tests": 38292,
+    "tests": 38287,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -34,7 +34,7 @@ def charts(page) -> dict:
 
 
 @pytest.mark.slow
-def test_the_page_holds_the_numbers_of_the_json(fit, recorded, tmp_path, capsys):
+def test_the_page_holds_the_numbers_of_the_json(recorded, tmp_path, capsys):
     out, page = tmp_path / "fit.json", tmp_path / "fit.html"
     name = recorded.name
     assert main(["calibrate", name, "--out", str(out), "--report", str(page)]) == 0

@@ -128,7 +128,7 @@ def menagerie(tmp_path, monkeypatch):
     return package
 
 
-def test_a_robot_of_the_cache_is_described_by_its_name(menagerie, tmp_path, monkeypatch, capsys):
+def test_a_robot_of_the_cache_is_described_by_its_name(menagerie, tmp_path):
     robot = menagerie.get(NAME)
     folder = menagerie.Cache().model_path(robot)
     folder.mkdir(parents=True)

@@ -276,7 +276,7 @@ def test_an_edit_counts_and_a_changed_model_is_refused(tmp_path, capsys):
         assert words in capsys.readouterr().err
 
 
-def test_nothing_is_written_into_the_users_file(tmp_path, capsys):
+def test_nothing_is_written_into_the_users_file(tmp_path):
     file = tmp_path / "a.urdf"
     file.write_text(URDF.format(kind="revolute", more="", rest=""))
     ran("robot", file, "--frame", "t", "--out", file, code=1)

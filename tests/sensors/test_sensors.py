@@ -226,7 +226,7 @@ def test_a_wrong_file_is_one_line_that_names_file_and_field(case: str, tmp_path:
     assert re.search(words, message), message
 
 
-def test_a_file_that_is_not_there_is_said(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
     with pytest.raises(NotFoundError, match=r"gone\.toml: cannot be read: No such file"):
         registry.load("sensors", str(tmp_path / "gone.toml"))
     with pytest.raises(NotFoundError, match="did you mean 'ati-mini45'"):
@@ -281,7 +281,7 @@ def test_a_robot_has_it_and_carries_it_elsewhere(mine: Path, tmp_path: Path) -> 
     assert json.loads((tmp_path / "fit.json").read_text())["robot"] == before
 
 
-def test_a_carried_sensor_never_replaces_a_built_in_one(tmp_path: Path) -> None:
+def test_a_carried_sensor_never_replaces_a_built_in_one() -> None:
     weak = TEXT.replace('name = "ati-mini45"', 'name = "ati-gamma"', 1)
     registry.remember("sensors", "ati-gamma", {"toml": weak})
     assert registry.load("sensors", "ati-gamma").mass == 0.255
