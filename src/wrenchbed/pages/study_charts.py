@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 
-LEAST_BINS = 8
+LEAST_BINS, MOST_BINS = 8, 50
 MOST_MARKS = 6
 """Most marks on a logarithmic axis."""
 MOST_PLACES = 1200
@@ -28,7 +28,6 @@ def histograms(
     y: str = "configurations",
     *,
     log: bool = False,
-    bins: int = 50,
 ) -> Chart:
     """Chart with panels side by side, each with histograms of one or more samples (N,).
 
@@ -36,7 +35,6 @@ def histograms(
         panels: panel title → name → sample (N,).
         x, y: labels of the axes.
         log: whether x is logarithmic; for positive numbers only.
-        bins: largest number of bins; fewer for few values.
     """
     roles: tuple[Role, ...] = ("measured", "before")
     drawn = []
@@ -44,7 +42,7 @@ def histograms(
         series = []
         for role, (name, values) in zip(roles, data.items(), strict=False):
             low, high = float(values.min()), float(values.max())
-            count = min(bins, max(LEAST_BINS, round(2.0 * np.sqrt(len(values)))))
+            count = min(MOST_BINS, max(LEAST_BINS, round(2.0 * np.sqrt(len(values)))))
             if log:
                 edges = np.geomspace(low / 1.05, high * 1.05, count + 1)
             else:

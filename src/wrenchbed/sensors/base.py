@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
+from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.noise import SATURATED_BITS, Array, NoiseModel, channels
 
 STATUS_SATURATED = int(SATURATED_BITS.sum())
@@ -85,14 +85,9 @@ class Sensor:
         if self.accuracy is not None:
             object.__setattr__(self, "accuracy", channels(self.accuracy, f"{self.name}.accuracy"))
 
-    def calibration(self, name: str | None = None) -> SensorCalibration:
-        """Return the calibration of this name, the default one if None; a `NotFoundError` lists
-        all."""
-        wanted = self.default if name is None else name
+    def calibration(self) -> SensorCalibration:
+        """Return the default calibration; a `NotFoundError` if ``default`` names none."""
         known = {c.name: c for c in self.calibrations}
-        if wanted not in known:
-            hint = did_you_mean(wanted, known) or "."
-            raise NotFoundError(
-                f"{self.name} has no calibration {wanted!r}{hint} Known: {', '.join(known)}"
-            )
-        return known[wanted]
+        if self.default not in known:
+            raise NotFoundError(f"{self.name}: {self.default!r} is none of {', '.join(known)}")
+        return known[self.default]
