@@ -186,6 +186,20 @@ def test_imperfections_of_an_accelerometer_are_no_cause(seed, bent):
     assert (found.verdict, found.which, found.minor) == ("none", [], [])
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_an_accelerometer_alone_names_tilts_and_zeros_and_no_imperfection_of_its_own(seed):
+    def alone(**wrong):
+        return diagnose(PlainUr5(bent=0.003, **wrong).recording(seed).without_wrench()).diagnosis
+
+    assert alone().verdict == "none"
+    assert alone(offset=(0.0,) * 5 + (0.01,)).verdict == "none"  # its mounting takes it up
+    tilted = causes(alone(tilt=(0.008, 0.0)))
+    assert set(tilted) == {TILT} and off(tilted[TILT], x=0.008, y=0.0) < 3.0
+    zero = alone(offset=(0.0, 0.0, 0.006, 0.0, 0.0, 0.0))
+    assert set(zero.which[0]["elements"]) == {"joint 2", "joint 3", "joint 4"}
+    assert not zero.next  # no pose at rest tells them apart
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_tilt_that_wrench_or_accelerometer_contradicts_is_not_claimed(seed):

@@ -17,6 +17,7 @@ from wrenchbed.calibration.tracker_result import TrackerFit
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.overwrite_rules import Kind
+from wrenchbed.data.recording import TARGET
 from wrenchbed.drives.effort_fit import DriveFit
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages.numbers import HUMAN, percent
@@ -109,6 +110,11 @@ def _channels(data: wb.Recording) -> str:
         return "wrench"
     if data.only_commanded:
         return "command"
+    if data.effort is None and TARGET[0] not in data.columns:
+        raise ParameterError(
+            f"{data.name}: an accelerometer alone calibrates no sensor: run wrenchbed diagnose, "
+            "which names the base's tilt and joints' zeros"
+        )
     return "pose" if data.effort is None else "effort"
 
 

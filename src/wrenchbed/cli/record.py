@@ -76,8 +76,6 @@ class DeviceArguments:
         other, when = ("command", "in motion") if mode == "static" else ("pose", "at rest")
         if wrong := [name for name in self.asked_channels if name in other.split()]:
             raise ParameterError(f"--channels {wrong[0]}: is simulated {when} only")
-        if self.asked_channels == ("imu",):
-            raise ParameterError("--channels imu: nothing reads it alone; add wrench")
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
         """Make the options of driver class ``device`` for a robot; refuse an argument that it does

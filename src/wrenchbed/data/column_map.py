@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.data.metadata import FIELDS, MODES, Metadata, SensorInfo, ToolInfo, parse
-from wrenchbed.data.recording import QUATERNION, TARGET, commanded, effort_prefix
+from wrenchbed.data.recording import ACCELERATION, QUATERNION, TARGET, commanded, effort_prefix
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.files.checked import Fields, load
 from wrenchbed.physics.wrench import CHANNELS
@@ -54,8 +54,6 @@ ROTATION_VECTOR = ("rx", "ry", "rz")
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
 """R = Rz(yaw) Ry(pitch) Rx(roll): ROS's angles, and KUKA's C, B, A."""
 ANGLES = (ROTATION_VECTOR, ROLL_PITCH_YAW)
-ACCELERATION = ("ax", "ay", "az")
-"""An accelerometer in sensor axes: at rest it reads minus gravity."""
 _MOST_TURN = 4.0 * np.pi
 """Largest angle of an orientation [rad]: a rotation vector that turns on is hardly longer."""
 _ORIENTATIONS = (QUATERNION, ROTATION, *ANGLES)
@@ -322,7 +320,8 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
             stated = ", ".join(f"{t} in {units[t]}" for t in group if t in units)
             raise MapError(f"mixed units: {stated}; one sensor reports in one unit")
     missing = [c for c in CHANNELS if c not in units]
-    other = effort_prefix(units) is not None or units.keys() >= set(TARGET) or commanded(units)
+    other = effort_prefix(units) is not None or commanded(units)
+    other |= any(units.keys() >= {*some} for some in (TARGET, (*ACCELERATION, "q1")))
     without = len(missing) == len(CHANNELS) and other
     if missing and not without:
         raise MapError(f"no column is mapped to {', '.join(missing)}")

@@ -27,7 +27,6 @@ from wrenchbed.data.clock import (
     unwrapped,
 )
 from wrenchbed.data.column_map import (
-    ACCELERATION,
     ANGLES,
     AUTO,
     ROTATION,
@@ -38,7 +37,7 @@ from wrenchbed.data.column_map import (
 )
 from wrenchbed.data.holds import Split, check_at_rest, means_of, runs, split, with_noise
 from wrenchbed.data.metadata import Metadata
-from wrenchbed.data.recording import QUATERNION, Recording, joint_columns
+from wrenchbed.data.recording import ACCELERATION, QUATERNION, Recording, joint_columns
 from wrenchbed.data.rosbag_and_mcap import is_log
 from wrenchbed.data.rosbag_and_mcap import table as log_table
 from wrenchbed.data.text_table import BLANKS, SKIP, Columns, read_text

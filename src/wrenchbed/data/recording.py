@@ -29,6 +29,8 @@ TOUCH_STD = 5e-5
 the repeatability of a good arm (UR5e's data sheet: 0.03 mm)."""
 TARGET = ("mx", "my", "mz")
 """Columns of the position [m] of a target on the flange in a tracker's axes."""
+ACCELERATION = ("ax", "ay", "az")
+"""Columns of an accelerometer [m/s²] in sensor axes: at rest it reads minus gravity."""
 EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 """Column prefixes of joint torques and of motor currents, with their units."""
 COMMAND = "q_target"
@@ -84,13 +86,15 @@ class Recording:
     def only_commanded(self) -> bool:
         """Whether the recording holds joint targets and values, but no readings of a sensor."""
         columns = self.columns
-        other = self.has_wrench or self.effort is not None or TARGET[0] in columns
+        other = self.has_wrench or self.effort is not None
+        other |= TARGET[0] in columns or ACCELERATION[0] in columns
         return not other and commanded(columns)
 
     def require_wrench(self) -> None:
         """Raise `RecordingError` if there is no wrench, only joint efforts or target positions."""
         if not self.has_wrench:
-            held = "the places of a target" if self.effort is None else "the effort of its joints"
+            held = "the places of a target" if TARGET[0] in self.columns else "an accelerometer"
+            held = held if self.effort is None else "the effort of its joints"
             held = "what its joints were told" if self.only_commanded else held
             raise RecordingError(
                 f"{self.name}: has no wrench fx … tz, only {held}: this needs a force/torque sensor"
@@ -193,7 +197,8 @@ def _of_joints(prefix: str, columns: Container[str]) -> bool:
 
 def holds_readings(columns: Container[str]) -> bool:
     """Whether columns hold readings of some sensor, which distinguishes a recording from a plan."""
-    read = CHANNELS[0] in columns or TARGET[0] in columns or commanded(columns)
+    each = (CHANNELS[0], TARGET[0], ACCELERATION[0])
+    read = any(column in columns for column in each) or commanded(columns)
     return read or effort_prefix(columns) is not None
 
 

@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed.data.column_map import (
-    ACCELERATION,
     ANGLES,
     ROLL_PITCH_YAW,
     ROTATION,
     ROTATION_VECTOR,
 )
 from wrenchbed.data.guess.column_roles import NO_JOINT, Sheet, is_measured, plain
-from wrenchbed.data.recording import QUATERNION
+from wrenchbed.data.recording import ACCELERATION, QUATERNION
 from wrenchbed.physics.wrench import CHANNELS
 
 _KINDS = {"quaternion": QUATERNION, "matrix": ROTATION, "": ROTATION_VECTOR}

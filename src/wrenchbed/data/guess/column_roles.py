@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.clock import continued
-from wrenchbed.data.column_map import ACCELERATION, ANGLES, ROTATION, UNITS
-from wrenchbed.data.recording import QUATERNION
+from wrenchbed.data.column_map import ANGLES, ROTATION, UNITS
+from wrenchbed.data.recording import ACCELERATION, QUATERNION
 from wrenchbed.data.text_table import SKIP, Columns, read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS

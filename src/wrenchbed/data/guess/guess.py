@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.column_map import ACCELERATION, ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
+from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.guess.candidates import candidates
 from wrenchbed.data.guess.column_readings import Reading, efforts_of, joints, orientations, wrenches
 from wrenchbed.data.guess.column_roles import Sheet, is_of_wrench, sheets_of
 from wrenchbed.data.guess.convention import Convention, Pairing, gather
 from wrenchbed.data.guess.user_facts import NOTHING, Stated
+from wrenchbed.data.recording import ACCELERATION
 from wrenchbed.data.rosbag_and_mcap import is_log
 from wrenchbed.errors import MapError, did_you_mean
 from wrenchbed.files.checked import Fields, quoted

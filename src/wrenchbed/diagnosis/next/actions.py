@@ -116,7 +116,8 @@ class Action:
 def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Iterator[Action]:
     """Recordings that a robot can make after ``prepared``; up to ``sweeps`` joints swept singly."""
     at_rest = () if prepared.moving else (_revisit, _hold)
-    for make in (_poses, _payload, *at_rest, _motion):
+    moving = (_motion,) if prepared.has_wrench else ()  # all other channels are read at rest
+    for make in (_poses, _payload, *at_rest, *moving):
         yield from filter(None, [make(prepared, seed)])
     for k in range(len(prepared.robot.joints[:sweeps])):
         yield from filter(None, [_sweep(prepared, k, seed)])

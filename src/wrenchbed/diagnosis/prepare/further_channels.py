@@ -3,7 +3,8 @@
 The unit of such a channel, a gap of 1, is the noise of one observation: the largest of its rows'
 scatter, of the residual that no effect explains, and of its sensor's floor; where joints are stuck
 in friction, ordinary errors of sensors and links are added. If it is the only channel and has
-repeated rows, the unexplained residual is no noise: it remains a gap, of unknown cause.
+repeated rows, the unexplained residual is no noise, it remains a gap of unknown cause, and the
+sensor's own imperfections are added.
 """
 
 from collections.abc import Iterator
@@ -23,6 +24,10 @@ from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.pages.numbers import rough
+
+_LARGEST = 2.0
+"""Largest imperfections of a lone sensor, over their usual size: the worst data sheets of MEMS
+accelerometers give 0.5 % of nonlinearity."""
 
 
 def with_further_channels(prepared: Prepared, data: Observations) -> Prepared:
@@ -71,6 +76,8 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         own = own_noise(averaged(residual), nuisance, np.column_stack(every))
         own *= np.sqrt(prepared.stride)
         noise, source = np.maximum(noise, own), "residual"
+    else:
+        ordinary = _imperfect(fitted, scene, residual)
     unit = np.hypot(noise, ordinary)
     worst = rough(fitted.name, float(noise.max()), next(iter(fitted.columns.values())))
     too, what = " too" if prepared.channels else "", "row" if scene.moving else "pose"
@@ -106,6 +113,19 @@ def _by_pose(
     sized = channel.with_sizes(size)
     usual = (sized.imperfections(scene)[held] ** 2).sum(axis=2).mean(axis=0)
     return sized, fit.noise, np.sqrt(usual)
+
+
+def _imperfect(channel: Channel, scene: Scene, residual: np.ndarray) -> np.ndarray:
+    """Rms (k,) of a healthy sensor's imperfections in each of k columns, at the size, at most
+    `_LARGEST`, that the residual (H k,) of H observations shows beside effects."""
+    usual = channel.imperfections(scene)[scene.held]
+    if not usual.shape[2]:
+        return np.zeros(usual.shape[1])
+    free, rows = flat(channel.nuisance(scene)[scene.held]), len(usual)
+    every = [flat(usual), *_of_effects(channel, scene)]
+    group = np.tile(np.arange(usual.shape[1]), rows)
+    fit = posterior(residual, free, every, np.zeros((len(residual), 0)), group)
+    return np.asarray(min(fit.sizes[0], _LARGEST) * np.sqrt((usual**2).sum(axis=2).mean(axis=0)))
 
 
 def _of_effects(channel: Channel, scene: Scene) -> Iterator[np.ndarray]:
