@@ -1,7 +1,7 @@
 """Ends processes together with the one that started them, also if that one was killed.
 
-The kernel kills it (prctl, PR_SET_PDEATHSIG). Where something must be ended first, a thread looks
-who the parent is. All of this is Linux's, as is the package.
+On Linux the kernel kills it (prctl, PR_SET_PDEATHSIG). Elsewhere, and where something must be ended
+first, a thread looks who the parent is.
 """
 
 import ctypes
@@ -46,7 +46,7 @@ def end_with(parent: int) -> None:
 
 
 def end_by_kernel() -> None:
-    """Make the kernel kill this process when the thread that started it ends."""
+    """Make the kernel kill this process when the thread that started it ends (Linux only)."""
     _kernel_kills(signal.SIGKILL)
 
 
@@ -68,7 +68,10 @@ def with_group(group: int) -> Iterator[None]:
 
 @contextmanager
 def without_orphans() -> Iterator[None]:
-    """At the block's end kill all processes started in it that still run, daemons too."""
+    """At the block's end kill all processes started in it that still run, daemons too (Linux)."""
+    if not sys.platform.startswith("linux"):
+        yield
+        return
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)  # orphans become our children
     before = _children()
     try:
@@ -89,6 +92,8 @@ def _children() -> set[int]:
 
 def bound(command: Sequence[str]) -> list[str]:
     """Return a command line that starts a program, given by its path, to end with this process."""
+    if not sys.platform.startswith("linux"):
+        return list(command)
     return [sys.executable, "-I", "-S", "-c", _START, str(os.getpid()), *command]
 
 
@@ -107,4 +112,5 @@ def _end_with_groups(*_: object) -> None:
 
 def _kernel_kills(number: int) -> None:
     """Make the kernel send signal ``number`` to this process when its parent ends; 0: none."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
