@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from linear_case import dictionary, named, noise, readings, refitter
+from linear_case import Design, dictionary, named, noise, readings, refitter
 from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.decision.facts import facts_of
 from wrenchbed.diagnosis.explain.claims import (
@@ -43,6 +43,23 @@ def test_effects_that_look_the_same_are_rivals_and_those_that_do_not_are_none():
     told = [e.log_posterior for e in ranking.explanations]
     assert told == sorted(told, reverse=True) and told[-1] > told[0] - 30.0
     assert (other.word, causes(other)) == ("identified", [("joint.offset",)])
+
+
+def test_an_effect_that_only_moves_a_stated_number_is_that_number():
+    """A part that is loose to one side reads as a wrong centre of gravity and adds nothing else."""
+    d = dictionary(alike={("tool.cog", "tool.loose"): 0.99999})
+    r = refitter(d, readings(d, {"tool.cog": 300.0}))
+    told = explained(r, r.fit(named(d, "tool.loose"), 0))
+    assert [p.name for p in told.parts] == ["tool.cog"] and not told.finalist.effects
+
+
+def test_a_cause_that_only_correlated_noise_makes_large_is_named(monkeypatch):
+    """Channels whose noise is one signal: their differences count, as in the published gap."""
+    _, independent = diagnosed({"base.tilt": 0.6})
+    assert independent.word == "none"
+    monkeypatch.setattr(Design.leading, "covariance", np.full((6, 6), 0.9) + 0.1 * np.eye(6))
+    _, correlated = diagnosed({"base.tilt": 0.6})
+    assert causes(correlated) == [("base.tilt",)]
 
 
 @pytest.mark.parametrize(

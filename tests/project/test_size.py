@@ -11,16 +11,16 @@ WRENCHBED = {
     "calibration": 5106,
     "campaigns": 1145,
     "channels": 975,
-    "cli": 2722,
-    "data": 5484,
-    "diagnosis": 13215,
+    "cli": 2726,
+    "data": 5487,
+    "diagnosis": 13265,
     "drives": 1800,
     "effects": 4945,
     "environments": 588,
     "exports": 828,
     "files": 576,
     "hardware": 6669,
-    "jobs": 550,
+    "jobs": 556,
     "monitoring": 1408,
     "pages": 1244,
     "physics": 1059,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79017,
-    "src/wrenchbed": 69528,
+    "src": 79080,
+    "src/wrenchbed": 69591,
     "src/robot_emulators": 9489,
-    "tests": 38287,
+    "tests": 38319,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

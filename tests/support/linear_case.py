@@ -67,6 +67,7 @@ class Design:
     variance = np.ones(6)
     channels = ()
     families = (slice(0, 6),)
+    leading = SimpleNamespace(covariance=np.eye(6))
     scene = SimpleNamespace(robot=None, period=0.008)
 
     def without(self, fold):

@@ -99,6 +99,11 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     """Explanation of a fitted set: effects that add enough gap, stated numbers that are wrong."""
     d = refitter.d
     total, each = d.gaps(refitter.y), {k: shares(refitter, f, k) for k in f.effects}
+    small = [k for k, g in each.items() if g.sum() < CLAIMABLE]
+    if by_another_name := {k for k in small if _moves_stated(refitter, f, k)}:
+        kept = [k for k in range(len(f.parts)) if k not in by_another_name]
+        alone = refitter.keeping(f, kept)
+        return explained(refitter, replace(alone, log_posterior=f.log_posterior))
     against = {k for k, g in each.items() if contradicted(g, total)}
     # parts that cancel out add nothing
     added = {k: float(np.minimum(g, total).sum()) for k, g in each.items() if k not in against}
@@ -117,6 +122,14 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     parts += wrong_numbers(refitter, f)
     parts.sort(key=lambda p: -p.share)
     return Explanation(f, tuple(parts), remaining, max(float(total.sum()) - remaining, 0.0))
+
+
+def _moves_stated(refitter: Refitter, f: Finalist, k: int) -> bool:
+    """Whether the cause of index ``k``, which adds no gap that counts to the calibrated simulator,
+    moves bias, mass or CoG beyond tolerance: a part that is loose to one side is a wrong CoG."""
+    moved = np.abs(refitter.d.fitted(made_by(refitter, f, [k])))
+    beyond = bool((moved > refitter.d.tolerance).any())
+    return beyond and not f.parts[k].effect.zero_is_convention
 
 
 def with_imitators(refitter: Refitter, e: Explanation) -> Explanation:
