@@ -99,8 +99,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     """Explanation of a fitted set: effects that add enough gap, stated numbers that are wrong."""
     d = refitter.d
     total, each = d.gaps(refitter.y), {k: shares(refitter, f, k) for k in f.effects}
-    small = [k for k, g in each.items() if g.sum() < CLAIMABLE]
-    if by_another_name := {k for k in small if _moves_stated(refitter, f, k)}:
+    if by_another_name := {k for k in f.effects if _moves_stated(refitter, f, k)}:
         kept = [k for k in range(len(f.parts)) if k not in by_another_name]
         alone = refitter.keeping(f, kept)
         return explained(refitter, replace(alone, log_posterior=f.log_posterior))
@@ -125,11 +124,13 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
 
 
 def _moves_stated(refitter: Refitter, f: Finalist, k: int) -> bool:
-    """Whether the cause of index ``k``, which adds no gap that counts to the calibrated simulator,
-    moves bias, mass or CoG beyond tolerance: a part that is loose to one side is a wrong CoG."""
-    moved = np.abs(refitter.d.fitted(made_by(refitter, f, [k])))
-    beyond = bool((moved > refitter.d.tolerance).any())
-    return beyond and not f.parts[k].effect.zero_is_convention
+    """Whether the cause of index ``k`` makes readings that a fit of bias, mass and CoG takes up but
+    for a gap that does not count, and so moves them beyond tolerance: a part that is loose to one
+    side is a wrong CoG."""
+    d, signal = refitter.d, made_by(refitter, f, [k])
+    if f.parts[k].effect.zero_is_convention or d.gap(signal) >= CLAIMABLE:
+        return False
+    return bool((np.abs(d.fitted(signal)) > d.tolerance).any())
 
 
 def with_imitators(refitter: Refitter, e: Explanation) -> Explanation:
