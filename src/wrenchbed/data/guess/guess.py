@@ -267,6 +267,10 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
         what = "no column changes: every row repeats the first one"
     elif not any(True for s in tables for _ in wrenches(s)):
         what = "no six columns that might be a wrench"
+        if robot is None:
+            what += "; joint torques, currents or commands need --robot NAME beside them"
+        else:
+            what += "; a tracker's or an accelerometer's columns need a map"
     elif not any(True for s in tables for _ in orientations(s)):
         what = (
             "no orientation (quaternion, matrix, angles) of the sensor; joints need --robot NAME "
