@@ -100,10 +100,11 @@ def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder
     """Path of a file's ``.rrd`` picture: itself, or drawn from it to ``rrd`` or into ``folder``."""
     made = file / PICTURE if file.is_dir() else file
     if made.suffix == ".rrd":
+        if not made.is_file():
+            why = "`diagnose` draws it for a wrench; open report.html for other recordings"
+            raise ParameterError(f"{made}: there is no such file; {why}")
         if against or rrd is not None:
             raise ParameterError(f"{made}: is a picture already; give the recording instead")
-        if not made.is_file():
-            raise ParameterError(f"{made}: there is no such file; `diagnose --out` makes it")
         return made
     out = rrd or folder / f"{file.stem}.rrd"
     if not is_plan(file):
