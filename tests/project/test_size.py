@@ -12,8 +12,8 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 975,
     "cli": 2726,
-    "data": 5487,
-    "diagnosis": 13265,
+    "data": 5491,
+    "diagnosis": 13266,
     "drives": 1800,
     "effects": 4945,
     "environments": 588,
@@ -32,12 +32,12 @@ WRENCHBED = {
     "simulation": 1343,
     "studies": 1322,
     "twin": 1077,
-    "viewer": 747,
+    "viewer": 748,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79080,
-    "src/wrenchbed": 69591,
+    "src": 79086,
+    "src/wrenchbed": 69597,
     "src/robot_emulators": 9489,
     "tests": 38319,
     "scripts": 3496,
