@@ -17,6 +17,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
 from wrenchbed.diagnosis.explain.structures import readings_from_baseline
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions
 from wrenchbed.diagnosis.next.blind import (
+    BESIDE_OTHERS,
     DETECTED,
     LEAST_MINOR,
     NOT_HERE,
@@ -181,7 +182,8 @@ def design():
     [("joint.offset", "joint 5"), ("link.length", "alpha2"), ("base.tilt", "about x and y")],
 )
 def test_a_fault_of_that_size_is_reported_in_95_of_100_draws(design, effect, label):
-    """Noise, background, imperfections of the effect and fault are drawn from the model."""
+    """Noise, background, imperfections of the effect and fault are drawn from the model, in which
+    the fault competes with no other effect."""
     signatures, d, searcher = design.signatures, design.d, design.searcher
     (at,) = (k for k, w in enumerate(signatures) if (w.name, w.variant.label) == (effect, label))
     places = [k for k, h in enumerate(searcher.hypotheses) if h.name == effect]
@@ -189,7 +191,7 @@ def test_a_fault_of_that_size_is_reported_in_95_of_100_draws(design, effect, lab
     h, level = searcher.hypotheses[place], searcher.levels[design.rung]
     rng = np.random.default_rng(2)
     size = rng.standard_normal((len(h.columns), DRAWS))
-    size *= design.sizes[at] * np.sqrt(len(size)) / np.linalg.norm(size, axis=0)
+    size *= design.sizes[at] / BESIDE_OTHERS * np.sqrt(len(size)) / np.linalg.norm(size, axis=0)
     size += ORDINARY * rng.standard_normal(size.shape)
     imperfect = np.sqrt(level.V)[:, None] * rng.standard_normal((len(level.V), DRAWS))
     noise = np.sqrt(level.v0)[:, None] * rng.standard_normal((len(level.v0), DRAWS))

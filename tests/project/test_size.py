@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 79086,
     "src/wrenchbed": 69597,
     "src/robot_emulators": 9489,
-    "tests": 38319,
+    "tests": 38321,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -101,7 +101,7 @@ def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder
     made = file / PICTURE if file.is_dir() else file
     if made.suffix == ".rrd":
         if not made.is_file():
-            why = "`diagnose` draws it for a wrench; open report.html for other recordings"
+            why = "`diagnose --out` draws it for a wrench; report.html is of other recordings too"
             raise ParameterError(f"{made}: there is no such file; {why}")
         if against or rrd is not None:
             raise ParameterError(f"{made}: is a picture already; give the recording instead")
