@@ -41,12 +41,19 @@ def scene(robot, q, gravity=None):
 def test_it_reads_gravity_in_its_own_axes():
     rotation = np.array([flange(q)[:3, :3] for q in Q])
     rng = np.random.default_rng(1)
-    gain, zero = rng.standard_normal((3, 3)), rng.standard_normal(3)
+    mounted, zero = np.linalg.qr(rng.standard_normal((3, 3)))[0], rng.standard_normal(3)
+    gain = mounted @ (np.eye(3) + 0.1 * rng.standard_normal((3, 3)))
     fitted = ACCELEROMETER.fitted(GRAVITY @ rotation @ gain + zero, scene(UR5, Q))
     assert fitted.gain == pytest.approx(gain) and fitted.zero == pytest.approx(zero)
     tilt = ActiveEffect.of(UR5, "base.tilt", {"x": 0.02, "y": -0.03})
     seen = turned(np.array([0.02, -0.03, 0.0])) @ GRAVITY @ rotation
     assert readings((fitted,), scene(UR5, Q), [tilt]) == pytest.approx(seen @ gain + zero)
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.0 / 9.81, 1000.0], ids=["dead", "in g", "in mm/s²"])
+def test_readings_in_another_unit_or_of_a_dead_sensor_are_not_compared(scale):
+    read = scale * readings((ACCELEROMETER,), scene(UR5, Q))
+    assert ACCELEROMETER.fitted(read + 0.02, scene(UR5, Q)) is None
 
 
 def test_poses_that_turn_gravity_too_little_determine_no_mounting():

@@ -10,10 +10,10 @@ WRENCHBED = {
     "benchmark": 7737,
     "calibration": 5106,
     "campaigns": 1145,
-    "channels": 975,
+    "channels": 979,
     "cli": 2726,
     "data": 5491,
-    "diagnosis": 13266,
+    "diagnosis": 13267,
     "drives": 1800,
     "effects": 4945,
     "environments": 588,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79086,
-    "src/wrenchbed": 69597,
+    "src": 79091,
+    "src/wrenchbed": 69602,
     "src/robot_emulators": 9489,
-    "tests": 38321,
+    "tests": 38328,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -18,6 +18,9 @@ NONLINEARITY = 0.003
 _RANK = 1e-6
 """Smallest over largest singular value of what determines gain and zero, below which the poses
 turn gravity too little in the sensor."""
+_GAINS = (0.5, 2.0)
+"""Scales of a healthy accelerometer's axes at least and at most, estimates: data sheets state 1 to
+5 % of error. Readings in g or of a dead sensor have others."""
 _STEPS, _DONE = 10, 1e-6
 """Gauss-Newton steps in motion at most, and the change below which they end: readings are bilinear
 in gain and place. At rest they are linear."""
@@ -29,8 +32,8 @@ class Accelerometer(Channel):
 
     ẍ is the acceleration of the place x + R p, x the sensor's origin; 0 at rest. A (3, 3), b (3,)
     and, in motion, p (3,) and a lag of the readings are fitted and never blamed (nuisance), so
-    mounting, scales, cross-axis sensitivity, sign, zero and clock do not matter. No accelerometer
-    is linear within its noise: square and cube are imperfections.
+    mounting, scales (within `_GAINS`), cross-axis sensitivity, sign, zero and clock do not matter.
+    No accelerometer is linear within its noise: square and cube are imperfections.
 
     Attributes:
         gain: Aᵀ (3, 3), without unit, fitted to the recording.
@@ -68,7 +71,8 @@ class Accelerometer(Channel):
             )  # fmt: skip
             if np.abs(change).max() < _DONE:
                 break
-        return channel
+        gains = np.linalg.svd(channel.gain, compute_uv=False)
+        return channel if gains[-1] > _GAINS[0] and gains[0] < _GAINS[1] else None
 
     def relinearised(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
         return (self.fitted(read, scene, pose) or self) if scene.moving else self

@@ -52,7 +52,8 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
     if fitted is None:
         text = (
             f"the {channel.name} is not compared: the poses are too alike to know its mounting, or "
-            f"{' '.join(channel.columns)} hold something else than {channel.title}"
+            f"{' '.join(channel.columns)} hold something else than {channel.title}, or in another "
+            f"unit than {next(iter(channel.columns.values()))}"
         )
         return replace(prepared, remarks=(*prepared.remarks, text))
     expected = readings((fitted,), scene)
