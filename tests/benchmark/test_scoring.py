@@ -12,7 +12,7 @@ from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
 from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.metrics import METRICS, figure, probability, right
 from wrenchbed.benchmark.scoring.truth_and_claims import OURS, Answer, CaseRow, Claim, Fact, Oracle
-from wrenchbed.benchmark.sealed.run import BASELINES
+from wrenchbed.benchmark.sealed.baselines import BASELINES, lasso_path
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import ActiveEffect, effects, respond
 from wrenchbed.planning.choose import poses
@@ -167,3 +167,36 @@ def test_one_large_effect_is_named_first_and_none_never_claims(tilted):
     assert sum(claim.probabilities.values()) == pytest.approx(1.0)
     assert BASELINES["bic"](tilted) == claim
     assert BASELINES["none"](tilted) == Claim("none", (), {"none": 1.0})
+
+
+@pytest.mark.parametrize("method", ["lasso", "everything"])
+def test_fits_of_all_effects_name_a_large_one_as_surely_as_halves_of_the_rows_do(method):
+    robot = registry.load("robots", "ur5")
+    design = ExperimentDesign.of_plan(poses(robot, 60, 2), robot, samples=30)
+    bending = recording(design, draw(design, 1, "single", "tool.flexure", 4.0))
+    claim = BASELINES[method](bending)
+    assert claim.verdict == "identified" and claim.causes[0] == ("tool.flexure",)
+    assert claim.sure > 0.7 and sum(claim.probabilities.values()) == pytest.approx(1.0)
+
+
+def test_the_path_of_lasso_meets_the_conditions_of_an_optimum():
+    rng = np.random.default_rng(5)
+    columns = rng.normal(size=(200, 12)) * np.geomspace(1.0, 30.0, 12)
+    y = columns[:, [2, 7]] @ [1.0, -0.1] + rng.normal(size=200)
+    gram, score, size = columns.T @ columns, columns.T @ y, np.linalg.norm(columns, axis=0)
+    penalties = np.array([1.0, 0.5, 0.1, 0.01])
+    path = lasso_path(gram, score, penalties)
+    assert not path[0].any() and set(np.flatnonzero(path[1])) <= {2, 7}
+    for x, penalty in zip(path, np.abs(score / size).max() * penalties, strict=True):
+        slope, there = (score - gram @ x) / size, x != 0.0
+        assert (np.abs(slope) <= penalty * 1.001).all()
+        np.testing.assert_allclose(slope[there], penalty * np.sign(x[there]), rtol=1e-3)
+
+
+def test_a_black_box_sees_a_gap_and_names_nothing(tilted):
+    robot = registry.load("robots", "ur5")
+    design = ExperimentDesign.of_plan(poses(robot, 60, 2), robot, samples=30)
+    healthy = recording(design, draw(design, 3, "none"))
+    gap, without = (BASELINES["black-box"](r) for r in (tilted, healthy))
+    assert gap.verdict == "unknown" and gap.causes == () and gap.sure > 0.99
+    assert without.probabilities["unknown"] < gap.sure

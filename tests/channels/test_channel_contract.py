@@ -9,7 +9,7 @@ import pytest
 import wrenchbed.channels
 from plain_ur5 import PlainUr5, poses
 from wrenchbed import registry
-from wrenchbed.channels.base import PLACING
+from wrenchbed.channels.base import PLACING, Channel
 from wrenchbed.channels.readings_with_effects import Response, readings, slices
 from wrenchbed.data.column_map import UNITS
 from wrenchbed.effects.base import STAGES
@@ -109,3 +109,15 @@ def test_nuisance_is_found_again(channel):
     read = readings((channel,), rows) + slopes @ (size * rng.standard_normal(slopes.shape[2]))
     fitted = channel.fitted(read, rows)
     assert readings((fitted,), rows) == pytest.approx(read, abs=1e-5)
+
+
+def test_readings_of_a_dead_sensor_are_not_fitted_away(channel):
+    """What repeats one value at all poses is refused, or is far from what the fit reads."""
+    if type(channel).rows is not Channel.rows:
+        return  # readings are differences of columns
+    rows = scene()
+    dead = np.full((len(rows), len(channel.columns)), 1.0)
+    fitted = channel.fitted(dead, rows)
+    if fitted is not None:
+        far = np.abs(readings((fitted,), rows) - dead).max()
+        assert far > 0.01 * np.abs(readings((channel,), rows)).max()

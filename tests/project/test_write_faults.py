@@ -31,8 +31,7 @@ import wrenchbed as wb
 from rest_noise import Rest
 from wrenchbed import cli, files
 from wrenchbed.benchmark.referee import scenario
-from wrenchbed.benchmark.sealed import make
-from wrenchbed.benchmark.sealed import run as answering
+from wrenchbed.benchmark.sealed import baselines, make
 from wrenchbed.cli import blind, main
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
@@ -194,7 +193,7 @@ def quick():
     """Costly results are computed once."""
     found = cache(lambda path, diagnosed=diagnose: diagnosed(wb.Recording.read(path)))
     prepared = cache(lambda path: prepare(wb.Recording.read(path)))
-    answered = cache(lambda path: answering.bic(wb.Recording.read(path)))
+    answered = cache(lambda path: baselines.bic(wb.Recording.read(path)))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("wrenchbed.data.writer.FLUSH_S", 1e9)  # no rewriting in another thread
         patch.setattr(scenario, "POSES", (12, 13))
@@ -203,8 +202,8 @@ def quick():
         patch.setattr(make.Family, "case", cache(make.Family.case))
         patch.setattr("wrenchbed.diagnosis.diagnose.diagnose", lambda data, **_: found(data.name))
         patch.setattr("wrenchbed.reports.diagnosis_page.draw", undrawn)
-        patch.setattr(answering, "prepare", lambda data: prepared(data.name))
-        patch.setitem(answering.BASELINES, "bic", lambda data: answered(data.name))
+        patch.setattr(baselines, "prepare", lambda data: prepared(data.name))
+        patch.setitem(baselines.BASELINES, "bic", lambda data: answered(data.name))
         patch.setattr("wrenchbed.studies.ur5.run", small_study)
         yield
 

@@ -112,8 +112,8 @@ def _channels(data: wb.Recording) -> str:
         return "command"
     if data.effort is None and TARGET[0] not in data.columns:
         raise ParameterError(
-            f"{data.name}: an accelerometer alone calibrates no sensor: run wrenchbed diagnose, "
-            "which names the base's tilt and joints' zeros"
+            f"{data.name}: no calibration without a wrench, a tracker, efforts or commands: run "
+            "wrenchbed diagnose, which compares other sensors too"
         )
     return "pose" if data.effort is None else "effort"
 

@@ -16,8 +16,8 @@ from wrenchbed.data.overwrite_rules import Kind, keeping
 from wrenchbed.errors import MissingExtraError
 
 Kinds = Literal[
-    "robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects", "exports",
-    "checks",
+    "robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects", "channels",
+    "exports", "checks",
 ]  # fmt: skip
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", "bold red")}
 """Word and style by grade of a line of `doctor`."""

@@ -10,7 +10,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.data.metadata import FIELDS, MODES, Metadata, SensorInfo, ToolInfo, parse
-from wrenchbed.data.recording import ACCELERATION, QUATERNION, TARGET, commanded, effort_prefix
+from wrenchbed.data.recording import (
+    ACCELERATION,
+    QUATERNION,
+    TARGET,
+    channel_units,
+    commanded,
+    effort_prefix,
+    of_plug_in,
+)
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.files.checked import Fields, load
 from wrenchbed.physics.wrench import CHANNELS
@@ -275,10 +283,12 @@ def _source(where: str, target: str, entry: Any) -> Source:
     quantities = _JOINT.get(stem, ()) if stem != target else ()
     if target in _FIXED:
         quantities = (_FIXED[target],)
+    elif not quantities and target in channel_units():
+        quantities = (UNITS[channel_units()[target]][0],)
     if not quantities:
         known = (
             "t, fx…tz, q1…, tau1…, i1…, qd1…, q_target1…, qw qx qy qz, r11…r33, rx ry rz, "
-            "roll pitch yaw, ax ay az, temperature, segment, status"
+            "roll pitch yaw, ax ay az, mx my mz, temperature, segment, status"
         )
         close = did_you_mean(target, _FIXED)
         raise MapError(
@@ -321,7 +331,7 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
             raise MapError(f"mixed units: {stated}; one sensor reports in one unit")
     missing = [c for c in CHANNELS if c not in units]
     other = effort_prefix(units) is not None or commanded(units)
-    other |= any(units.keys() >= {*some} for some in (TARGET, (*ACCELERATION, "q1")))
+    other |= "q1" in units and of_plug_in(units)
     without = len(missing) == len(CHANNELS) and other
     if missing and not without:
         raise MapError(f"no column is mapped to {', '.join(missing)}")

@@ -5,8 +5,9 @@ conventions; see ``docs/reference/nomenclature.md``.
 """
 
 import warnings
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Collection, Container, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from wrenchbed.errors import RecordingError, WrenchbedWarning, raise_shortage
 from wrenchbed.files import set_aside
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.registry import load, names
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 """Columns of the sensor's orientation in the base, for robots without a model."""
@@ -35,6 +37,8 @@ EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 """Column prefixes of joint torques and of motor currents, with their units."""
 COMMAND = "q_target"
 """Column prefix of joint targets."""
+_OF_PLANS = frozenset(("t", "segment", "dwell", "status", "temperature", *QUATERNION, *POINT))
+"""Columns beside joint values that a file without readings may have."""
 _LARGEST = 1e30
 """Largest value of a column in any unit: beyond nanoseconds since 1970; larger squares overflow."""
 
@@ -85,15 +89,13 @@ class Recording:
     @property
     def only_commanded(self) -> bool:
         """Whether the recording holds joint targets and values, but no readings of a sensor."""
-        columns = self.columns
-        other = self.has_wrench or self.effort is not None
-        other |= TARGET[0] in columns or ACCELERATION[0] in columns
-        return not other and commanded(columns)
+        other = self.has_wrench or self.effort is not None or of_plug_in(self.columns)
+        return not other and commanded(self.columns)
 
     def require_wrench(self) -> None:
         """Raise `RecordingError` if there is no wrench, only joint efforts or target positions."""
         if not self.has_wrench:
-            held = "the places of a target" if TARGET[0] in self.columns else "an accelerometer"
+            held = "the places of a target" if TARGET[0] in self.columns else "other sensors"
             held = held if self.effort is None else "the effort of its joints"
             held = "what its joints were told" if self.only_commanded else held
             raise RecordingError(
@@ -195,11 +197,25 @@ def _of_joints(prefix: str, columns: Container[str]) -> bool:
     return bool(joints) and all(f"{prefix}{name[1:]}" in columns for name in joints)
 
 
-def holds_readings(columns: Container[str]) -> bool:
+def holds_readings(columns: Collection[str]) -> bool:
     """Whether columns hold readings of some sensor, which distinguishes a recording from a plan."""
     each = (CHANNELS[0], TARGET[0], ACCELERATION[0])
     read = any(column in columns for column in each) or commanded(columns)
-    return read or effort_prefix(columns) is not None
+    return read or effort_prefix(columns) is not None or of_plug_in(columns)
+
+
+def of_plug_in(columns: Collection[str]) -> bool:
+    """Whether columns hold all those of a further channel, which its file in `channels` names."""
+    others = {c for c in columns if c not in _OF_PLANS and not c[-1:].isdigit()}
+    return bool(others) and any(
+        others >= {*load("channels", name).columns} for name in names("channels")
+    )
+
+
+@cache
+def channel_units() -> Mapping[str, str]:
+    """Unit of each column of every channel, plug-ins included."""
+    return {k: unit for n in names("channels") for k, unit in load("channels", n).columns.items()}
 
 
 def _from_journal(path: Path, recording: Path) -> pa.Table:
@@ -246,7 +262,7 @@ def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
     rows, joints, prefix = len(columns["t"]), joint_columns(columns), effort_prefix(columns)
     efforts = [f"{prefix}{j + 1}" for j in range(len(joints))]
     targets = [f"{COMMAND}{j + 1}" for j in range(len(joints))]
-    numeric = {"t", *CHANNELS, *efforts, *targets, *joints, *QUATERNION, *POINT, *TARGET}
+    numeric = {"t", *CHANNELS, *efforts, *targets, *joints, *QUATERNION, *POINT}
     for column, array in columns.items():
         kind = array.dtype.kind
         if array.shape != (rows,):
@@ -257,7 +273,7 @@ def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
             yield from _bad_rows(column, ~np.isfinite(array), array, "is not a finite number")
             large = np.isfinite(array) & (np.abs(array, dtype=float) > _LARGEST)
             yield from _bad_rows(column, large, array, "is larger than any reading")
-        elif kind not in "iu" and column in numeric:
+        elif kind not in "iu" and (column in numeric or column in channel_units()):
             yield f"column {column!r} holds {array.dtype}, not numbers"
     t = columns["t"].astype(float, copy=False)
     late = np.concatenate([[False], t[1:] <= t[:-1]])

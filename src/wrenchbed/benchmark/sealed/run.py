@@ -1,8 +1,6 @@
 """Entrants answer every case of a family; a stopped run continues where it stopped.
 
 Who may enter: wrenchbed's diagnosis, its baselines, or any program that writes the contract.
-Baselines start from the same calibrated simulator and dictionary of effects as the diagnosis, with
-noise and tolerances only: no small imperfections, no refit, no answer for what no effect makes.
 """
 
 import os
@@ -15,7 +13,7 @@ import subprocess
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -23,21 +21,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from scipy.special import logsumexp
-
 from wrenchbed.benchmark.scoring.truth_and_claims import Claim
 from wrenchbed.benchmark.sealed import commitments
+from wrenchbed.benchmark.sealed.baselines import BASELINES
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
-from wrenchbed.diagnosis.evidence.dictionary import build
-from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
-from wrenchbed.diagnosis.evidence.search import NONE
-from wrenchbed.diagnosis.explain.structures import readings_from_baseline
-from wrenchbed.diagnosis.prepare.bias_and_load_fit import calibrate
-from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
 from wrenchbed.files import TEMPORARY, atomic_folder, remove, write_json
 from wrenchbed.files.checked import load
@@ -51,42 +41,6 @@ RESERVED = ("wrenchbed", "oracle")
 """Names that a score uses itself."""
 _MOST_BYTES = 2**26
 """Most that an entrant may write about a case [byte]; wrenchbed's own diagnosis takes 0.1 MB."""
-_RANK = 1e-10
-"""Least eigenvalue that counts, relative to the largest one."""
-
-
-def none(recording: Recording) -> Claim:
-    """Baseline that claims for every recording that there is no cause."""
-    return Claim(NONE, (), {NONE: 1.0})
-
-
-def bic(recording: Recording) -> Claim:
-    """Baseline: the single effect, or none, of least BIC, with probabilities ∝ exp(−ΔBIC/2)."""
-    prepared = prepare(recording).leading
-    baseline = calibrate(prepared)
-    d = build(prepared, baseline.robot_theta, baseline.tolerance)
-    y = readings_from_baseline(d, prepared, baseline)
-    effects = d.E[:, : sum(bool(parameter) for _, parameter in d.label)]
-    allowed = np.minimum(d.tolerance**2, LARGE)
-    variance = np.tile(prepared.variance, d.rows)
-    solved = BackgroundLevel(d.E[:, d.stated], variance, allowed).solve(effects)
-    precision, score = effects.T @ solved, solved.T @ y
-    logs = {NONE: 0.0}
-    for h in d.hypotheses:
-        values, vectors = np.linalg.eigh(precision[np.ix_(h.columns, h.columns)])
-        kept = values > _RANK * max(float(values[-1]), 1e-300)
-        fall = float(((vectors[:, kept].T @ score[h.columns]) ** 2 / values[kept]).sum())
-        free = int(kept.sum()) + len(h.variant.shape)
-        value = 0.5 * (fall - free * float(np.log(len(y))))
-        logs[h.name] = max(value, logs.get(h.name, -np.inf))
-    total = logsumexp(list(logs.values()))
-    probabilities = {k: float(np.exp(v - total)) for k, v in logs.items()}
-    best = max(probabilities, key=lambda k: probabilities[k])
-    causes = () if best == NONE else ((best,),)
-    return Claim("identified" if causes else NONE, causes, probabilities)
-
-
-BASELINES: dict[str, Callable[[Recording], Claim]] = {"none": none, "bic": bic}
 
 
 class OverTimeError(BaseException):

@@ -50,10 +50,11 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
     y = channel.measured(recording, data)
     fitted = channel.fitted(y, scene)
     if fitted is None:
+        unit = next(iter(channel.columns.values()))
         text = (
-            f"the {channel.name} is not compared: the poses are too alike to know its mounting, or "
-            f"{' '.join(channel.columns)} hold something else than {channel.title}, or in another "
-            f"unit than {next(iter(channel.columns.values()))}"
+            f"the {channel.name} is not compared: {' '.join(channel.columns)} hold something else "
+            f"than {channel.title}, or in another unit than {unit}, or the poses are too alike to "
+            "know its mounting"
         )
         return replace(prepared, remarks=(*prepared.remarks, text))
     expected = readings((fitted,), scene)
