@@ -7,13 +7,13 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 537,
-    "benchmark": 7737,
+    "benchmark": 7906,
     "calibration": 5106,
     "campaigns": 1145,
     "channels": 979,
-    "cli": 2726,
-    "data": 5491,
-    "diagnosis": 13267,
+    "cli": 2727,
+    "data": 5517,
+    "diagnosis": 13268,
     "drives": 1800,
     "effects": 4945,
     "environments": 588,
@@ -36,14 +36,14 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79091,
-    "src/wrenchbed": 69602,
+    "src": 79288,
+    "src/wrenchbed": 69799,
     "src/robot_emulators": 9489,
-    "tests": 38328,
+    "tests": 38481,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 465
+MOST_FILES = 466
 """Files of Python below src at most."""
 
 

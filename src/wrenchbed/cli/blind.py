@@ -91,8 +91,9 @@ def run(
     Args:
         cases: Folder of `wrenchbed blind make --out`.
         out: Folder of claims: OUT/METHOD/CASE/diagnosis.json.
-        method: `diagnose`, a baseline, or any command: it is called as `COMMAND RECORDING --out
-            DIR` and writes DIR/diagnosis.json. May be repeated; diagnose and all baselines if none.
+        method: `diagnose`, a baseline (none, bic, lasso, everything, black-box), or any command: it
+            is called as `COMMAND RECORDING --out DIR` and writes DIR/diagnosis.json. May be
+            repeated; diagnose, none and bic if left out.
         processes: Cases at a time.
         limit: Most time of one method on one case [s].
     """
@@ -101,7 +102,7 @@ def run(
 
     if not limit > 0:
         raise ParameterError(f"--limit {limit:g} s must be above 0")
-    entrants = [running.Entrant.of(m) for m in method or (running.OURS, *running.BASELINES)]
+    entrants = [running.Entrant.of(m) for m in method or (running.OURS, "none", "bic")]
     total = len(commitments.read(cases))
     console.check_folder(out)
     console.check_positive("--processes", processes)
