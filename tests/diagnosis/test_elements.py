@@ -107,7 +107,7 @@ def test_none_says_what_it_could_not_have_seen(tmp_path):
     assert blind["timing.delay", None]["smallest"] is None
     soft = blind["joint.compliance", "joint 6"]  # hardly loaded by the tool
     assert soft["smallest"] is None and "shows at no size that may occur" in soft["sentence"]
-    stiffer = blind["joint.compliance", "joint 5"]["smallest"]
+    stiffer = blind["joint.compliance", "joint 4"]["smallest"]
     assert stiffer["value"] > 1e-5 and stiffer["unit"] == "rad/(N·m)"
     assert ("joint.offset", "joint 5") not in blind and ("sensor.gain", "fx") not in blind
 
