@@ -260,3 +260,23 @@ def test_blame_is_painted_on_the_body_that_the_joint_moves(robot, joint):
     assert red == ({own} if len(model.body(own).geomnum) and model.body(own).geomnum[0] else set())
     assert not red & grey and grey and 0 not in red | grey
     assert (0, 1.0) in shares_of(simulation, {"environment": 1.0})  # bench and floor
+
+
+def test_torques_alone_show_the_robot_its_joints_and_each_sensor(tmp_path):
+    robot = wb.load("robots", "ur5")
+    path = tmp_path / "rec.parquet"
+    recording = driven(wb.poses(robot, 6, seed=1), path, 4, seed=1)
+    columns = {k: x for k, x in recording.columns.items() if k not in CHANNELS}
+    torques = np.random.default_rng(0).normal(size=(len(recording), 6))
+    columns |= {f"tau{j + 1}": x for j, x in enumerate(torques.T)} | {"mx": columns["q1"]}
+    columns |= {"my": columns["q2"], "mz": columns["q3"]}
+    bare = wb.Recording(recording.metadata, columns, "bare")
+    recording_view(bare, tmp_path / "view.rrd")
+    rrd = Rrd(tmp_path / "view.rrd")
+    assert np.allclose(rrd.values("/readings/0", "Scalars:scalars", "row"), torques)
+    places = rrd.values("/readings/1", "Scalars:scalars", "row")
+    assert np.array_equal(places, bare.q[:, :3])
+    assert np.allclose(rrd.values("/joints", "Scalars:scalars", "row"), np.rad2deg(bare.q))
+    assert len(rrd.times("/world/real/tool", "Transform3D:translation", "row"))
+    with pytest.raises(wb.errors.RecordingError, match="has no wrench"):
+        recording_view(bare, tmp_path / "other.rrd", [tmp_path / "fit.json"])

@@ -2,22 +2,26 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from string import digits
 
 import numpy as np
 
-from wrenchbed.data.recording import Recording
+from wrenchbed.data.recording import EFFORT_UNITS, Recording, channel_units
 from wrenchbed.pages.document import markdown, provenance
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.recording_page import agreements
 from wrenchbed.simulation.mujoco_wrench import Simulation
 from wrenchbed.simulation.triangle_meshes import motion
 from wrenchbed.twin.simulator_predictions import Simulator, modelled, noise_of, robot_of, simulators
 from wrenchbed.viewer import rerun_canvas
 from wrenchbed.viewer.elements import (
+    JOINTS,
     MEASURED,
     RESIDUAL,
     SIMULATED,
     log_arrows,
     log_channels,
+    log_curves,
     log_joints,
     scale_for,
 )
@@ -28,17 +32,14 @@ from wrenchbed.viewer.robot import frames, log_robot
 def recording_view(
     recording: Recording, path: str | Path, files: Sequence[str | Path] = ()
 ) -> None:
-    """Write a recording as a rerun picture (``.rrd``): its readings, what up to three simulators
-    (``files``: fit.json or twin.json) predict, and the residual of the last simulator. A
+    """Write a recording as a rerun picture (``.rrd``): its readings, beside a wrench what up to
+    three simulators (``files``: fit.json or twin.json) predict, and the residual of the last one. A
     `ParameterError` if a file is no fit or twin of this robot, a `MissingExtraError` without
     rerun."""
-    if not files and not modelled(recording):
-        (at, axis), about = _over(recording), [rerun_canvas.document("/report", "about")]
-        with to_file(
-            path, rerun_canvas.page(rerun_canvas.channels("wrench", (axis, at)), about, axis), axis
-        ) as canvas:
-            log_channels(canvas, "wrench", at, {"measured": recording.wrench})
-            _log_words(canvas, recording, (), "there are none without a model of the robot")
+    if files:
+        recording.require_wrench()
+    elif not (recording.has_wrench and modelled(recording)):
+        _readings_view(recording, path)
         return
     known = simulators(recording, files)
     robot, best = robot_of(recording), known[-1]
@@ -67,6 +68,45 @@ def recording_view(
         _log_words(canvas, recording, known, scale.sentence)
 
 
+def _readings_view(recording: Recording, path: str | Path) -> None:
+    """Write the picture of a recording that no simulator's wrench is compared with: the robot, if
+    it has a model, its joints, and the readings of each sensor."""
+    (at, axis), groups = _over(recording), _by_sensor(recording)
+    tabs = [rerun_canvas.channels("wrench", (axis, at))] if recording.has_wrench else []
+    tabs += [rerun_canvas.curves(f"/readings/{k}", t, (axis, at)) for k, t in enumerate(groups)]
+    robot, left = robot_of(recording) if modelled(recording) else None, None
+    if robot is not None:
+        q = recording.q.astype(float)
+        shown = frames(q, None if axis == ROW else at)
+        real = motion(Simulation(robot, robot.parameters.nominal), q[shown])
+        left = rerun_canvas.scene(robot.name, places=real.position.reshape(-1, 3))
+        tabs.append(rerun_canvas.curves("/joints", "joints [°, mm]", (axis, at)))
+    tabs.append(rerun_canvas.document("/report", "about"))
+    with to_file(path, rerun_canvas.page(left, tabs, axis), axis) as canvas:
+        if robot is not None:
+            log_robot(canvas, robot, at[shown], real)
+            log_joints(canvas, at, q, robot.joints)
+        if recording.has_wrench:
+            log_channels(canvas, "wrench", at, {"measured": recording.wrench})
+        for k, names in enumerate(groups.values()):
+            y = np.stack([recording.columns[c].astype(float) for c in names], axis=1)
+            colours = [JOINTS[j % len(JOINTS)] for j in range(len(names))]
+            log_curves(canvas, f"readings/{k}", at, y, names, colours)
+        without = "a model of the robot" if recording.has_wrench else "a wrench"
+        _log_words(canvas, recording, (), f"there are none without {without}")
+
+
+def _by_sensor(recording: Recording) -> dict[str, list[str]]:
+    """Columns of each sensor but the wrench's, by a title that ends with their unit."""
+    units = {c.rstrip(digits): unit for c, unit in channel_units().items()} | EFFORT_UNITS
+    groups = dict[tuple[str, str], list[str]]()
+    for column in recording.columns:
+        stem = column.rstrip(digits)
+        if stem in units and column not in CHANNELS:
+            groups.setdefault((stem if stem != column else "", units[stem]), []).append(column)
+    return {f"{names[0]} … {names[-1]} [{unit}]": names for (_, unit), names in groups.items()}
+
+
 def _over(recording: Recording) -> tuple[np.ndarray, str]:
     """Time axis of a recording: values (N,), rows at rest or seconds; its timeline's name."""
     if recording.metadata.mode == "static":
@@ -83,8 +123,8 @@ def _log_words(
         f"{recording.t[-1] - recording.t[0]:.1f} s, mode {recording.metadata.mode}, "
         f"source {recording.metadata.source or 'not stated'}.", "",
         "Plots run over the rows of the recording at rest, over time [s] in motion. "
-        "Measured is blue, simulated orange. Arrows are loads on the sensor, forces strong, "
-        f"torques pale: {scale}.", "",
+        "Of a wrench measured is blue, simulated orange. Arrows are loads on the sensor, forces "
+        f"strong, torques pale: {scale}.", "",
     ]  # fmt: skip
     if known:
         nearest = min(agreements(recording, known, noise_of(recording)), key=lambda a: a.overall)
