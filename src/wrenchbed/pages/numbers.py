@@ -132,7 +132,7 @@ def with_unit(number: str, unit: str) -> str:
 
 def _power(size: float) -> int:
     """Power of ten to write as a factor beside a number; 0 where a plain number reads well."""
-    return 0 if size == 0.0 or 1e-2 <= size < 1e4 else math.floor(math.log10(size))
+    return 0 if size == 0.0 or 1e-3 <= size < 1e4 else math.floor(math.log10(size))
 
 
 def _is_number(x: object) -> bool:

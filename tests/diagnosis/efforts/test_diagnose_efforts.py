@@ -132,7 +132,7 @@ def test_friction_that_fades_after_a_reversal_is_no_hysteresis():
 def test_a_limited_torque_is_unknown():
     found = diagnose_efforts(case(Gap("clipped", 2, 0.8), seed=32))
     assert not violations(found)
-    assert found.diagnosis.verdict == "unknown" and "limited" in found.outside
+    assert found.diagnosis.verdict == "unknown" and "torque limit" in found.outside
     assert EffortAnswer(found).steps == [step["sentence"] for step in found.diagnosis.next]
 
 

@@ -157,7 +157,7 @@ def test_of_two_causes_in_a_joint_the_one_that_alone_leaves_least_comes_first():
         std=np.where(stated, 3.0, 0.0), stated=stated, free=np.zeros(3, bool), size=np.ones(3),
         at=(np.array([0]), np.array([1])), joint=np.zeros(3, int), without=lambda _: products,
         channels=(channel,), blocks=(Block("drive.constant", 1, False, ("a",)),
-                                     Block("limited", 1, True, ("b",))),
+                                     Block("torque limit", 1, True, ("b",))),
     )  # fmt: skip
     gaps = _gaps(Simulators(d), (0, 1))
     assert gaps[1] > 100.0 and gaps[0] < 1e-3

@@ -210,7 +210,7 @@ def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarra
     return {
         "link.cable": {"cable": rows.angle - rows.angle.mean()},
         **({"link.spring": spring} if rows.hinge else {}),
-        "limited": {
+        "torque limit": {
             f"limit{k}": (np.maximum if at > middle else np.minimum)(rows.total - at, 0.0)
             for k, at in enumerate(np.quantile(rows.total, LIMITS))
         }
