@@ -118,9 +118,9 @@ class Plan:
 
 
 def is_plan(path: Path) -> bool:
-    """Whether a file is a plan: Parquet with joint values, but no sensor or joint readings."""
+    """Whether a file is a plan: Parquet with joint values, but no times and no readings."""
     names = parquet.column_names(path) or ()
-    return "q1" in names and not holds_readings(names)
+    return "q1" in names and "t" not in names and not holds_readings(names)
 
 
 def read(path: str | Path) -> np.ndarray:
