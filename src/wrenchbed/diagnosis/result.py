@@ -170,6 +170,7 @@ class Diagnosis:
                 "folds": g.folds,
                 "set90": list(self.set90),
                 "outliers": list(self.outliers),
+                "notes": list(self.notes),
             }
         )
 
