@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 979,
     "cli": 2727,
     "data": 5517,
-    "diagnosis": 13268,
+    "diagnosis": 13269,
     "drives": 1800,
     "effects": 4945,
     "environments": 588,
@@ -32,14 +32,14 @@ WRENCHBED = {
     "simulation": 1343,
     "studies": 1322,
     "twin": 1077,
-    "viewer": 748,
+    "viewer": 788,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79288,
-    "src/wrenchbed": 69799,
+    "src": 79329,
+    "src/wrenchbed": 69840,
     "src/robot_emulators": 9489,
-    "tests": 38481,
+    "tests": 38501,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""
