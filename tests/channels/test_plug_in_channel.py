@@ -15,7 +15,7 @@ from wrenchbed.channels.base import Channel, flat
 from wrenchbed.data import recording as recordings
 from wrenchbed.data.column_map import read
 from wrenchbed.data.metadata import parse
-from wrenchbed.errors import RecordingError
+from wrenchbed.errors import MapError, RecordingError
 from wrenchbed.physics.rotations import apply
 
 MAP = """
@@ -90,6 +90,9 @@ def test_its_columns_alone_are_imported_and_diagnosed(tmp_path, plumb):
     lines = [f'q{j} = {{ column = "q{j}", unit = "rad" }}' for j in range(1, 7)]
     lines += [f'{c} = {{ column = "{c}", unit = "1" }}' for c in ("down_x", "down_y")]
     (tmp_path / "map.toml").write_text(MAP + "\n".join(lines))
+    (tmp_path / "wrong.toml").write_text(MAP + 'down_z = { column = "down_x", unit = "1" }')
+    with pytest.raises(MapError, match="down_z.*did you mean.*down_"):
+        read(tmp_path / "wrong.toml")
     made = wb.import_files([tmp_path / "log.csv"], read(tmp_path / "map.toml")).recording
     made.write(tmp_path / "made.parquet")
     made = wb.Recording.read(tmp_path / "made.parquet")

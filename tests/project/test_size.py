@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1145,
     "channels": 979,
     "cli": 2727,
-    "data": 5517,
+    "data": 5518,
     "diagnosis": 13269,
     "drives": 1800,
     "effects": 4945,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79329,
-    "src/wrenchbed": 69840,
+    "src": 79330,
+    "src/wrenchbed": 69841,
     "src/robot_emulators": 9489,
-    "tests": 38501,
+    "tests": 38504,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -286,11 +286,12 @@ def _source(where: str, target: str, entry: Any) -> Source:
     elif not quantities and target in channel_units():
         quantities = (UNITS[channel_units()[target]][0],)
     if not quantities:
-        known = (
+        more = (c for c in channel_units() if c not in _FIXED and not c[-1].isdigit())
+        known = ", ".join((
             "t, fx…tz, q1…, tau1…, i1…, qd1…, q_target1…, qw qx qy qz, r11…r33, rx ry rz, "
-            "roll pitch yaw, ax ay az, mx my mz, temperature, segment, status"
-        )
-        close = did_you_mean(target, _FIXED)
+            "roll pitch yaw, ax ay az, mx my mz, temperature, segment, status", *more,
+        ))  # fmt: skip
+        close = did_you_mean(target, [*_FIXED, *channel_units()])
         raise MapError(
             f"{where}{target!r} is no column of a recording{close or ';'} known: {known}"
         )
