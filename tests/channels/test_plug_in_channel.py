@@ -37,7 +37,7 @@ class Plumb(Channel):
 
     name = "plumb"
     title = "parts of the direction of gravity along two axes"
-    columns: ClassVar[Mapping[str, str]] = dict.fromkeys(("down_x", "down_y"), "1")
+    columns: ClassVar[Mapping[str, str]] = dict.fromkeys(("down_x", "down2"), "1")
     usual = "its zeros"
     floor = 5e-5
     zero: np.ndarray = field(default_factory=lambda: np.zeros(2))
@@ -79,7 +79,7 @@ def rows(wrong, seed=1, count=60, per_pose=10):
     hold = np.repeat(np.arange(count), per_pose)
     columns = {"t": 3.0 * hold + 0.01 * np.arange(len(q)), "segment": hold}
     columns |= {f"q{j + 1}": x for j, x in enumerate(q.T)}
-    return columns | dict(zip(("down_x", "down_y"), down.T, strict=True))
+    return columns | dict(zip(("down_x", "down2"), down.T, strict=True))
 
 
 def test_its_columns_alone_are_imported_and_diagnosed(tmp_path, plumb):
@@ -88,7 +88,7 @@ def test_its_columns_alone_are_imported_and_diagnosed(tmp_path, plumb):
     table = np.column_stack([*columns.values()])
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
     lines = [f'q{j} = {{ column = "q{j}", unit = "rad" }}' for j in range(1, 7)]
-    lines += [f'{c} = {{ column = "{c}", unit = "1" }}' for c in ("down_x", "down_y")]
+    lines += [f'{c} = {{ column = "{c}", unit = "1" }}' for c in ("down_x", "down2")]
     (tmp_path / "map.toml").write_text(MAP + "\n".join(lines))
     (tmp_path / "wrong.toml").write_text(MAP + 'down_z = { column = "down_x", unit = "1" }')
     with pytest.raises(MapError, match="down_z.*did you mean.*down_"):

@@ -7,12 +7,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 537,
-    "benchmark": 7906,
+    "benchmark": 7904,
     "calibration": 5106,
     "campaigns": 1145,
     "channels": 979,
     "cli": 2727,
-    "data": 5518,
+    "data": 5522,
     "diagnosis": 13269,
     "drives": 1800,
     "effects": 4945,
@@ -32,12 +32,12 @@ WRENCHBED = {
     "simulation": 1343,
     "studies": 1322,
     "twin": 1077,
-    "viewer": 788,
+    "viewer": 789,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79330,
-    "src/wrenchbed": 69841,
+    "src": 79333,
+    "src/wrenchbed": 69844,
     "src/robot_emulators": 9489,
     "tests": 38504,
     "scripts": 3496,

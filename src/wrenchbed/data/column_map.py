@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
+from string import digits
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from wrenchbed.data.recording import (
     channel_units,
     commanded,
     effort_prefix,
-    of_plug_in,
+    holds_channel,
 )
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.files.checked import Fields, load
@@ -279,14 +280,14 @@ def _file(where: str, entry: Any) -> FileMap:
 
 
 def _source(where: str, target: str, entry: Any) -> Source:
-    stem = target.rstrip("0123456789")
+    stem = target.rstrip(digits)
     quantities = _JOINT.get(stem, ()) if stem != target else ()
     if target in _FIXED:
         quantities = (_FIXED[target],)
     elif not quantities and target in channel_units():
         quantities = (UNITS[channel_units()[target]][0],)
     if not quantities:
-        more = (c for c in channel_units() if c not in _FIXED and not c[-1].isdigit())
+        more = (c for c in channel_units() if c not in _FIXED and c.rstrip(digits) not in _JOINT)
         known = ", ".join((
             "t, fx…tz, q1…, tau1…, i1…, qd1…, q_target1…, qw qx qy qz, r11…r33, rx ry rz, "
             "roll pitch yaw, ax ay az, mx my mz, temperature, segment, status", *more,
@@ -332,7 +333,7 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
             raise MapError(f"mixed units: {stated}; one sensor reports in one unit")
     missing = [c for c in CHANNELS if c not in units]
     other = effort_prefix(units) is not None or commanded(units)
-    other |= "q1" in units and of_plug_in(units)
+    other |= "q1" in units and holds_channel(units)
     without = len(missing) == len(CHANNELS) and other
     if missing and not without:
         raise MapError(f"no column is mapped to {', '.join(missing)}")

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
 from pathlib import Path
+from string import digits
 
 import numpy as np
 import pyarrow as pa
@@ -39,6 +40,8 @@ COMMAND = "q_target"
 """Column prefix of joint targets."""
 _OF_PLANS = frozenset(("t", "segment", "dwell", "status", "temperature", *QUATERNION, *POINT))
 """Columns beside joint values that a file without readings may have."""
+_BY_JOINT = frozenset(("q", "qd", COMMAND, *EFFORT_UNITS, "joint_temperature"))
+"""Prefixes of columns that are numbered by joint."""
 _LARGEST = 1e30
 """Largest value of a column in any unit: beyond nanoseconds since 1970; larger squares overflow."""
 
@@ -89,7 +92,7 @@ class Recording:
     @property
     def only_commanded(self) -> bool:
         """Whether the recording holds joint targets and values, but no readings of a sensor."""
-        other = self.has_wrench or self.effort is not None or of_plug_in(self.columns)
+        other = self.has_wrench or self.effort is not None or holds_channel(self.columns)
         return not other and commanded(self.columns)
 
     def require_wrench(self) -> None:
@@ -201,12 +204,12 @@ def holds_readings(columns: Collection[str]) -> bool:
     """Whether columns hold readings of some sensor, which distinguishes a recording from a plan."""
     each = (CHANNELS[0], TARGET[0], ACCELERATION[0])
     read = any(column in columns for column in each) or commanded(columns)
-    return read or effort_prefix(columns) is not None or of_plug_in(columns)
+    return read or effort_prefix(columns) is not None or holds_channel(columns)
 
 
-def of_plug_in(columns: Collection[str]) -> bool:
-    """Whether columns hold all those of a further channel, which its file in `channels` names."""
-    others = {c for c in columns if c not in _OF_PLANS and not c[-1:].isdigit()}
+def holds_channel(columns: Collection[str]) -> bool:
+    """Whether columns hold all those of a channel, plug-ins included, that has none for joints."""
+    others = {c for c in columns if c not in _OF_PLANS and c.rstrip(digits) not in _BY_JOINT}
     return bool(others) and any(
         others >= {*load("channels", name).columns} for name in names("channels")
     )

@@ -136,8 +136,8 @@ class Robot(ArmBodies):
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
         """Constants for `compiled.statics` at theta (P,), or (R, P) of R robots, and at gravity
-        (3,) in world axes [m/s²]."""
-        raise NotImplementedError
+        (3,) in world axes [m/s²]; a `TypeError` where `compiled` is empty."""
+        raise TypeError(f"robot {self.name!r} has no compiled function")
 
     @abstractmethod
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:

@@ -104,7 +104,8 @@ def _by_sensor(recording: Recording) -> dict[str, list[str]]:
         stem = column.rstrip(digits)
         if stem in units and column not in CHANNELS:
             groups.setdefault((stem if stem != column else "", units[stem]), []).append(column)
-    return {f"{names[0]} … {names[-1]} [{unit}]": names for (_, unit), names in groups.items()}
+    ends = ((" … ".join(dict.fromkeys((x[0], x[-1]))), unit, x) for (_, unit), x in groups.items())
+    return {f"{title} [{unit}]": columns for title, unit, columns in ends}
 
 
 def _over(recording: Recording) -> tuple[np.ndarray, str]:

@@ -38,8 +38,8 @@ HALVES, FOLDS = 20, 5
 PENALTIES = np.geomspace(1.0, 1e-3, 25)
 """Penalties of the LASSO, over the least that lets no effect in."""
 _STEPS = 100
-"""Gradient steps at each penalty; three times as many changed one claim of
-eight in motion, at a probability of 0.4."""
+"""Gradient steps at each penalty; three times as many changed one claim of eight in motion, at a
+probability of 0.4."""
 _LENGTHS, _SIZES = (0.3, 1.0, 3.0), np.geomspace(0.01, 1e4, 13)
 """Length scales of a Gaussian process, over the median distance of its inputs, and its prior
 variances, over the noise's: decades about all that recordings show."""
@@ -77,8 +77,8 @@ class Linear:
         row = np.append(np.repeat(np.arange(d.rows), d.channels), np.full(len(tolerance), -1))
         return cls(d, np.arange(named), both[:, :-1], both[:, -1], row)
 
-    def products(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Gram matrix (k, k) and products with y (k,) over ``rows``, a mask (m,)."""
+    def products(self, rows: np.ndarray | slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        """Gram matrix (k, k) and products with y (k,), over all rows or a mask ``rows`` (m,)."""
         some = self.columns[rows]
         return some.T @ some, some.T @ self.y[rows]
 
@@ -94,11 +94,9 @@ class Linear:
 
     def alone(self) -> dict[str, tuple[Hypothesis, float]]:
         """Variant of each effect, by name, of least BIC, and −½ BIC against no effect."""
-        gram, score = self.products(self.row >= -1)
-        penalty, result = (
-            float(np.log(np.sum(self.row >= 0))),
-            dict[str, tuple[Hypothesis, float]](),
-        )
+        gram, score = self.products()
+        penalty = float(np.log(np.sum(self.row >= 0)))
+        result = dict[str, tuple[Hypothesis, float]]()
         for h in self.d.hypotheses:
             values, vectors = np.linalg.eigh(gram[np.ix_(h.columns, h.columns)])
             kept = values > _RANK * max(float(values[-1]), 1e-300)
@@ -121,7 +119,7 @@ class Linear:
             half = rng.permutation(self.d.rows) < self.d.rows // 2
             first = (*self.counting(pick(*self.products((self.row < 0) | half[self.row]))), NONE)[0]
             leads[first] = leads.get(first, 0.0) + 1.0 / (HALVES + 1)
-        causes = self.counting(pick(*self.products(self.row >= -1)))
+        causes = self.counting(pick(*self.products()))
         lead = causes[0] if causes else NONE
         leads[lead] = leads.get(lead, 0.0) + 1.0 / (HALVES + 1)
         return Claim("identified" if causes else NONE, tuple((n,) for n in causes), leads)
