@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 import ntnu
 import wrenchbed as wb
@@ -13,7 +14,7 @@ from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, driven, static
 from sound import good
 from wrenchbed.calibration.calibrate import CalibrationOptions, _status, calibrate, check_mass
 from wrenchbed.calibration.fit import FitNoise
-from wrenchbed.calibration.observations import window_of
+from wrenchbed.calibration.observations import smoothed, window_of
 from wrenchbed.calibration.touch_points import Agreement, Touches
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.recording import POINT, Recording
@@ -276,3 +277,10 @@ def test_a_motion_with_gaps_is_fitted_by_its_pieces():
     assert fit.rows > 0.8 * len(t)
     for value in fit.identified:
         assert abs(value.value - sound.truth.get(value.name, value.nominal)) < 4.0 * value.std
+
+
+@pytest.mark.parametrize("deriv", [0, 1, 2])
+def test_joint_values_are_smoothed_as_savitzky_and_golay_do(deriv):
+    course = np.cumsum(np.random.default_rng(deriv).standard_normal((90, 6)), axis=0)
+    same = savgol_filter(course, 21, 5, deriv, 0.008, axis=0)
+    assert np.allclose(smoothed(course, 21, deriv, 0.008), same, atol=1e-9 * np.abs(same).max())

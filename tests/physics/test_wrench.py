@@ -11,7 +11,7 @@ from wrenchbed.calibration.calibrate import identify_from_gravity
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics import taylor_jets as td
 from wrenchbed.physics.rigid_load_regressor import Motion, load, motion_of, regressor
-from wrenchbed.physics.rotations import euler, euler_rates, exp, matrix, quaternion
+from wrenchbed.physics.rotations import euler, euler_rates, exp, matrix, quaternion, rotation_vector
 from wrenchbed.physics.taylor_jets import Jet
 from wrenchbed.physics.wrench import Tool, physical_inertia, wrench
 
@@ -29,6 +29,13 @@ def test_weight_acts_at_the_centre_of_gravity_and_only_bodies_have_inertias():
     assert physical_inertia((0, 0, 0, 0, 0, 0))
     assert not physical_inertia((1.0, 1.0, 2.1, 0, 0, 0))
     assert not physical_inertia((1.0, 1.0, 1.0, 2.0, 0, 0))
+
+
+@pytest.mark.parametrize("vector", [(0.1, -0.2, 0.3), (2.0, 2.0, -1.0), (0, 0, np.pi), (0, 0, 0)])
+def test_a_rotation_vector_makes_its_quaternion_and_back(vector):
+    turn = Rotation.from_rotvec(vector)
+    for length in (1.0, -2.0):
+        assert np.allclose(rotation_vector(length * turn.as_quat(scalar_first=True)), vector)
 
 
 def test_the_closed_form_is_the_weighted_least_squares_solution():

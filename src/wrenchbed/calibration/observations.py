@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.special import perm
 
 from wrenchbed import registry
 from wrenchbed.calibration.checks.rows import frozen_joints, usable
@@ -144,9 +146,14 @@ def smoothed(y: np.ndarray, window: int, deriv: int = 0, step: float = 1.0) -> n
     """Signals (N, k) smoothed by polynomials over each ``window``, an odd number of rows, or their
     ``deriv``-th derivative for rows one ``step`` apart; at the ends those of the first and last
     window (Savitzky & Golay 1964)."""
-    from scipy.signal import savgol_filter  # slow to load: only when it is used
-
-    return np.asarray(savgol_filter(y, window, _ORDER, deriv, step, axis=0))
+    half = window // 2  # scipy.signal has this filter too, but takes a second to load
+    powers = np.arange(_ORDER + 1)
+    basis = (np.arange(-half, half + 1)[:, None] / half) ** powers
+    slopes = np.zeros_like(basis)
+    slopes[:, deriv:] = basis[:, : _ORDER + 1 - deriv] * perm(powers[deriv:], deriv)
+    weights = slopes @ np.linalg.pinv(basis) / (half * step) ** deriv
+    inner = sliding_window_view(y, window, axis=0) @ weights[half]
+    return np.concatenate([weights[:half] @ y[:window], inner, weights[half + 1 :] @ y[-window:]])
 
 
 def window_of(recording: Recording) -> int:

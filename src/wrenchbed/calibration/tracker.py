@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy  # which loads its slow submodules when they are first used
 from scipy import special
 from scipy.linalg import solve_triangular
-from scipy.spatial.transform import Rotation
 
 from wrenchbed.calibration.calibrate import CalibrationOptions
 from wrenchbed.calibration.checks.rows import usable
@@ -137,7 +137,8 @@ class Sight:
 
     def stand(self, x: np.ndarray) -> dict[str, float]:
         """Name → value of the tracker's pose and the target's position, at parameters x (K,)."""
-        turn = Rotation.from_matrix(exp(*x[-9:-6]) @ self.turn).as_rotvec()
+        turn = exp(*x[-9:-6]) @ self.turn
+        turn = scipy.spatial.transform.Rotation.from_matrix(turn).as_rotvec()
         return dict(zip(_STAND.names, [*turn.tolist(), *x[-6:].tolist()], strict=True))
 
     def geometry(self, x: np.ndarray) -> np.ndarray:

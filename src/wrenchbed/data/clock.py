@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
+import scipy  # which loads its slow submodules when they are first used
 from numpy.polynomial import polynomial
-from scipy.spatial.transform import Rotation, Slerp
 
 from wrenchbed.data.recording import QUATERNION, joint_columns
 from wrenchbed.errors import MapError
@@ -163,8 +163,9 @@ def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndar
     old = data["t"]
     columns: dict[str, np.ndarray] = {}
     if QUATERNION[0] in data:
-        q = Rotation.from_quat(np.stack([data[c] for c in QUATERNION], axis=-1), scalar_first=True)
-        turned = Slerp(old, q)(np.clip(t, old[0], old[-1]))
+        rotation, each = scipy.spatial.transform, np.stack([data[c] for c in QUATERNION], axis=-1)
+        q = rotation.Rotation.from_quat(each, scalar_first=True)
+        turned = rotation.Slerp(old, q)(np.clip(t, old[0], old[-1]))
         columns |= quaternion_columns(turned)
     if joints := [name for name in data if name[0] == "q" and name[1:].isdecimal()]:
         path = along(old, np.stack([data[name] for name in joints], axis=1), t)
@@ -177,7 +178,7 @@ def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndar
     return columns
 
 
-def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
+def quaternion_columns(rotation: "scipy.spatial.transform.Rotation") -> dict[str, np.ndarray]:
     """Convert N rotations to the quaternion columns qw qx qy qz (N,), with qw ≥ 0."""
     q = rotation.as_quat(canonical=True, scalar_first=True)
     return dict(zip(QUATERNION, q.T, strict=True))

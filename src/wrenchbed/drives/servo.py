@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.command import CHANNEL
@@ -182,7 +182,7 @@ def _piece(signals: DriveSignals, target: np.ndarray) -> Piece:
     before = int(LATEST / period) + 3  # rows for which the first target stood
     rows = np.arange(-before, len(t) + 3)
     course = target[np.clip(rows, 0, len(t) - 1)]
-    splines = [make_interp_spline(t[0] + rows * period, x, k=3) for x in course.T]
+    splines = [scipy.interpolate.make_interp_spline(t[0] + rows * period, x, k=3) for x in course.T]
     return Piece(signals, tuple(spline.antiderivative() for spline in splines))
 
 

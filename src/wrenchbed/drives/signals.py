@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # which loads its slow submodules when they are first used
-from scipy.interpolate import make_interp_spline
 
 from wrenchbed.data.clock import JITTER, pieces
 from wrenchbed.data.recording import Recording
@@ -206,7 +205,7 @@ def motion_signals(
     edges = tuple(_edge(x, rate, most) for x in q.T) if edges is None else tuple(edges)
     filters = [scipy.signal.butter(_ORDER, edge, fs=rate, output="sos") for edge in edges]
     each = [scipy.signal.sosfiltfilt(sos, x) for sos, x in zip(filters, q.T, strict=True)]
-    smooth = make_interp_spline(t, np.stack(each, axis=-1), k=5)
+    smooth = scipy.interpolate.make_interp_spline(t, np.stack(each, axis=-1), k=5)
     values = Jet(smooth(t), smooth.derivative(1)(t), smooth.derivative(2)(t))
     return DriveSignals(t, values, effort, cutoff, edges)
 

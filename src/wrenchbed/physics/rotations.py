@@ -118,6 +118,13 @@ def matrix(quaternion_wxyz: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=-1).reshape(*q.shape[:-1], 3, 3)
 
 
+def rotation_vector(quaternion_wxyz: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) [rad], at most π long, of a quaternion (4,), of unit length or not."""
+    w, *xyz = quaternion_wxyz * (-1.0 if quaternion_wxyz[0] < 0.0 else 1.0)
+    length = float(np.linalg.norm(xyz))
+    return np.array(xyz) * (2.0 * np.arctan2(length, w) / length if length else 0.0)
+
+
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Cross product (…, 3) over the last axis; numpy's takes ten times as long on small arrays."""
     return np.stack(

@@ -15,7 +15,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, PlanError, RecordingError
 from wrenchbed.physics.model_parameters import Parameter, ParameterSet
 from wrenchbed.physics.rigid_load_regressor import Motion, load
-from wrenchbed.physics.rotations import matrix
+from wrenchbed.physics.rotations import rotation_vector
 from wrenchbed.physics.taylor_jets import STEP, Jet, Value, value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
 from wrenchbed.robots.base import INERTIA_AXES, Robot, complex_steps
@@ -272,9 +272,7 @@ class Model:
 
 
 def _mounted(pose: Sequence[float]) -> dict[str, float]:
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_matrix(matrix(np.asarray(pose[3:]))).as_rotvec()
+    turn = rotation_vector(np.asarray(pose[3:]))
     values = {f"mount.rotation.{a}": float(v) for a, v in zip("xyz", turn, strict=True)}
     return values | {f"mount.position.{a}": float(v) for a, v in zip("xyz", pose[:3], strict=True)}
 

@@ -224,13 +224,13 @@ def best_turn(gravity: np.ndarray, force: np.ndarray) -> np.ndarray | None:
 
 def _turned_sensor(seen: Observed, rotation: np.ndarray) -> Iterator[Mistake]:
     """Yield the mistake that the sensor is turned by a rotation (3, 3), if beyond `TURNED`."""
+    angle = float(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
+    if angle < TURNED:
+        return
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     turn = Rotation.from_matrix(rotation)
     vector = turn.as_rotvec()
-    angle = float(np.linalg.norm(vector))
-    if angle < TURNED:
-        return
     axis = ", ".join(f"{x:.2f}" for x in vector / angle)
     quaternion = ", ".join(f"{x:.5f}" for x in turn.as_quat(canonical=True, scalar_first=True))
     block = np.kron(np.eye(2), turn.as_matrix())

@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveResidual, DriveRows
 from wrenchbed.effects.drives.operators import direction
@@ -36,7 +36,9 @@ def closest(
 
     best = int(np.argmin([left(float(t)) for t in TIMES]))
     low, high = TIMES[max(best - 1, 0)], TIMES[min(best + 1, len(TIMES) - 1)]
-    minimum = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": _CLOSE})
+    minimum = scipy.optimize.minimize_scalar(
+        left, bounds=(low, high), method="bounded", options={"xatol": _CLOSE}
+    )
     return float(minimum.x)
 
 

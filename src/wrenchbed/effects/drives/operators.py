@@ -6,7 +6,7 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator
+import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.physics.noise import carried
 
@@ -99,7 +99,9 @@ def _path(x: np.ndarray, width: float) -> np.ndarray:
 
 def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
     """Change (N,) of a torque (N,) sampled at times t (N,) [s] when it is late by ``delay`` [s]."""
-    course = Akima1DInterpolator(t, torque, method="makima")  # friction's steps do not ring
+    course = scipy.interpolate.Akima1DInterpolator(
+        t, torque, method="makima"
+    )  # friction's steps do not ring
     return np.asarray(course(np.maximum(t - delay, t[0])) - torque)
 
 
