@@ -9,7 +9,14 @@ from scipy.stats import multivariate_normal
 
 from linear_case import EFFECTS, KERNELS, Named, dictionary, named, readings
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import LADDER, BackgroundLevel, gains, ladder
+from wrenchbed.diagnosis.evidence.likelihood import (
+    LADDER,
+    BackgroundLevel,
+    Moments,
+    gains,
+    ladder,
+    over_scales,
+)
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.effects.base import Variant
 
@@ -170,3 +177,34 @@ def test_the_unknown_shares_its_prior_among_what_it_may_depend_on():
     expected = marginal(d, s.levels[0], y, d.E[:, d.kernels["pose"]], 2.0 ** np.arange(9))
     expected += np.log(0.15 / 2) + np.log(1 / 3)
     assert told.log_posterior == pytest.approx(expected, rel=1e-6)
+
+
+def test_sizes_of_two_causes_are_tried_in_turn_beside_a_known_one():
+    rng, sizes = np.random.default_rng(5), np.array([0.3, 1.0, 3.0])
+    design = rng.standard_normal((60, 6))
+    y = design @ np.array([0.5, -0.4, 2.0, 1.5, -2.5, 0.3]) + rng.standard_normal(60)
+    owner, fixed = np.array([0, 0, 1, 1, 1, 1]), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.0])
+    told = over_scales(
+        Moments(design.T @ design, design.T @ y, -7.0), owner, fixed, np.tile(sizes, (2, 1))
+    )
+
+    def evidence(first, second):
+        spread = np.array([first] * 2 + [second] * 3 + [2.0])
+        K = np.eye(60) + (design * spread**2) @ design.T
+        zero = np.zeros(60)
+        return multivariate_normal(zero, K).logpdf(y) - multivariate_normal(
+            zero, np.eye(60)
+        ).logpdf(y)
+
+    second = max(sizes, key=lambda size: evidence(told.scale[0], size))
+    assert told.scale.tolist() == [max(sizes, key=lambda size: evidence(size, second)), second]
+    each = [evidence(size, second) for size in sizes]
+    assert told.total == pytest.approx(logsumexp(each) - np.log(3) - 7.0)
+
+
+def test_information_that_rounding_left_negative_is_none():
+    size = 1e9
+    information = np.array([[size, size, 0.0], [size, size * (1.0 - 1e-6), 0.0], [0.0, 0.0, 4.0]])
+    moments = Moments(information, np.array([3.0, 3.0, 2.0]), 0.0)
+    told = over_scales(moments, np.array([0, 0, 1]), np.zeros(3), np.tile([1.0, 8.0], (2, 1)))
+    assert np.isfinite(told.total) and told.total < 2.0

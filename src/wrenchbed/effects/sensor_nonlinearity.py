@@ -104,11 +104,15 @@ class SensorNonlinearity(ReadingEffect):
         bend = np.abs(relative) ** p["power"] * REFERENCE
         result = np.asarray(reading + bend * (even + odd * np.sign(reading)))
         reach = vector(p, REACHES)
-        for stem in STRAIGHT + CURVED:
-            size = vector(p, per_channel(stem))
-            on = np.flatnonzero(size)
-            if len(on):
-                result[:, on] += (size * reach)[on] * _bent((reading / reach)[:, on], stem)
+        sizes = {stem: vector(p, per_channel(stem)) for stem in STRAIGHT + CURVED}
+        on = np.flatnonzero(np.any([*sizes.values()], axis=0))
+        if len(on):
+            inside = np.clip((reading / reach)[:, on], -BEYOND, BEYOND)
+            bends = np.zeros((BENDS[-1] + 1, len(on)))
+            bends[BENDS[0] :] = [sizes[stem][on] for stem in CURVED]
+            curve = legval(inside, bends, tensor=False)
+            curve += sizes["kink"][on] * np.abs(inside) + sizes["slope"][on] * inside
+            result[:, on] += reach[on] * curve
         return result
 
 

@@ -348,12 +348,18 @@ def over_scales(
     information, score, start = moments
     best, total = np.median(ladder, axis=1), -np.inf
     for k in [*range(len(ladder)), *range(len(ladder) - 1)]:
-        size = np.where(fixed > 0, fixed, best[owner])
-        trial = np.repeat(size[None], ladder.shape[1], axis=0)
-        trial[:, (owner == k) & (fixed == 0)] = ladder[k][:, None]
-        blocks = np.broadcast_to(information, (len(trial), *information.shape))
-        w = np.broadcast_to(score[:, None], (len(trial), len(score), 1))
-        gain = gains(blocks, w, trial, np.ones(1))[:, 0, 0]
+        of_cause = (owner == k) & (fixed == 0)
+        size = np.where(fixed > 0, fixed, best[owner])[~of_cause]
+        values, vectors = np.linalg.eigh(
+            information[np.ix_(~of_cause, ~of_cause)] * np.outer(size, size)
+        )
+        ratio = 1.0 + np.maximum(values, 0.0)  # rounding may leave information negative
+        root = (vectors * size[:, None]).T / np.sqrt(ratio)[:, None]
+        half, known = root @ information[np.ix_(~of_cause, of_cause)], root @ score[~of_cause]
+        block = information[np.ix_(of_cause, of_cause)] - half.T @ half
+        w = score[of_cause] - half.T @ known
+        gain = gains(block[None], w[None, :, None], np.ones((1, len(w))), ladder[k])[0, :, 0]
+        gain += 0.5 * float(known @ known - np.log(ratio).sum())
         best[k] = ladder[k][int(gain.argmax())]
         total = float(log_sum(gain) - np.log(len(gain)))
     return ScaledEvidence(start + total, best, information)

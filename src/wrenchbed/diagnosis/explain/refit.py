@@ -22,8 +22,12 @@ _STEPS = 12
 """Largest number of Gauss–Newton steps of a fit."""
 _LEAST_SHARE = 0.02
 """Smallest fraction of a step that is tried; a step is reduced by thirds, then the fit ends."""
-_DONE = 1e-3
-"""Largest step, in standard uncertainties, at which a fit has converged."""
+_DONE = 0.1
+"""Largest step, in standard uncertainties, at which a fit has converged: the next one, of its
+square, is below a hundredth."""
+_LITTLE, _IDLE = 0.05, 2
+"""Twice the log posterior that a step gains at least, else it is idle; a fit ends after `_IDLE`
+such steps in a row: derivatives by shapes are a step old, so one alone may be idle by chance."""
 
 
 class Refitter(ReadingsModel):
@@ -186,13 +190,14 @@ class Refitter(ReadingsModel):
         f, unknown = s.response(x), np.full((len(levels), 1), -1)
         r, white = y - f, whitened((y - f)[:, None], unknown)
         now = cost(x, white)
-        design = whitened(s.design(x, f, range(len(x))), columns)
+        design, idle = whitened(s.design(x, f, range(len(x))), columns), 0
         for k in range(_STEPS):
             if k and shapes:
                 fresh = shapes if k % 3 else curved
                 design.put(fresh, whitened(s.design(x, y - r, fresh), columns[:, fresh]))
             normal = design.products(design) + np.diag(precision)
             score = design.products(white)[:, 0] - precision * (x - centre)
+            before = now
             for free in (amplitudes | shaped, amplitudes) if shapes else (amplitudes,):
                 step = np.zeros(len(x))
                 step[free] = np.linalg.solve(normal[np.ix_(free, free)], score[free])
@@ -208,7 +213,8 @@ class Refitter(ReadingsModel):
                     fraction /= 3.0
                 if fraction > _LEAST_SHARE:
                     break
-            if fraction <= _LEAST_SHARE or size * fraction < _DONE:
+            idle = idle + 1 if before - now < _LITTLE else 0
+            if fraction <= _LEAST_SHARE or size * fraction < _DONE or idle == _IDLE:
                 break
         return x
 

@@ -36,7 +36,8 @@ AT_ONCE = 3
 MINOR = 1
 """Number of further effects beside `AT_ONCE`, too small to be named, that evidence asks for."""
 SHAPED = 0.5
-"""Share of the best single effect's log evidence that another may lack and still be refitted."""
+"""Share of the best log evidence, of a single effect or of an unknown cause, that an effect, or a
+set with one more, may lack and still be refitted."""
 WORSE = 3.0
 """Log evidence by which a larger set may be worse, in the linear model, and still be refitted."""
 NEGLIGIBLE = 30.0
@@ -103,7 +104,8 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     chosen = _distinct(searcher, singles, SINGLES, float(nulls.max()))
     tried = (*chosen, *_other_clocks(searcher, singles, chosen))
     finalists = [refitter.fit((searcher.hypotheses[s.index],), s.rung) for s in tried]
-    longer, mixed, mixed_kernel = _extended(searcher, refitter, finalists)
+    bare = float(nulls.max())
+    longer, mixed, mixed_kernel = _extended(searcher, refitter, finalists, unknown, bare)
     finalists += longer
     best = min(finalists, key=_posterior)
     claimed = claimable(refitter, best)
@@ -121,10 +123,12 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
 
 
 def _extended(
-    searcher: Searcher, refitter: Refitter, finalists: Sequence[Finalist]
-) -> tuple[list[Finalist], float, str]:
-    """Fitted sets with further effects, as long as each gains; largest log posterior of an unknown
-    cause beside one of them, and the variable that this depends on."""
+    searcher: Searcher, refitter: Refitter, finalists: Sequence[Finalist], unknown: float,
+    bare: float,
+) -> tuple[list[Finalist], float, str]:  # fmt: skip
+    """Fitted sets with further effects, as long as each gains and an ``unknown`` cause, alone or
+    beside them, has no more than all that refits may gain; largest log posterior of an unknown
+    cause beside one of them, and the variable that this depends on. ``bare``: that of no cause."""
     result: list[Finalist] = []
     mixed, kernel = -np.inf, ""
     beam = sorted(finalists, key=_posterior)[:EXTENDED]
@@ -133,13 +137,17 @@ def _extended(
         drafts: list[tuple[float, Finalist, SingleEvidence]] = []
         for f in beam:
             more = refitter.added(f)
-            unknown = [s for s in more if s.index < 0]
-            total = float(logsumexp([s.log_posterior for s in unknown]))
+            kernels = [s for s in more if s.index < 0]
+            total = float(logsumexp([s.log_posterior for s in kernels]))
             if total > mixed:
-                mixed, kernel = total, _kernel(searcher, unknown)
+                mixed, kernel = total, _kernel(searcher, kernels)
             distinct = _distinct(searcher, more, LONGER, f.log_posterior)
             drafts += [(s.log_posterior, f, s) for s in distinct]
         every = [*finalists, *result]
+        flexible = max(unknown, mixed)
+        lacking = flexible - max((value for value, *_ in drafts), default=-np.inf)
+        if lacking > max(NEGLIGIBLE, SHAPED * (flexible - bare)):
+            break
         seen: set[frozenset[str]] = {frozenset(f.names) for f in every}
         most = max(f.log_posterior for f in every)
         for value, f, s in sorted(drafts, key=lambda d: -d[0]):
