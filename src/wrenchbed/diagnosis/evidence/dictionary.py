@@ -274,19 +274,11 @@ class EffectDictionary:
         """Whether each of S columns of bias, mass and CoG belongs to ``effect`` (S,), boolean."""
         return np.array([self.label[k][0] == effect for k in self.stated], dtype=bool)
 
-    def fitted(self, signal: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+    def fitted(self, signal: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Least-squares fit of the S stated numbers (bias, mass, CoG), in typical sizes (S,), to
-        a whitened signal (C R,), or to those of its values that the mask ``rows`` (C R,) selects.
-        """
-        if rows is None:
-            return np.asarray(self._stated_inverse @ signal)
+        those values of a whitened signal (C R,) that ``rows`` selects."""
         columns = self.E[:, self.stated][rows]
         return np.asarray(np.linalg.lstsq(columns, signal[rows], rcond=None)[0])
-
-    @cached_property
-    def _stated_inverse(self) -> np.ndarray:
-        """Pseudo-inverse (S, C R) of the columns of the S stated numbers."""
-        return np.asarray(np.linalg.pinv(self.E[:, self.stated]))
 
     def without_stated(self, signal: np.ndarray) -> np.ndarray:
         """Remove from a signal (C R, …) its least-squares fit by bias, mass and CoG."""
