@@ -73,6 +73,20 @@ def test_the_unknown_alone_weighs_kernels_and_large_backgrounds_together():
     assert told.unknown == pytest.approx(np.logaddexp.reduce([*kernels, *large]))
 
 
+@pytest.mark.parametrize(
+    ("gaps", "extended"), [({"cable.pull": 8.0, "pose": 40.0}, False), ({"cable.pull": 8.0}, True)]
+)
+def test_what_an_unknown_cause_explains_far_better_is_not_extended(gaps, extended, monkeypatch):
+    d = dictionary()
+    r = refitter(d, readings(d, {"base.tilt": 2.0} | gaps))
+    tried, fit = [], type(r).extended
+    monkeypatch.setattr(type(r), "extended", lambda *a: tried.append(a) or fit(*a))
+    single = r.fit(named(d, "base.tilt"), 0)
+    bare = float(r.searcher.nulls(r.y).max())
+    sets, *_ = structures._extended(r.searcher, r, [single], -np.inf, bare)
+    assert bool(tried) == bool(sets) == extended
+
+
 def test_what_is_claimable_is_what_counts_and_is_no_stated_number():
     d = dictionary()
     r = refitter(d, readings(d, {"base.tilt": 0.8, "cable.pull": 0.7, "tool.mass": 9.0}))

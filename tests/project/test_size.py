@@ -15,7 +15,7 @@ WRENCHBED = {
     "data": 5523,
     "diagnosis": 13289,
     "drives": 1799,
-    "effects": 4953,
+    "effects": 4952,
     "environments": 588,
     "exports": 828,
     "files": 576,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 79374,
-    "src/wrenchbed": 69885,
+    "src": 79373,
+    "src/wrenchbed": 69884,
     "src/robot_emulators": 9489,
-    "tests": 38557,
+    "tests": 38571,
     "scripts": 3496,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -126,9 +126,9 @@ def _extended(
     searcher: Searcher, refitter: Refitter, finalists: Sequence[Finalist], unknown: float,
     bare: float,
 ) -> tuple[list[Finalist], float, str]:  # fmt: skip
-    """Fitted sets with further effects, as long as each gains and an ``unknown`` cause, alone or
-    beside them, has no more than all that refits may gain; largest log posterior of an unknown
-    cause beside one of them, and the variable that this depends on. ``bare``: that of no cause."""
+    """Fitted sets with further effects, as long as each gains, unless an unknown cause leads by
+    more than refits may gain; largest log posterior of an unknown cause beside one of them, and the
+    variable that this depends on. ``unknown``, ``bare``: log posteriors of one alone, of none."""
     result: list[Finalist] = []
     mixed, kernel = -np.inf, ""
     beam = sorted(finalists, key=_posterior)[:EXTENDED]

@@ -99,9 +99,8 @@ def _path(x: np.ndarray, width: float) -> np.ndarray:
 
 def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
     """Change (N,) of a torque (N,) sampled at times t (N,) [s] when it is late by ``delay`` [s]."""
-    course = scipy.interpolate.Akima1DInterpolator(
-        t, torque, method="makima"
-    )  # friction's steps do not ring
+    # friction's steps do not ring
+    course = scipy.interpolate.Akima1DInterpolator(t, torque, method="makima")
     return np.asarray(course(np.maximum(t - delay, t[0])) - torque)
 
 
